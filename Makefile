@@ -1,0 +1,118 @@
+# Gonio. `make help` lists the targets; everything is built under build/.
+CC      ?= gcc
+CXX     ?= g++
+AR      ?= ar
+PREFIX  ?= /usr/local
+DESTDIR ?=
+V       ?= 0
+B       ?= build
+
+ifeq ($(origin CC),default)
+CC := gcc
+endif
+ifeq ($(origin CXX),default)
+CXX := g++
+endif
+
+VERSION  := 0.1.0
+WARN     := -Wall -Wextra -Wpedantic -Wconversion -Werror
+OPT      ?= -O2 -g
+SANITIZE ?=
+CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE -DGONIO_VERSION='"$(VERSION)"'
+CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -fopenmp $(SANITIZE)
+CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -fopenmp $(SANITIZE)
+LDFLAGS  += -fopenmp $(SANITIZE)
+
+# Each folder's files.mk adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),
+# unit-y (cmocka programs, run under sanitizers), bench-y, pkgs-y (pkg-config
+# names), libs-y (libraries without a pkg-config file), deps-y (Debian packages).
+$(foreach list,eval lib cli unit bench pkgs libs deps,$(eval $(list)-y :=))
+include $(sort $(wildcard */files.mk */*/files.mk))
+
+Q := $(if $(filter 1,$(V)),,@)
+say = $(if $(filter 1,$(V)),,@printf '  %-5s %s\n' $(1) $(2))
+PKG_CFLAGS = $(shell pkg-config --cflags $(sort $(pkgs-y)))
+PKG_LIBS   = $(shell pkg-config --libs $(sort $(pkgs-y))) $(sort $(libs-y)) -lstdc++ -lm
+
+objs = $(addprefix $(B)/,$(addsuffix .o,$(basename $(1))))
+EVAL_OBJS := $(call objs,$(eval-y))
+LIB_OBJS  := $(EVAL_OBJS) $(call objs,$(lib-y))
+CLI_OBJS  := $(call objs,$(cli-y))
+UNIT_BINS := $(addprefix $(B)/,$(basename $(unit-y)))
+BENCH_BINS := $(addprefix $(B)/,$(basename $(bench-y)))
+
+.PHONY: all help deps demo test test-build unit system bench asan ubsan tsan install clean
+.DEFAULT_GOAL := all
+.SECONDARY:
+.DELETE_ON_ERROR:
+
+all: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a ## build the program and the libraries
+
+help: ## list the targets
+	@grep -hE '^[a-z][a-z -]*:.*## ' Makefile $(wildcard */files.mk */*/files.mk) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
+
+deps: ## install missing Debian packages (sudo where not root)
+	$(Q)tools/deps.sh $(sort $(deps-y))
+
+demo: deps ## measure, replay, fit, compare and render a simulated sample
+	$(Q)$(MAKE) --no-print-directory all
+	$(Q)tools/demo.sh $(B)
+
+test: deps ## set up, build and run every test
+	$(Q)$(MAKE) --no-print-directory test-build
+	$(Q)tests/run.sh $(B)
+
+# Unit and property tests run under ASan and UBSan; system tests drive the program as users get it.
+test-build: all
+	$(Q)$(MAKE) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+unit: $(UNIT_BINS)
+
+bench: deps ## speed and accuracy figures, as ratios against references of the same run
+	$(Q)$(MAKE) --no-print-directory all bench-build
+	$(Q)for b in $(BENCH_BINS); do echo "== $$b"; $$b || exit 1; done
+.PHONY: bench-build
+bench-build: $(BENCH_BINS)
+
+asan: ## build the program and the tests with AddressSanitizer
+	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+ubsan: ## build with UndefinedBehaviorSanitizer
+	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
+tsan: ## build with ThreadSanitizer
+	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/tsan OPT='-O1 -g' SANITIZE='-fsanitize=thread'
+
+$(B)/gonio: $(CLI_OBJS) $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $(CLI_OBJS) $(B)/libgonio.a $(PKG_LIBS)
+$(B)/libgonio.a: $(LIB_OBJS)
+	$(call say,AR,$@)
+	$(Q)rm -f $@ && $(AR) rcs $@ $^
+$(B)/libgonio-eval.a: $(EVAL_OBJS)
+	$(call say,AR,$@)
+	$(Q)rm -f $@ && $(AR) rcs $@ $^
+$(UNIT_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS) -lcmocka
+$(BENCH_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
+$(B)/%.o: %.c
+	$(call say,CC,$<)
+	$(Q)mkdir -p $(@D) && $(CC) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CFLAGS) $(CFLAGS_$(basename $(notdir $<))) -MMD -MP -c -o $@ $<
+$(B)/%.o: %.cpp
+	$(call say,CXX,$<)
+	$(Q)mkdir -p $(@D) && $(CXX) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CXXFLAGS) -MMD -MP -c -o $@ $<
+# pkg-config once a run, and only when something is compiled.
+PKG_CFLAGS_ONCE = $(eval PKG_CFLAGS_ONCE := $(subst -I,-isystem ,$(PKG_CFLAGS)))$(PKG_CFLAGS_ONCE)
+
+install: all ## install under $(DESTDIR)$(PREFIX): program, libraries, headers, pkg-config files
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/gonio
+	install -m 755 $(B)/gonio $(DESTDIR)$(PREFIX)/bin/
+	install -m 644 $(B)/libgonio.a $(B)/libgonio-eval.a $(DESTDIR)$(PREFIX)/lib/
+	install -m 644 include/gonio/*.h $(DESTDIR)$(PREFIX)/include/gonio/
+	printf 'prefix=%s\nName: gonio\nDescription: gonioreflectometer acquisition, calibration and BRDF fitting\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio -fopenmp %s\n' '$(PREFIX)' '$(VERSION)' '$(PKG_LIBS)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio.pc
+	printf 'prefix=%s\nName: gonio-eval\nDescription: evaluate Gonio BRDF models\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio-eval -lm\n' '$(PREFIX)' '$(VERSION)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio-eval.pc
+
+clean: ## remove build/
+	rm -rf $(B)
+
+-include $(LIB_OBJS:.o=.d) $(CLI_OBJS:.o=.d) $(UNIT_BINS:=.d) $(BENCH_BINS:=.d)

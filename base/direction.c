@@ -1,0 +1,44 @@
+#include "gonio/direction.h"
+
+#include <math.h>
+
+gonio_vec3 gonio_direction(double theta, double phi) {
+    const double s = sin(theta);
+    return (gonio_vec3){s * cos(phi), s * sin(phi), cos(theta)};
+}
+
+// atan2 of the two legs keeps full precision at both ends, where acos(z) loses half the digits.
+double gonio_direction_theta(gonio_vec3 v) { return atan2(hypot(v.x, v.y), v.z); }
+
+double gonio_direction_phi(gonio_vec3 v) { return v.x == 0 && v.y == 0 ? 0 : atan2(v.y, v.x); }
+
+gonio_pair gonio_pair_from_vectors(gonio_vec3 wi, gonio_vec3 wo) {
+    return (gonio_pair){gonio_direction_theta(wi), gonio_direction_phi(wi), gonio_direction_theta(wo),
+                        gonio_direction_phi(wo)};
+}
+
+gonio_pair gonio_pair_mirrored(gonio_pair p) { return (gonio_pair){p.theta_i, -p.phi_i, p.theta_o, -p.phi_o}; }
+
+gonio_pair gonio_pair_swapped(gonio_pair p) { return (gonio_pair){p.theta_o, p.phi_o, p.theta_i, p.phi_i}; }
+
+double gonio_radians(double deg) { return deg * (GONIO_PI / 180); }
+
+// deg -> rad scales by 0.01745..., so between octave boundaries either several degrees share a radian or some radians
+// have no degree at all. Trying the neighbours of the rounded quotient finds the degree wherever one exists.
+double gonio_degrees(double rad) {
+    const double first = rad * (180 / GONIO_PI);
+    double below = first, above = first;
+    for (int step = 0; step < 4; step++) {
+        if (gonio_radians(below) == rad) {
+            return below;
+        }
+        if (gonio_radians(above) == rad) {
+            return above;
+        }
+        below = nextafter(below, -INFINITY);
+        above = nextafter(above, INFINITY);
+    }
+    return first;
+}
+
+double gonio_angle_canonical(double rad) { return gonio_radians(gonio_degrees(rad)); }

@@ -1,0 +1,104 @@
+#include "gonio/output.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <libgen.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+struct gonio_output {
+    FILE *stream;
+    char *path;
+    char *temporary;
+};
+
+static void release(gonio_output *output) {
+    free(output->path);
+    free(output->temporary);
+    free(output);
+}
+
+gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error *error) {
+    *out = NULL;
+    gonio_output *output = calloc(1, sizeof *output);
+    if (output == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to write %s", path);
+    }
+    const size_t size = strlen(path) + sizeof ".XXXXXX";
+    output->path = strdup(path);
+    output->temporary = malloc(size);
+    if (output->path == NULL || output->temporary == NULL) {
+        release(output);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to write %s", path);
+    }
+    snprintf(output->temporary, size, "%s.XXXXXX", path);
+    const int fd = mkstemp(output->temporary);
+    if (fd < 0) {
+        const gonio_status status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
+        release(output);
+        return status;
+    }
+    // mkstemp makes 0600 files; results are ordinary files under the user's umask.
+    const mode_t mask = umask(0);
+    umask(mask);
+    fchmod(fd, 0666 & ~mask);
+    output->stream = fdopen(fd, "wb");
+    if (output->stream == NULL) {
+        close(fd);
+        unlink(output->temporary);
+        release(output);
+        return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
+    }
+    *out = output;
+    return GONIO_OK;
+}
+
+FILE *gonio_output_stream(gonio_output *output) { return output->stream; }
+
+// The rename is durable only once the folder itself is synced.
+static int sync_folder(const char *path) {
+    char *copy = strdup(path);
+    if (copy == NULL) {
+        return -1;
+    }
+    const int fd = open(dirname(copy), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    free(copy);
+    if (fd < 0) {
+        return -1;
+    }
+    const int result = fsync(fd);
+    close(fd);
+    return result;
+}
+
+gonio_status gonio_output_commit(gonio_output *output, gonio_error *error) {
+    FILE *stream = output->stream;
+    bool failed = fflush(stream) != 0 || ferror(stream) || fsync(fileno(stream)) != 0;
+    int why = errno;
+    failed = fclose(stream) != 0 || failed;
+    if (!failed && rename(output->temporary, output->path) != 0) {
+        failed = true;
+        why = errno;
+    }
+    gonio_status status = GONIO_OK;
+    if (failed) {
+        unlink(output->temporary);
+        status = gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot write it: %s", strerror(why));
+    } else if (sync_folder(output->path) != 0) {
+        status = gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot sync its folder: %s", strerror(errno));
+    }
+    release(output);
+    return status;
+}
+
+void gonio_output_abandon(gonio_output *output) {
+    if (output == NULL) {
+        return;
+    }
+    fclose(output->stream);
+    unlink(output->temporary);
+    release(output);
+}

@@ -1,0 +1,169 @@
+#include "gonio/sample.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+gonio_status gonio_samples_new(int channels, bool with_sigma, gonio_samples **out, gonio_error *error) {
+    *out = NULL;
+    if (channels < 1 || channels > GONIO_CHANNELS_MAX) {
+        return gonio_fail(error, GONIO_E_RANGE, "%d channels; 1 to %d are possible", channels, GONIO_CHANNELS_MAX);
+    }
+    gonio_samples *samples = calloc(1, sizeof *samples);
+    if (samples == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a sample set");
+    }
+    samples->channels = channels;
+    samples->isotropic = true;
+    samples->channel_names = calloc((size_t)channels, sizeof *samples->channel_names);
+    if (samples->channel_names == NULL) {
+        gonio_samples_free(samples);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a sample set");
+    }
+    if (with_sigma) {
+        // One element marks "carries sigma" until the first reserve.
+        samples->sigma_random = calloc(1, sizeof(double));
+        samples->sigma_systematic = calloc(1, sizeof(double));
+        if (samples->sigma_random == NULL || samples->sigma_systematic == NULL) {
+            gonio_samples_free(samples);
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for a sample set");
+        }
+    }
+    *out = samples;
+    return GONIO_OK;
+}
+
+void gonio_samples_free(gonio_samples *samples) {
+    if (samples == NULL) {
+        return;
+    }
+    free(samples->pairs);
+    free(samples->values);
+    free(samples->sigma_random);
+    free(samples->sigma_systematic);
+    free(samples->channel_names);
+    free(samples);
+}
+
+static bool grow(void **array, size_t count, size_t size) {
+    void *larger = realloc(*array, count * size);
+    if (larger == NULL) {
+        return false;
+    }
+    *array = larger;
+    return true;
+}
+
+gonio_status gonio_samples_reserve(gonio_samples *samples, size_t capacity, gonio_error *error) {
+    if (capacity <= samples->capacity) {
+        return GONIO_OK;
+    }
+    const size_t row = (size_t)samples->channels * sizeof(double);
+    const bool fits = capacity <= SIZE_MAX / 4 / row;
+    if (!fits || !grow((void **)&samples->pairs, capacity, sizeof *samples->pairs) ||
+        !grow((void **)&samples->values, capacity, row) ||
+        (samples->sigma_random != NULL && (!grow((void **)&samples->sigma_random, capacity, row) ||
+                                           !grow((void **)&samples->sigma_systematic, capacity, row)))) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples of %d channels (%.3g GB)", capacity,
+                          samples->channels, (double)capacity * ((double)row * 3 + 32) / 1e9);
+    }
+    samples->capacity = capacity;
+    return GONIO_OK;
+}
+
+gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, const double *values,
+                               const double *sigma_random, const double *sigma_systematic, gonio_error *error) {
+    if (samples->n == samples->capacity) {
+        const size_t larger = samples->capacity < 64 ? 64 : samples->capacity + samples->capacity / 2;
+        const gonio_status status = gonio_samples_reserve(samples, larger, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    const size_t c = (size_t)samples->channels, at = samples->n * c, row = c * sizeof(double);
+    samples->pairs[samples->n] = *pair;
+    memcpy(samples->values + at, values, row);
+    if (samples->sigma_random != NULL) {
+        if (sigma_random != NULL) {
+            memcpy(samples->sigma_random + at, sigma_random, row);
+        } else {
+            memset(samples->sigma_random + at, 0, row);
+        }
+        if (sigma_systematic != NULL) {
+            memcpy(samples->sigma_systematic + at, sigma_systematic, row);
+        } else {
+            memset(samples->sigma_systematic + at, 0, row);
+        }
+    }
+    samples->n++;
+    return GONIO_OK;
+}
+
+// An empty set with the same description.
+static gonio_status like(const gonio_samples *samples, int channels, int first_channel, gonio_samples **out,
+                         gonio_error *error) {
+    const gonio_status status = gonio_samples_new(channels, samples->sigma_random != NULL, out, error);
+    if (status == GONIO_OK) {
+        (*out)->isotropic = samples->isotropic;
+        memcpy((*out)->channel_names, samples->channel_names + first_channel,
+               (size_t)channels * sizeof *samples->channel_names);
+    }
+    return status;
+}
+
+gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep, gonio_samples **out,
+                                  gonio_error *error) {
+    size_t kept = 0;
+    for (size_t i = 0; i < samples->n; i++) {
+        kept += keep[i];
+    }
+    gonio_status status = like(samples, samples->channels, 0, out, error);
+    if (status == GONIO_OK) {
+        status = gonio_samples_reserve(*out, kept, error);
+    }
+    const size_t c = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        if (keep[i]) {
+            const bool sigma = samples->sigma_random != NULL;
+            status = gonio_samples_add(*out, &samples->pairs[i], samples->values + i * c,
+                                       sigma ? samples->sigma_random + i * c : NULL,
+                                       sigma ? samples->sigma_systematic + i * c : NULL, error);
+        }
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, gonio_samples **out, gonio_error *error) {
+    if (channel < 0 || channel >= samples->channels) {
+        *out = NULL;
+        return gonio_fail(error, GONIO_E_RANGE, "channel %d; the set has %d", channel, samples->channels);
+    }
+    gonio_status status = like(samples, 1, channel, out, error);
+    if (status == GONIO_OK) {
+        status = gonio_samples_reserve(*out, samples->n, error);
+    }
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        const size_t at = i * (size_t)samples->channels + (size_t)channel;
+        const bool sigma = samples->sigma_random != NULL;
+        status = gonio_samples_add(*out, &samples->pairs[i], &samples->values[at],
+                                   sigma ? &samples->sigma_random[at] : NULL,
+                                   sigma ? &samples->sigma_systematic[at] : NULL, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel) {
+    if (samples->sigma_random == NULL) {
+        return 0;
+    }
+    const size_t at = index * (size_t)samples->channels + (size_t)channel;
+    return hypot(samples->sigma_random[at], samples->sigma_systematic[at]);
+}

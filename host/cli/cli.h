@@ -1,0 +1,71 @@
+// What the verbs of the command line share: options, results, progress. Only under host/cli is anything printed.
+#ifndef GONIO_CLI_H
+#define GONIO_CLI_H
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "gonio/metrics.h"
+#include "gonio/status.h"
+
+typedef enum cli_kind { CLI_FLAG, CLI_INT, CLI_U64, CLI_SIZE, CLI_DOUBLE, CLI_TEXT } cli_kind;
+
+// One option: where its value goes and what --help says. A table ends with {0}. CLI_FLAG: bool *, CLI_INT: int *,
+// CLI_U64: uint64_t *, CLI_SIZE: size_t * (suffixes k, M, G), CLI_DOUBLE: double *, CLI_TEXT: const char **.
+typedef struct cli_option {
+    const char *name;     // "hold-out"
+    char letter;          // 'o', or 0
+    cli_kind kind;
+    void *value;
+    bool *given;          // set when the option is given; may be NULL
+    const char *argument; // "FRACTION"; NULL for flags
+    const char *help;
+} cli_option;
+
+// Options that every verb has.
+typedef struct cli_common {
+    bool json;
+    uint64_t seed; // 1 by default
+    int threads;   // 0: all
+} cli_common;
+
+typedef struct cli_verb {
+    const char *name;
+    const char *arguments; // "INPUT -o MODEL [options]"
+    const char *summary;   // one line
+    int (*run)(int argc, char **argv); // argv[0] is the verb; returns the exit status
+} cli_verb;
+
+// Parse argv[1..] of a verb: options in any place, `--` ends them. positionals[minimum..maximum] are filled in order and
+// *count set. Prints help (and exits 0) for --help. Returns false after having reported wrong usage: return 2 then.
+bool cli_parse(const cli_verb *verb, const cli_option *options, int argc, char **argv, const char **positionals,
+               int minimum, int maximum, int *count, cli_common *common);
+
+// Report a failed call on stderr, or as {"error":...} on stdout with --json; returns the exit status.
+int cli_fail(const cli_common *common, const gonio_error *error);
+// Wrong usage found after parsing; returns 2.
+int cli_usage(const cli_common *common, const char *format, ...) __attribute__((format(printf, 2, 3)));
+// Print the object as one line on stdout and release it; returns 0.
+int cli_json(json_t *object);
+json_t *cli_json_real(double value);                 // null for NaN and infinities
+json_t *cli_json_errors(const gonio_errors *errors); // E of DESIGN section 3
+void cli_print_errors(const char *label, const gonio_errors *errors);
+
+// Progress on stderr: one line that rewrites itself on a TTY, else a plain line now and then. error_now may be NaN.
+typedef struct cli_progress {
+    const char *what;
+    double started_s, last_s;
+    bool tty, shown;
+    double total; // units of work; 0: unknown
+} cli_progress;
+void cli_progress_start(cli_progress *progress, const char *what, double total);
+void cli_progress_update(cli_progress *progress, double done, const char *detail, double error_now);
+void cli_progress_end(cli_progress *progress);
+double cli_now_s(void); // monotonic
+
+// Ctrl-C (and SIGTERM): the first asks to stop at the next checkpoint, the second ends the process at once with status 4.
+void cli_catch_interrupts(void);
+bool cli_interrupted(void);
+
+#endif

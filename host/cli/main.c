@@ -1,0 +1,47 @@
+#include <stdio.h>
+#include <string.h>
+
+#include "host/cli/cli.h"
+#include "host/cli/verbs.h"
+
+#define X(name) extern const cli_verb cmd_##name;
+CLI_VERBS(X)
+#undef X
+
+static const cli_verb *const verbs[] = {
+#define X(name) &cmd_##name,
+    CLI_VERBS(X)
+#undef X
+        NULL};
+
+static void usage(FILE *stream) {
+    fputs("usage: gonio VERB ...\n\n", stream);
+    for (const cli_verb *const *v = verbs; *v != NULL; v++) {
+        fprintf(stream, "  %-10s %s\n", (*v)->name, (*v)->summary);
+    }
+    fputs("\n`gonio VERB --help` tells all about one.\n"
+          "Exit status: 0 done, 1 the work failed, 2 wrong usage, 3 bad input, 4 interrupted.\n",
+          stream);
+}
+
+int main(int argc, char **argv) {
+    if (argc < 2) {
+        usage(stderr);
+        return 2;
+    }
+    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "help") == 0) {
+        usage(stdout);
+        return 0;
+    }
+    if (strcmp(argv[1], "--version") == 0) {
+        puts("gonio " GONIO_VERSION);
+        return 0;
+    }
+    for (const cli_verb *const *v = verbs; *v != NULL; v++) {
+        if (strcmp(argv[1], (*v)->name) == 0) {
+            return (*v)->run(argc - 1, argv + 1);
+        }
+    }
+    fprintf(stderr, "gonio: unknown verb '%s'; `gonio --help` lists them\n", argv[1]);
+    return 2;
+}

@@ -1,0 +1,66 @@
+// Progress lines, the clock and Ctrl-C.
+#include "host/cli/cli.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+
+double cli_now_s(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+void cli_progress_start(cli_progress *progress, const char *what, double total) {
+    const double now = cli_now_s();
+    *progress = (cli_progress){what, now, now, isatty(STDERR_FILENO) == 1, false, total};
+}
+
+void cli_progress_update(cli_progress *progress, double done, const char *detail, double error_now) {
+    const double now = cli_now_s();
+    if (now - progress->last_s < (progress->tty ? 0.1 : 5)) {
+        return;
+    }
+    progress->last_s = now;
+    progress->shown = true;
+    const double elapsed = now - progress->started_s;
+    const double rate = elapsed > 0 ? done / elapsed : 0;
+    char eta[32] = "", error_text[48] = "";
+    if (progress->total > 0 && rate > 0) {
+        snprintf(eta, sizeof eta, "  ETA %.0f s", fmax(0, (progress->total - done) / rate));
+    }
+    if (isfinite(error_now)) {
+        snprintf(error_text, sizeof error_text, "  error %.4g", error_now);
+    }
+    const double percent = progress->total > 0 ? 100 * done / progress->total : 0;
+    fprintf(stderr, "%s%s %5.1f %%  %.3g/s%s%s  %s%s", progress->tty ? "\r\033[K" : "", progress->what, percent, rate, eta,
+            error_text, detail != NULL ? detail : "", progress->tty ? "" : "\n");
+    fflush(stderr);
+}
+
+void cli_progress_end(cli_progress *progress) {
+    if (progress->tty && progress->shown) {
+        fputs("\r\033[K", stderr);
+    }
+}
+
+static volatile sig_atomic_t interrupts;
+
+static void on_interrupt(int signal_number) {
+    (void)signal_number;
+    interrupts++;
+    if (interrupts > 1) {
+        _exit(4); // what is committed is safe, and the journal never holds half a step
+    }
+}
+
+void cli_catch_interrupts(void) {
+    struct sigaction action = {.sa_handler = on_interrupt};
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+bool cli_interrupted(void) { return interrupts > 0; }

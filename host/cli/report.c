@@ -1,0 +1,68 @@
+// Results and failures, for people and as JSON (DESIGN section 3).
+#include "host/cli/cli.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+
+int cli_json(json_t *object) {
+    json_dumpf(object, stdout, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17));
+    putchar('\n');
+    json_decref(object);
+    return 0;
+}
+
+json_t *cli_json_real(double value) { return isfinite(value) ? json_real(value) : json_null(); }
+
+static json_t *text_or_null(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
+
+int cli_fail(const cli_common *common, const gonio_error *error) {
+    const int exit_status = gonio_status_exit(error->status);
+    if (common->json) {
+        json_t *line = error->line >= 0 ? json_integer(error->line) : json_null();
+        json_t *detail = json_pack("{s:i,s:s,s:o,s:o}", "status", exit_status, "message", error->message, "file",
+                                   text_or_null(error->file), "line", line);
+        if (error->byte >= 0) {
+            json_object_set_new(detail, "byte", json_integer(error->byte));
+        }
+        cli_json(json_pack("{s:o}", "error", detail));
+    }
+    fputs("gonio: ", stderr);
+    if (error->file[0] != 0) {
+        fputs(error->file, stderr);
+        if (error->line >= 0) {
+            fprintf(stderr, ":%lld", error->line);
+        }
+        if (error->byte >= 0) {
+            fprintf(stderr, ": byte %lld", error->byte);
+        }
+        fputs(": ", stderr);
+    }
+    fprintf(stderr, "%s\n", error->message[0] != 0 ? error->message : gonio_status_text(error->status));
+    return exit_status;
+}
+
+int cli_usage(const cli_common *common, const char *format, ...) {
+    gonio_error error = {.status = GONIO_E_USAGE, .line = -1, .byte = -1};
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(error.message, sizeof error.message, format, arguments);
+    va_end(arguments);
+    return cli_fail(common, &error);
+}
+
+json_t *cli_json_errors(const gonio_errors *e) {
+    return json_pack("{s:o,s:o,s:o,s:o,s:o,s:o,s:I}", "rmse", cli_json_real(e->rmse), "max_abs",
+                     cli_json_real(e->max_abs), "max_rel", cli_json_real(e->max_rel), "median_rel",
+                     cli_json_real(e->median_rel), "rms_log", cli_json_real(e->rms_log), "rmse_70",
+                     cli_json_real(e->rmse_70), "samples", (json_int_t)e->samples);
+}
+
+void cli_print_errors(const char *label, const gonio_errors *e) {
+    if (e->samples == 0) {
+        printf("%-10s no samples\n", label);
+        return;
+    }
+    printf("%-10s rmse %.4g  median_rel %.3g %%  rms_log %.3g  rmse_70 %.4g  max_abs %.4g  max_rel %.3g  (%zu samples)\n",
+           label, e->rmse, 100 * e->median_rel, e->rms_log, e->rmse_70, e->max_abs, e->max_rel, e->samples);
+}

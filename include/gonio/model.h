@@ -1,0 +1,82 @@
+// A fitted (or analytic) BRDF that can be evaluated: the only part of Gonio that a renderer needs.
+//
+// libgonio-eval holds what this header declares for model files and depends on libc and libm only. A model is immutable
+// once made, so any number of threads may evaluate it; evaluation allocates nothing and takes no lock.
+#ifndef GONIO_MODEL_H
+#define GONIO_MODEL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gonio/direction.h"
+#include "gonio/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct gonio_model gonio_model;
+
+// What a kind of model must provide; a new kind is one such table (fit/ fills them).
+#define GONIO_MODEL_API_VERSION 1
+typedef struct gonio_model_ops {
+    int api_version;
+    const char *kind; // "lattice" "cbmba" "analytic" "table" ...
+    // Required; any thread, does not block or allocate. f_r (1/sr) of every channel, for unit vectors with z >= 0.
+    void (*eval)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);
+    // Optional, as eval; for renderers. NULL: eval and narrow.
+    void (*eval_f32)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values);
+    // Optional, as eval: one channel. NULL: through eval.
+    double (*eval_channel)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel);
+    // Optional: n pairs, values n x channels; may reorder its work inside. NULL: eval in turn.
+    void (*eval_many)(const gonio_model *model, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, double *values);
+    // Optional: standard uncertainty of every channel. NULL: the model carries none.
+    void (*sigma)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+    // Required: write the model's own section of a model file; see docs/formats.md. NULL: cannot be saved.
+    gonio_status (*save)(const gonio_model *model, const char *path, gonio_error *error);
+    // Required: release everything, the model itself too.
+    void (*free)(gonio_model *model);
+} gonio_model_ops;
+
+// The common head of every model; kinds embed it as their first member. Read-only for users.
+struct gonio_model {
+    const gonio_model_ops *ops;
+    int channels;
+    bool isotropic;
+    const char (*channel_names)[32]; // [channels], owned by the model
+    size_t bytes;                    // what evaluation needs in memory: control points, tables, hashes
+    size_t control_points;           // a channel
+};
+
+// Map a model file; every length and the checksum are checked before use. The caller frees it with gonio_model_free.
+// GONIO_E_INPUT with file and byte where the file is not a sound model of a version that this code reads.
+gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *error);
+// Write it (beside, sync, rename). GONIO_E_UNSUPPORTED for kinds that have no file form.
+gonio_status gonio_model_save(const gonio_model *model, const char *path, gonio_error *error);
+void gonio_model_free(gonio_model *model); // NULL is allowed
+
+// f_r of every channel (values: channels); wi and wo must be unit vectors with z >= 0.
+void gonio_model_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);
+void gonio_model_eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values);
+double gonio_model_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel);
+void gonio_model_eval_pair(const gonio_model *model, const gonio_pair *pair, double *values);
+// n pairs at once; values: n x channels, channel fastest.
+void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo,
+                           double *values);
+// Gradient of one channel with respect to (theta_i, phi_i, theta_o, phi_o), 1/sr/rad.
+void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
+// Standard uncertainty of every channel; false where the model carries none (sigma untouched).
+bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+
+// An exact analytic BRDF: "lambert:rho=0.5", "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", "ggx:...", a channel triple as
+// rho_d=0.3/0.2/0.1, or "file:PATH" (a measured table or a model file). Not in libgonio-eval. Unknown names, keys and
+// impossible values are GONIO_E_USAGE, and the message lists what exists. The caller frees the model.
+gonio_status gonio_model_from_spec(const char *spec, gonio_model **out, gonio_error *error);
+// MODEL of the command line: a model file, or "spec:SPEC".
+gonio_status gonio_model_resolve(const char *name, gonio_model **out, gonio_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,60 @@
+// A set of scattered BRDF samples: what a measurement yields and what a fit consumes.
+#ifndef GONIO_SAMPLE_H
+#define GONIO_SAMPLE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gonio/direction.h"
+#include "gonio/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GONIO_CHANNELS_MAX 1024
+#define GONIO_CHANNEL_NAME_MAX 32
+
+// n samples of `channels` values each. Plain data: read the members freely, change them through the calls below.
+// values, sigma and sigma_systematic are n x channels, channel fastest, f_r in 1/sr; the sigmas are standard
+// uncertainties (k = 1), NULL where the source has none. sigma_random varies independently from sample to sample;
+// sigma_systematic is common to the set (reference scale, alignment) and does not average away.
+typedef struct gonio_samples {
+    size_t n, capacity;
+    int channels;
+    bool isotropic; // geometry depends on phi_o - phi_i only (the set's sample was declared or read as isotropic)
+    gonio_pair *pairs;
+    double *values;
+    double *sigma_random;
+    double *sigma_systematic;
+    char (*channel_names)[GONIO_CHANNEL_NAME_MAX]; // [channels], "r" "g" "b" or "550nm"
+} gonio_samples;
+
+// A new empty set; the caller frees it with gonio_samples_free. with_sigma: carry both sigma arrays.
+gonio_status gonio_samples_new(int channels, bool with_sigma, gonio_samples **out, gonio_error *error);
+void gonio_samples_free(gonio_samples *samples); // NULL is allowed
+// Copies one sample in; sigmas may be NULL when the set carries none.
+gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, const double *values,
+                               const double *sigma_random, const double *sigma_systematic, gonio_error *error);
+gonio_status gonio_samples_reserve(gonio_samples *samples, size_t capacity, gonio_error *error);
+// A new set with the samples whose keep[i] is true, in order; the caller frees it.
+gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep, gonio_samples **out,
+                                  gonio_error *error);
+// A new set with one channel; the caller frees it.
+gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, gonio_samples **out, gonio_error *error);
+// Combined standard uncertainty of one value; 0 where the set carries none.
+double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel);
+
+// Splits are by unique geometry (theta_i, theta_o, phi_o - phi_i and, for anisotropic sets, phi_i), before mirroring:
+// equal geometries, and mirror images of each other, always fall on the same side. fold[i] is filled with 0..folds-1;
+// deterministic in (geometry, seed), independent of sample order.
+gonio_status gonio_samples_folds(const gonio_samples *samples, int folds, uint64_t seed, int *fold, gonio_error *error);
+// held[i] = true for about `fraction` of the unique geometries.
+gonio_status gonio_samples_hold_out(const gonio_samples *samples, double fraction, uint64_t seed, bool *held,
+                                    gonio_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
