@@ -37,7 +37,8 @@ gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error
     snprintf(output->temporary, size, "%s.XXXXXX", path);
     const int fd = mkstemp(output->temporary);
     if (fd < 0) {
-        const gonio_status status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
+        const gonio_status status =
+            gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
         release(output);
         return status;
     }

@@ -149,9 +149,9 @@ gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, go
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         const size_t at = i * (size_t)samples->channels + (size_t)channel;
         const bool sigma = samples->sigma_random != NULL;
-        status = gonio_samples_add(*out, &samples->pairs[i], &samples->values[at],
-                                   sigma ? &samples->sigma_random[at] : NULL,
-                                   sigma ? &samples->sigma_systematic[at] : NULL, error);
+        status =
+            gonio_samples_add(*out, &samples->pairs[i], &samples->values[at], sigma ? &samples->sigma_random[at] : NULL,
+                              sigma ? &samples->sigma_systematic[at] : NULL, error);
     }
     if (status != GONIO_OK) {
         gonio_samples_free(*out);

@@ -71,7 +71,8 @@ static gonio_status rank_geometries(const gonio_samples *samples, uint64_t seed,
     return GONIO_OK;
 }
 
-gonio_status gonio_samples_folds(const gonio_samples *samples, int folds, uint64_t seed, int *fold, gonio_error *error) {
+gonio_status gonio_samples_folds(const gonio_samples *samples, int folds, uint64_t seed, int *fold,
+                                 gonio_error *error) {
     if (folds < 2) {
         return gonio_fail(error, GONIO_E_USAGE, "%d folds; at least 2 are needed", folds);
     }

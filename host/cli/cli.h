@@ -14,8 +14,8 @@ typedef enum cli_kind { CLI_FLAG, CLI_INT, CLI_U64, CLI_SIZE, CLI_DOUBLE, CLI_TE
 // One option: where its value goes and what --help says. A table ends with {0}. CLI_FLAG: bool *, CLI_INT: int *,
 // CLI_U64: uint64_t *, CLI_SIZE: size_t * (suffixes k, M, G), CLI_DOUBLE: double *, CLI_TEXT: const char **.
 typedef struct cli_option {
-    const char *name;     // "hold-out"
-    char letter;          // 'o', or 0
+    const char *name; // "hold-out"
+    char letter;      // 'o', or 0
     cli_kind kind;
     void *value;
     bool *given;          // set when the option is given; may be NULL
@@ -32,13 +32,13 @@ typedef struct cli_common {
 
 typedef struct cli_verb {
     const char *name;
-    const char *arguments; // "INPUT -o MODEL [options]"
-    const char *summary;   // one line
+    const char *arguments;             // "INPUT -o MODEL [options]"
+    const char *summary;               // one line
     int (*run)(int argc, char **argv); // argv[0] is the verb; returns the exit status
 } cli_verb;
 
-// Parse argv[1..] of a verb: options in any place, `--` ends them. positionals[minimum..maximum] are filled in order and
-// *count set. Prints help (and exits 0) for --help. Returns false after having reported wrong usage: return 2 then.
+// Parse argv[1..] of a verb: options in any place, `--` ends them. positionals[minimum..maximum] are filled in order
+// and *count set. Prints help (and exits 0) for --help. Returns false after having reported wrong usage: return 2 then.
 bool cli_parse(const cli_verb *verb, const cli_option *options, int argc, char **argv, const char **positionals,
                int minimum, int maximum, int *count, cli_common *common);
 
@@ -64,7 +64,8 @@ void cli_progress_update(cli_progress *progress, double done, const char *detail
 void cli_progress_end(cli_progress *progress);
 double cli_now_s(void); // monotonic
 
-// Ctrl-C (and SIGTERM): the first asks to stop at the next checkpoint, the second ends the process at once with status 4.
+// Ctrl-C (and SIGTERM): the first asks to stop at the next checkpoint, the second ends the process at once with
+// status 4.
 void cli_catch_interrupts(void);
 bool cli_interrupted(void);
 

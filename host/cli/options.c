@@ -32,10 +32,20 @@ static bool parse_size(const char *text, size_t *value) {
     const double number = strtod(text, &end);
     double scale = 1;
     switch (*end) {
-    case 'k': scale = 1e3; end++; break;
-    case 'M': scale = 1e6; end++; break;
-    case 'G': scale = 1e9; end++; break;
-    default: break;
+    case 'k':
+        scale = 1e3;
+        end++;
+        break;
+    case 'M':
+        scale = 1e6;
+        end++;
+        break;
+    case 'G':
+        scale = 1e9;
+        end++;
+        break;
+    default:
+        break;
     }
     if (end == text || *end != 0 || !(number >= 0) || number * scale > 1e18) {
         return false;

@@ -35,8 +35,8 @@ void cli_progress_update(cli_progress *progress, double done, const char *detail
         snprintf(error_text, sizeof error_text, "  error %.4g", error_now);
     }
     const double percent = progress->total > 0 ? 100 * done / progress->total : 0;
-    fprintf(stderr, "%s%s %5.1f %%  %.3g/s%s%s  %s%s", progress->tty ? "\r\033[K" : "", progress->what, percent, rate, eta,
-            error_text, detail != NULL ? detail : "", progress->tty ? "" : "\n");
+    fprintf(stderr, "%s%s %5.1f %%  %.3g/s%s%s  %s%s", progress->tty ? "\r\033[K" : "", progress->what, percent, rate,
+            eta, error_text, detail != NULL ? detail : "", progress->tty ? "" : "\n");
     fflush(stderr);
 }
 

@@ -63,6 +63,7 @@ void cli_print_errors(const char *label, const gonio_errors *e) {
         printf("%-10s no samples\n", label);
         return;
     }
-    printf("%-10s rmse %.4g  median_rel %.3g %%  rms_log %.3g  rmse_70 %.4g  max_abs %.4g  max_rel %.3g  (%zu samples)\n",
-           label, e->rmse, 100 * e->median_rel, e->rms_log, e->rmse_70, e->max_abs, e->max_rel, e->samples);
+    printf(
+        "%-10s rmse %.4g  median_rel %.3g %%  rms_log %.3g  rmse_70 %.4g  max_abs %.4g  max_rel %.3g  (%zu samples)\n",
+        label, e->rmse, 100 * e->median_rel, e->rms_log, e->rmse_70, e->max_abs, e->max_rel, e->samples);
 }

@@ -1,7 +1,7 @@
 // Frames -> radiance -> BRDF samples with an uncertainty.
 //
-// The order of calls: gonio_calib_new; the dark frames and the reference frames; gonio_calib_prepare; then for every pose
-// gonio_calib_pose. Plain functions of the frames: replay calls the same ones and gets the same bits.
+// The order of calls: gonio_calib_new; the dark frames and the reference frames; gonio_calib_prepare; then for every
+// pose gonio_calib_pose. Plain functions of the frames: replay calls the same ones and gets the same bits.
 #ifndef GONIO_CALIB_H
 #define GONIO_CALIB_H
 
@@ -23,9 +23,9 @@ typedef struct gonio_exposure {
 } gonio_exposure;
 
 typedef enum gonio_exposure_verdict {
-    GONIO_EXPOSURE_DONE,   // every used pixel is well exposed somewhere
-    GONIO_EXPOSURE_MORE,   // take *next_s too
-    GONIO_EXPOSURE_LIMIT,  // the camera's limits are reached; what lacks is in the pose's flags
+    GONIO_EXPOSURE_DONE,  // every used pixel is well exposed somewhere
+    GONIO_EXPOSURE_MORE,  // take *next_s too
+    GONIO_EXPOSURE_LIMIT, // the camera's limits are reached; what lacks is in the pose's flags
 } gonio_exposure_verdict;
 
 gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_window *window,

@@ -22,12 +22,12 @@ typedef struct gonio_vec3 {
     double x, y, z;
 } gonio_vec3;
 
-gonio_vec3 gonio_direction(double theta, double phi);           // spherical (rad) to unit vector
-double gonio_direction_theta(gonio_vec3 v);                     // in [0, pi], exact near the pole and the horizon
-double gonio_direction_phi(gonio_vec3 v);                       // in (-pi, pi]; 0 at the pole
+gonio_vec3 gonio_direction(double theta, double phi); // spherical (rad) to unit vector
+double gonio_direction_theta(gonio_vec3 v);           // in [0, pi], exact near the pole and the horizon
+double gonio_direction_phi(gonio_vec3 v);             // in (-pi, pi]; 0 at the pole
 gonio_pair gonio_pair_from_vectors(gonio_vec3 wi, gonio_vec3 wo);
-gonio_pair gonio_pair_mirrored(gonio_pair p);                   // phi -> -phi on both
-gonio_pair gonio_pair_swapped(gonio_pair p);                    // Helmholtz: incident <-> outgoing
+gonio_pair gonio_pair_mirrored(gonio_pair p); // phi -> -phi on both
+gonio_pair gonio_pair_swapped(gonio_pair p);  // Helmholtz: incident <-> outgoing
 
 double gonio_radians(double deg);
 // Degrees d that gonio_radians() turns back into exactly rad wherever such a d exists (always, for angles that
@@ -49,7 +49,7 @@ void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_
 // The anisotropic (4-D) coordinates: x[4] in [0, 1].
 void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[4]);
 
-const char *gonio_coordinates_name(gonio_coordinates system);   // "nusselt" "half-vector" "reflected"
+const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half-vector" "reflected"
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system);
 
 #ifdef __cplusplus

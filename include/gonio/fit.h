@@ -23,27 +23,27 @@ typedef bool (*gonio_progress_fn)(void *context, double fraction, const char *wh
 
 // What to fit and how. gonio_fit_options_default() first, then change members.
 typedef struct gonio_fit_options {
-    const char *method;            // "mba" "cbmba" "lsq" "auto" ...; NULL: the default method
-    int level;                     // 0..9, GONIO_LEVEL_AUTO: chosen by held-out error
-    double tolerance;              // > 0: the smallest level whose held-out RMSE (training without a hold-out) meets it
+    const char *method; // "mba" "cbmba" "lsq" "auto" ...; NULL: the default method
+    int level;          // 0..9, GONIO_LEVEL_AUTO: chosen by held-out error
+    double tolerance;   // > 0: the smallest level whose held-out RMSE (training without a hold-out) meets it
     gonio_coordinates coordinates;
-    bool coordinates_set;          // false: the method chooses
+    bool coordinates_set; // false: the method chooses
     gonio_domain domain;
-    bool domain_set;               // false: the method chooses
-    bool thesis;                   // exactly Kameya's form: Nusselt, linear, mirrored samples, no offset
-    double hold_out;               // fraction of the unique geometries; 0: none
-    int folds;                     // >= 2: K-fold instead of one hold-out
+    bool domain_set; // false: the method chooses
+    bool thesis;     // exactly Kameya's form: Nusselt, linear, mirrored samples, no offset
+    double hold_out; // fraction of the unique geometries; 0: none
+    int folds;       // >= 2: K-fold instead of one hold-out
     uint64_t seed;
-    int threads;                   // 0: all
+    int threads;                       // 0: all
     int diffuse_level, specular_level; // CBMBA (D,S,C)
     double drop_percent;
-    double max_error;              // 0: no limit
-    size_t max_bytes;              // 0: no limit
-    double max_ns, max_seconds;    // 0: no limit
-    double lambda;                 // least squares: < 0 chosen from training data
-    int iterations;                // least squares: 0 default
-    int symmetry;                  // bits GONIO_SYMMETRY_*; GONIO_SYMMETRY_AUTO: the method chooses
-    gonio_progress_fn progress;    // NULL: none
+    double max_error;           // 0: no limit
+    size_t max_bytes;           // 0: no limit
+    double max_ns, max_seconds; // 0: no limit
+    double lambda;              // least squares: < 0 chosen from training data
+    int iterations;             // least squares: 0 default
+    int symmetry;               // bits GONIO_SYMMETRY_*; GONIO_SYMMETRY_AUTO: the method chooses
+    gonio_progress_fn progress; // NULL: none
     void *progress_context;
 } gonio_fit_options;
 
@@ -59,11 +59,11 @@ typedef struct gonio_fit_report {
     gonio_domain domain;
     size_t samples, control_points, bytes;
     int channels;
-    double fit_seconds;        // of the saved model, fitted to all samples
-    gonio_errors train;        // the saved model on the samples that it was fitted to
-    gonio_errors held_out;     // from fits that did not see them; NaN figures and 0 samples without a hold-out
-    char options[256];         // method's own choices, for people: "(4,6,95)", "lambda=1e-4"
-    char note[512];            // what the user should know: warnings, how the level was chosen
+    double fit_seconds;    // of the saved model, fitted to all samples
+    gonio_errors train;    // the saved model on the samples that it was fitted to
+    gonio_errors held_out; // from fits that did not see them; NaN figures and 0 samples without a hold-out
+    char options[256];     // method's own choices, for people: "(4,6,95)", "lambda=1e-4"
+    char note[512];        // what the user should know: warnings, how the level was chosen
 } gonio_fit_report;
 
 void gonio_fit_options_default(gonio_fit_options *options);
@@ -73,7 +73,8 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
 // The names of the registered methods, NULL-terminated; static storage.
 const char *const *gonio_fit_methods(void);
 
-// Streaming: samples are added while an acquisition runs; finishing equals the batch fit of the same samples bit for bit.
+// Streaming: samples are added while an acquisition runs; finishing equals the batch fit of the same samples bit for
+// bit.
 typedef struct gonio_fit_stream gonio_fit_stream;
 gonio_status gonio_fit_stream_new(int channels, const char (*channel_names)[32], const gonio_fit_options *options,
                                   gonio_fit_stream **out, gonio_error *error);

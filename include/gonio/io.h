@@ -20,14 +20,14 @@ typedef enum gonio_negatives {
 // How to read. gonio_read_options_default() first.
 typedef struct gonio_read_options {
     gonio_negatives negatives;
-    double wavelength_um;   // NIST: 0 = every wavelength a channel
-    const char *mueller;    // NIST: "f_r11" (default) or "f_r12" ... (multiplied back by f_r11)
-    size_t limit;           // tables: how many geometries to sample from them at most (0: the format's default)
+    double wavelength_um; // NIST: 0 = every wavelength a channel
+    const char *mueller;  // NIST: "f_r11" (default) or "f_r12" ... (multiplied back by f_r11)
+    size_t limit;         // tables: how many geometries to sample from them at most (0: the format's default)
     uint64_t seed;
 } gonio_read_options;
 
 typedef struct gonio_read_report {
-    char format[32];        // "samples" "cornell" "nist" "merl" "rgl" ...
+    char format[32]; // "samples" "cornell" "nist" "merl" "rgl" ...
     size_t rows, negatives, invalid;
     long long first_negative_line; // -1: none
 } gonio_read_report;

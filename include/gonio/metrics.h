@@ -9,7 +9,8 @@
 extern "C" {
 #endif
 
-// Figures per channel, then the mean over channels (rmse and rms_log: root of the mean square). NaN: no samples (JSON null).
+// Figures per channel, then the mean over channels (rmse and rms_log: root of the mean square). NaN: no samples (JSON
+// null).
 typedef struct gonio_errors {
     double rmse;
     double max_abs;    // Kameya's MAE

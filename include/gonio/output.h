@@ -15,7 +15,7 @@ typedef struct gonio_output gonio_output;
 gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error *error);
 FILE *gonio_output_stream(gonio_output *output);
 gonio_status gonio_output_commit(gonio_output *output, gonio_error *error); // frees it in every case
-void gonio_output_abandon(gonio_output *output);                          // NULL is allowed
+void gonio_output_abandon(gonio_output *output);                            // NULL is allowed
 
 #ifdef __cplusplus
 }

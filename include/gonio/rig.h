@@ -33,11 +33,13 @@ typedef struct gonio_stage_ops {
     int api_version;
     const char *name;
     gonio_status (*home)(void *device, double timeout_s, gonio_error *error);
-    // Absolute, coordinated, always approached from the same side; blocks until settled. id: of this move, a repeat is harmless.
+    // Absolute, coordinated, always approached from the same side; blocks until settled. id: of this move, a repeat is
+    // harmless.
     gonio_status (*move)(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
                          double timeout_s, gonio_error *error);
-    gonio_status (*position)(void *device, double position_rad[GONIO_AXES], gonio_error *error); // as the encoders or counters say
-    gonio_status (*stop)(void *device, gonio_error *error);                                      // decelerate and hold; callable at any time
+    gonio_status (*position)(void *device, double position_rad[GONIO_AXES],
+                             gonio_error *error);           // as the encoders or counters say
+    gonio_status (*stop)(void *device, gonio_error *error); // decelerate and hold; callable at any time
     // How long a move will take, from the limits alone (the nominal clock); no motion.
     double (*duration_s)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES]);
     void (*close)(void *device);
@@ -49,7 +51,8 @@ typedef struct gonio_lamp_ops {
     const char *name;
     gonio_status (*set_level)(void *device, double level, gonio_error *error); // 0..1
     gonio_status (*set_shutter)(void *device, bool open, gonio_error *error);
-    gonio_status (*wait_ready)(void *device, const gonio_stamp *stamp, double timeout_s, double *waited_s, gonio_error *error); // warm-up over
+    gonio_status (*wait_ready)(void *device, const gonio_stamp *stamp, double timeout_s, double *waited_s,
+                               gonio_error *error); // warm-up over
     void (*close)(void *device);
 } gonio_lamp_ops;
 
@@ -58,7 +61,8 @@ typedef struct gonio_meter_ops {
     int api_version;
     const char *name;
     // A reading in the device's unit and its standard uncertainty, averaged over integration_s.
-    gonio_status (*read)(void *device, const gonio_stamp *stamp, double integration_s, double *value, double *sigma, gonio_error *error);
+    gonio_status (*read)(void *device, const gonio_stamp *stamp, double integration_s, double *value, double *sigma,
+                         gonio_error *error);
     void (*close)(void *device);
 } gonio_meter_ops;
 
@@ -72,12 +76,12 @@ typedef struct gonio_window { // read-out window, pixels of the full frame
 // What the camera is (fixed while a session runs) and its geometry; journalled, so that a replay needs no rig.
 typedef struct gonio_camera_info {
     char name[64], serial[64];
-    int width, height, bits;        // full frame; bits a pixel that carry information (8, 10, 12, 16)
+    int width, height, bits; // full frame; bits a pixel that carry information (8, 10, 12, 16)
     gonio_pattern pattern;
     double exposure_min_s, exposure_max_s;
-    double fx, fy, cx, cy;          // pinhole, px
-    double k1, k2, p1, p2, k3;      // OpenCV's distortion coefficients
-    double read_out_s;              // a frame's nominal read-out time
+    double fx, fy, cx, cy;     // pinhole, px
+    double k1, k2, p1, p2, k3; // OpenCV's distortion coefficients
+    double read_out_s;         // a frame's nominal read-out time
 } gonio_camera_info;
 
 // One captured frame, row by row, in the low bits of each word.
@@ -94,8 +98,8 @@ typedef struct gonio_camera_ops {
     gonio_status (*info)(void *device, gonio_camera_info *info, gonio_error *error);
     // Blocks until a frame that was exposed wholly after this call, with exactly these settings, has arrived.
     // frame->pixels holds window.width x window.height words and belongs to the caller.
-    gonio_status (*capture)(void *device, const gonio_window *window, double exposure_s, double gain_db, const gonio_stamp *stamp,
-                            double timeout_s, gonio_frame *frame, gonio_error *error);
+    gonio_status (*capture)(void *device, const gonio_window *window, double exposure_s, double gain_db,
+                            const gonio_stamp *stamp, double timeout_s, gonio_frame *frame, gonio_error *error);
     void (*close)(void *device);
 } gonio_camera_ops;
 
@@ -119,25 +123,31 @@ typedef struct gonio_mount_ops {
 
 // Facts about the rig that calibration needs: geometry and stated standard uncertainties (k = 1); journalled.
 typedef struct gonio_rig_facts {
-    double light_distance_mm, camera_distance_mm;       // to the centre of rotation
+    double light_distance_mm, camera_distance_mm;        // to the centre of rotation
     double pointing_random_deg, pointing_systematic_deg; // of each axis: repeatability, zero error
-    double reference_reflectance[3];                     // of the near-Lambertian white reference, a channel (mono: [0])
+    double reference_reflectance[3]; // of the near-Lambertian white reference, a channel (mono: [0])
     double reference_relative_sigma;
-    double lamp_drift_per_h;                             // stated relative drift, used where no meter measures it
-    bool sphere;                                         // sample shape: flat plate or sphere
+    double lamp_drift_per_h; // stated relative drift, used where no meter measures it
+    bool sphere;             // sample shape: flat plate or sphere
     double sphere_radius_mm;
-    double region_radius_mm;                             // flat: the averaged disc on the sample
-    char response_path[256];                             // camera response curve (CSV: relative exposure, relative value); empty: linear
+    double region_radius_mm; // flat: the averaged disc on the sample
+    char response_path[256]; // camera response curve (CSV: relative exposure, relative value); empty: linear
     char operator_name[64], notes[512], sample_id[64], serials[256];
 } gonio_rig_facts;
 
 typedef struct gonio_rig {
-    const gonio_stage_ops *stage;       void *stage_device;
-    const gonio_lamp_ops *lamp;         void *lamp_device;
-    const gonio_camera_ops *camera;     void *camera_device;
-    const gonio_meter_ops *meter;       void *meter_device;     // NULL: none
-    const gonio_interlock_ops *interlock; void *interlock_device; // NULL: none
-    const gonio_mount_ops *mount;       void *mount_device;     // NULL: the operator's hands
+    const gonio_stage_ops *stage;
+    void *stage_device;
+    const gonio_lamp_ops *lamp;
+    void *lamp_device;
+    const gonio_camera_ops *camera;
+    void *camera_device;
+    const gonio_meter_ops *meter;
+    void *meter_device; // NULL: none
+    const gonio_interlock_ops *interlock;
+    void *interlock_device; // NULL: none
+    const gonio_mount_ops *mount;
+    void *mount_device; // NULL: the operator's hands
     gonio_rig_facts facts;
 } gonio_rig;
 

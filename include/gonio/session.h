@@ -26,7 +26,7 @@ typedef struct gonio_step {
     gonio_step_kind kind;
     gonio_pair pose;
     bool done;
-    double clock_end_s;  // nominal clock when it was done
+    double clock_end_s;    // nominal clock when it was done
     double exposure_end_s; // the exposure to begin the next step with
     int frames;
 } gonio_step;
@@ -43,9 +43,11 @@ gonio_status gonio_session_event(gonio_session *session, const char *kind, const
 
 // The steps, entered once at the start, in one transaction.
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error);
-gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n, gonio_error *error); // caller frees
+gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n,
+                                 gonio_error *error); // caller frees
 
-// Finish a step: store the frames (files synced and renamed), then enter frames, samples and the step in one transaction.
+// Finish a step: store the frames (files synced and renamed), then enter frames, samples and the step in one
+// transaction.
 gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
                                        int n, const gonio_samples *samples, gonio_error *error);
 // Read a step's exposures back; every checksum is verified. The caller frees with gonio_exposures_free.

@@ -1,0 +1,3 @@
+# Samples -> model.
+eval-y += fit/model.c
+lib-y  += fit/resolve.c
