@@ -3,6 +3,27 @@
 // Each device is a table of operations plus its own state. sim/ and host/drivers/ both fill these tables; only host/cli
 // registers them. Operations are called from one thread, may block up to the bound they are given, and return a status;
 // a device fault is GONIO_E_DEVICE or GONIO_E_TIMEOUT with the fault named in the error.
+//
+// ---- Geometry: where the light, the camera and a pixel are ----
+// Everything stands in the sample's frame (direction.h), its origin at the centre of rotation, lengths in mm. For a
+// pose (theta_i, phi_i, theta_o, phi_o), whose angles are the axes' positions in the order of the enum below:
+//
+//   light     L = light_distance_mm  * (sin theta_i cos phi_i, sin theta_i sin phi_i, cos theta_i), a point source
+//   camera    C = camera_distance_mm * (sin theta_o cos phi_o, sin theta_o sin phi_o, cos theta_o), its pinhole
+//   right     R = (-sin phi_o, cos phi_o, 0)                                          direction of increasing phi_o
+//   up        U = (-cos theta_o cos phi_o, -cos theta_o sin phi_o, sin theta_o)       direction of decreasing theta_o
+//   forward   F = -C / |C|, and R = F x U. These formulas also hold at theta_o = 0, where phi_o alone turns the image.
+//
+// A point P is seen at (u, v), u to the right and v downward, in OpenCV's model (its camera axes are R, -U, F):
+//   Z = F.(P - C),  x = R.(P - C) / Z,  y = -U.(P - C) / Z,  r2 = x x + y y,  d = 1 + k1 r2 + k2 r2^2 + k3 r2^3
+//   x' = x d + 2 p1 x y + p2 (r2 + 2 x x),  y' = y d + p1 (r2 + 2 y y) + 2 p2 x y
+//   u = fx x' + cx,  v = fy y' + cy
+// Integer (u, v) are pixel centres: column i, row j of the full frame has its centre at u = i, v = j, so that (0, 0) is
+// the centre of the first pixel. The inverse, pixel to ray: undistort (u, v) to (x, y); the ray is C + s (F + x R - y
+// U), s > 0. A flat sample or reference is the plane z = 0 (its face toward +z); a sphere has its centre at the origin.
+// At a point P with normal N, w_i = (L - P)/|L - P| and w_o = (C - P)/|C - P|, and the radiance toward the camera is
+//   f_r(w_i, w_o) (N.w_i) I / |L - P|^2.
+// Bayer patterns name the colours of the full frame's pixels (0,0), (1,0), (0,1), (1,1) as (u, v).
 #ifndef GONIO_RIG_H
 #define GONIO_RIG_H
 
