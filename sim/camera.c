@@ -1,0 +1,177 @@
+// A frame: electrons by the photon transfer model (EMVA 1288 release 4.0, section 2), then response and quantisation.
+//   mean = (gain_px rate lamp + dark_px) exposure;  electrons = min(Poisson(mean), 1.1 full well) + offset_px + read
+//   word = floor(black + (full scale - black) response(electrons 10^(gain/20) / full well) + 1/2), clipped
+// Full well is the charge that fills the converter's scale at 0 dB; the pixel itself holds a tenth more, so that, as in
+// ordinary cameras, a saturated pixel reads exactly full scale.
+#include <math.h>
+#include <stdio.h>
+
+#include "sim/internal.h"
+#include "sim/random.h"
+
+#define WELL_RESERVE 1.1
+#define GAIN_MAX_DB 24
+#define BLACK_FRACTION 64 // the black level is full scale / 64
+
+gonio_pattern sim_camera_pattern(const gonio_sim *sim) {
+    if (sim->settings.camera.pattern != SIM_PATTERN_AUTO) {
+        return (gonio_pattern)sim->settings.camera.pattern;
+    }
+    return sim->sample->channels == 3 ? GONIO_RGGB : GONIO_MONO;
+}
+
+static double or_auto(double value, double automatic) { return isnan(value) ? automatic : value; }
+
+void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info) {
+    const sim_settings *s = &sim->settings;
+    // 0.1 mm a pixel at the centre of rotation.
+    const double f = 10 * s->rig.camera_distance_mm, fx = or_auto(s->camera.fx_px, f);
+    *info = (gonio_camera_info){.name = "simulated camera",
+                                .width = s->camera.width,
+                                .height = s->camera.height,
+                                .bits = s->camera.bits,
+                                .pattern = sim_camera_pattern(sim),
+                                .exposure_min_s = s->camera.exposure_min_s,
+                                .exposure_max_s = s->camera.exposure_max_s,
+                                .fx = fx,
+                                .fy = or_auto(s->camera.fy_px, fx),
+                                .cx = or_auto(s->camera.cx_px, (s->camera.width - 1) / 2.0),
+                                .cy = or_auto(s->camera.cy_px, (s->camera.height - 1) / 2.0),
+                                .k1 = s->camera.k1,
+                                .k2 = s->camera.k2,
+                                .p1 = s->camera.p1,
+                                .p2 = s->camera.p2,
+                                .k3 = s->camera.k3,
+                                .read_out_s = s->camera.read_out_s};
+    snprintf(info->serial, sizeof info->serial, "SIM-%llu", (unsigned long long)sim->seed);
+}
+
+static gonio_status camera_info(void *device, gonio_camera_info *info, gonio_error *error) {
+    (void)error;
+    sim_camera_describe(device, info);
+    return GONIO_OK;
+}
+
+// The colour of each pattern's (0,0), (1,0), (0,1), (1,1).
+static const unsigned char colours[][4] = {
+    [GONIO_MONO] = {0, 0, 0, 0}, [GONIO_RGGB] = {0, 1, 1, 2}, [GONIO_BGGR] = {2, 1, 1, 0},
+    [GONIO_GRBG] = {1, 0, 2, 1}, [GONIO_GBRG] = {1, 2, 0, 1},
+};
+
+typedef struct exposure {
+    const gonio_sim *sim;
+    const sim_scene *scene;
+    gonio_stamp stamp;
+    double exposure_s, white_e; // white_e: electrons that a perfect white diffuser gives in this exposure
+    double well_e, scale;       // scale: relative exposure an electron
+    double black, full_scale;
+    const unsigned char *colour;
+} exposure;
+
+static uint16_t digitise(const exposure *e, double electrons) {
+    const double value = sim_response_value(e->sim->response, electrons * e->scale);
+    const double word = floor(e->black + (e->full_scale - e->black) * value + 0.5);
+    return (uint16_t)fmin(fmax(word, 0), e->full_scale);
+}
+
+static uint16_t expose_pixel(const exposure *e, int column, int row) {
+    const sim_sensor *sensor = e->sim->sensor;
+    const uint32_t index = (uint32_t)(row * sensor->width + column);
+    const sim_pixel *pixel = &sensor->pixels[index];
+    double mean = (double)pixel->dark_e_s * e->exposure_s;
+    if (e->white_e > 0) {
+        const int channel = e->colour[(row & 1) * 2 + (column & 1)];
+        mean += (double)pixel->gain * e->white_e * sim_scene_radiance(e->scene, pixel->x, pixel->y, channel);
+    }
+    const sim_draw draw = sim_random(e->sim->seed, SIM_SHOT, e->stamp.pose, e->stamp.frame, index);
+    double normals[2], electrons;
+    if (mean < SIM_POISSON_EXACT) {
+        electrons = sim_poisson_small(mean, sim_uniform(&draw, 0));
+        normals[1] = sim_normal(e->sim->seed, SIM_READ, e->stamp.pose, e->stamp.frame, index);
+    } else {
+        sim_normals(&draw, normals);
+        electrons = sim_poisson_large(mean, normals[0]);
+    }
+    electrons = fmin(electrons, e->well_e) + (double)pixel->offset_e;
+    return digitise(e, electrons + e->sim->settings.camera.read_noise_e * normals[1]);
+}
+
+static void expose(const exposure *e, const gonio_window *window, uint16_t *pixels) {
+    const int threads = e->sim->threads;
+#pragma omp parallel for schedule(static) num_threads(threads) if (threads > 1)
+    for (int row = 0; row < window->height; row++) {
+        uint16_t *line = pixels + (size_t)row * (size_t)window->width;
+        for (int column = 0; column < window->width; column++) {
+            line[column] = expose_pixel(e, window->x + column, window->y + row);
+        }
+    }
+}
+
+static gonio_status check_request(gonio_sim *sim, const gonio_window *w, double exposure_s, double gain_db,
+                                  const gonio_stamp *stamp, double timeout_s, gonio_error *error) {
+    const sim_settings *s = &sim->settings;
+    if (w->x < 0 || w->y < 0 || w->width < 1 || w->height < 1 || w->width > s->camera.width - w->x ||
+        w->height > s->camera.height - w->y) {
+        return gonio_fail(error, GONIO_E_RANGE, "window %d x %d at (%d, %d) is not inside the %d x %d frame", w->width,
+                          w->height, w->x, w->y, s->camera.width, s->camera.height);
+    }
+    if (!(exposure_s >= s->camera.exposure_min_s && exposure_s <= s->camera.exposure_max_s)) {
+        return gonio_fail(error, GONIO_E_RANGE, "exposure %g s; the camera does %g to %g s", exposure_s,
+                          s->camera.exposure_min_s, s->camera.exposure_max_s);
+    }
+    if (!(gain_db >= 0 && gain_db <= GAIN_MAX_DB)) {
+        return gonio_fail(error, GONIO_E_RANGE, "gain %g dB; the camera does 0 to %d dB", gain_db, GAIN_MAX_DB);
+    }
+    const double takes_s = exposure_s + s->camera.read_out_s;
+    if (!(timeout_s >= takes_s) || sim_fault_strikes(sim, SIM_FAULT_CAMERA_TIMEOUT, stamp)) {
+        return gonio_fail(error, GONIO_E_TIMEOUT, "camera: no frame within %g s (pose %lld, frame %d; one takes %g s)",
+                          timeout_s, (long long)stamp->pose, (int)stamp->frame, takes_s);
+    }
+    if (sim_fault_strikes(sim, SIM_FAULT_CAMERA_ERROR, stamp)) {
+        return gonio_fail(error, GONIO_E_DEVICE, "camera: the frame arrived incomplete (pose %lld, frame %d)",
+                          (long long)stamp->pose, (int)stamp->frame);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status camera_capture(void *device, const gonio_window *window, double exposure_s, double gain_db,
+                                   const gonio_stamp *stamp, double timeout_s, gonio_frame *frame, gonio_error *error) {
+    gonio_sim *sim = device;
+    const gonio_status status = check_request(sim, window, exposure_s, gain_db, stamp, timeout_s, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const sim_settings *s = &sim->settings;
+    sim_scene scene = {.target = sim->target, .sample = sim->seen};
+    sim_scene_place(&scene, s, sim->actual_rad);
+    for (int c = 0; c < 3; c++) {
+        scene.reflectance[c] = sim->truth.reflectance[c];
+    }
+    // The lamp changes too slowly to matter within a frame: its output in the middle is the mean over it.
+    const double lamp = sim->shutter_open ? sim_lamp_output(sim, stamp, exposure_s / 2) : 0;
+    const double full_scale = (double)((1 << s->camera.bits) - 1);
+    const exposure e = {.sim = sim,
+                        .scene = &scene,
+                        .stamp = *stamp,
+                        .exposure_s = exposure_s,
+                        .white_e = s->camera.white_e_per_s * lamp * exposure_s,
+                        .well_e = WELL_RESERVE * s->camera.full_well_e,
+                        .scale = pow(10, gain_db / 20) / s->camera.full_well_e,
+                        .black = floor((full_scale + 1) / BLACK_FRACTION),
+                        .full_scale = full_scale,
+                        .colour = colours[sim_camera_pattern(sim)]};
+    expose(&e, window, frame->pixels);
+    frame->window = *window;
+    frame->exposure_s = exposure_s;
+    frame->gain_db = gain_db;
+    frame->stamp = *stamp;
+    return GONIO_OK;
+}
+
+static void camera_close(void *device) { (void)device; }
+
+const gonio_camera_ops sim_camera_ops = {.api_version = GONIO_RIG_API_VERSION,
+                                         .name = "simulated camera",
+                                         .info = camera_info,
+                                         .capture = camera_capture,
+                                         .close = camera_close};

@@ -1,0 +1,55 @@
+// The simulated rig's own state; private to sim/.
+#ifndef GONIO_SIM_INTERNAL_H
+#define GONIO_SIM_INTERNAL_H
+
+#include "gonio/sim.h"
+#include "sim/response.h"
+#include "sim/scene.h"
+#include "sim/sensor.h"
+#include "sim/settings.h"
+
+#define SIM_WANDER_TERMS 4
+
+// What is drawn once from the seed: the truth behind every stated uncertainty.
+typedef struct sim_truth {
+    double zero_error_rad[GONIO_AXES];
+    double reflectance[3]; // of the white reference
+    double drift_per_s;    // relative
+    double wander_amplitude, wander_rad_per_s[SIM_WANDER_TERMS], wander_rad[SIM_WANDER_TERMS];
+} sim_truth;
+
+struct gonio_sim {
+    uint64_t seed;
+    int threads;
+    sim_settings settings;
+    gonio_model *sample; // what the spec says
+    gonio_model *seen;   // the same in the camera's channels, after open; may be `sample` itself
+    sim_truth truth;
+    sim_sensor *sensor; // after open
+    sim_response *response;
+    int fault_hits[SIM_FAULTS];
+
+    bool homed;
+    double position_rad[GONIO_AXES]; // as the counters say
+    double actual_rad[GONIO_AXES];   // where the arms really stand
+    gonio_stamp moved;               // the stamp of the last move
+    double lamp_level;
+    bool shutter_open;
+    gonio_target target;
+};
+
+extern const gonio_stage_ops sim_stage_ops;
+extern const gonio_lamp_ops sim_lamp_ops;
+extern const gonio_meter_ops sim_meter_ops;
+extern const gonio_camera_ops sim_camera_ops;
+extern const gonio_mount_ops sim_mount_ops;
+extern const gonio_interlock_ops sim_interlock_ops;
+
+// Does the fault strike now? Counts the hit.
+bool sim_fault_strikes(gonio_sim *sim, sim_fault_kind kind, const gonio_stamp *stamp);
+// The lamp's output relative to its nominal one; 0 where a fault has put it out.
+double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s);
+gonio_pattern sim_camera_pattern(const gonio_sim *sim);
+void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info);
+
+#endif

@@ -1,0 +1,28 @@
+// The sample changer and the interlock.
+#include "sim/internal.h"
+
+static gonio_status mount(void *device, gonio_target target, gonio_error *error) {
+    if (target < GONIO_TARGET_SAMPLE || target > GONIO_TARGET_TRAP) {
+        return gonio_fail(error, GONIO_E_RANGE, "sample changer: there is no target %d", (int)target);
+    }
+    ((gonio_sim *)device)->target = target;
+    return GONIO_OK;
+}
+
+// It has no stamp of its own: a fault strikes at the pose that the stage was last sent to.
+static gonio_status check(void *device, gonio_error *error) {
+    gonio_sim *sim = device;
+    if (sim_fault_strikes(sim, SIM_FAULT_INTERLOCK_OPEN, &sim->moved)) {
+        return gonio_fail(error, GONIO_E_DEVICE, "interlock: the door is open");
+    }
+    return GONIO_OK;
+}
+
+static void nothing_to_close(void *device) { (void)device; }
+
+const gonio_mount_ops sim_mount_ops = {.api_version = GONIO_RIG_API_VERSION,
+                                       .name = "simulated sample changer",
+                                       .mount = mount,
+                                       .close = nothing_to_close};
+const gonio_interlock_ops sim_interlock_ops = {
+    .api_version = GONIO_RIG_API_VERSION, .name = "simulated interlock", .check = check, .close = nothing_to_close};

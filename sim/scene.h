@@ -1,0 +1,30 @@
+// What a ray of the camera sees: sample or reference, lit by the lamp. rig.h states the geometry.
+#ifndef GONIO_SIM_SCENE_H
+#define GONIO_SIM_SCENE_H
+
+#include "gonio/model.h"
+#include "gonio/rig.h"
+#include "sim/settings.h"
+
+#define SIM_LIGHT_POINTS 32
+
+typedef struct sim_scene {
+    gonio_vec3 light[SIM_LIGHT_POINTS]; // points that share the lamp's power
+    int lights;
+    double light_distance_mm;
+    gonio_vec3 camera, right, up, forward;
+    gonio_target target;
+    const gonio_model *sample; // 1 or 3 channels, as the camera has
+    bool sphere;
+    double radius_mm, half_plate_mm, half_panel_mm;
+    double reflectance[3]; // true one of the white reference
+} sim_scene;
+
+// angles: light theta, light phi, camera theta, camera phi (rad), where the arms really stand.
+void sim_scene_place(sim_scene *scene, const sim_settings *settings, const double angles[GONIO_AXES]);
+
+// The radiance along the ray of the undistorted image point (x, y), relative to a perfect white diffuser in the
+// sample's plane at the centre, lit at normal incidence from the nominal distance: pi f_r cos(theta_i) (d0/d)^2.
+double sim_scene_radiance(const sim_scene *scene, double x, double y, int channel);
+
+#endif

@@ -1,0 +1,177 @@
+#include "sim/internal.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sim/random.h"
+#include "sim/sample.h"
+
+gonio_status gonio_sim_new(const char *spec, uint64_t seed, gonio_sim **out, gonio_error *error) {
+    *out = NULL;
+    gonio_sim *sim = calloc(1, sizeof *sim);
+    if (sim == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the simulated rig");
+    }
+    sim->seed = seed;
+    sim_settings_default(&sim->settings);
+    const gonio_status status = sim_sample_parse(spec, &sim->settings, &sim->sample, error);
+    if (status != GONIO_OK) {
+        gonio_sim_free(sim);
+        return status;
+    }
+    *out = sim;
+    return GONIO_OK;
+}
+
+static void release_devices(gonio_sim *sim) {
+    if (sim->seen != sim->sample) {
+        gonio_model_free(sim->seen);
+    }
+    sim_sensor_free(sim->sensor);
+    sim_response_free(sim->response);
+    sim->seen = NULL;
+    sim->sensor = NULL;
+    sim->response = NULL;
+}
+
+void gonio_sim_free(gonio_sim *sim) {
+    if (sim != NULL) {
+        release_devices(sim);
+        gonio_model_free(sim->sample);
+        free(sim);
+    }
+}
+
+gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value,
+                           gonio_error *error) {
+    return sim_settings_set(&sim->settings, section, key, value, error);
+}
+
+char *gonio_sim_settings(const gonio_sim *sim) { return sim_settings_text(&sim->settings); }
+
+const gonio_model *gonio_sim_truth(const gonio_sim *sim) { return sim->seen != NULL ? sim->seen : sim->sample; }
+
+// Periods of the lamp's wander: slower than a pose, faster than a session.
+#define WANDER_PERIOD_MIN_S 600.0
+#define WANDER_PERIOD_MAX_S 3600.0
+
+static void draw_truth(gonio_sim *sim) {
+    const sim_settings *s = &sim->settings;
+    sim_truth *truth = &sim->truth;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        truth->zero_error_rad[k] =
+            gonio_radians(s->axis[k].pointing_deg / sqrt(2)) * sim_normal(sim->seed, SIM_ZERO_ERROR, 0, 0, (uint32_t)k);
+    }
+    const double scale = 1 + s->reference.sigma_percent / 100 * sim_normal(sim->seed, SIM_REFERENCE, 0, 0, 0);
+    for (int c = 0; c < 3; c++) {
+        truth->reflectance[c] = s->reference.reflectance[c] * scale;
+    }
+    truth->drift_per_s = s->lamp.drift_percent_per_hour / 100 / 3600 * sim_normal(sim->seed, SIM_DRIFT, 0, 0, 0);
+    truth->wander_amplitude = s->lamp.wander_percent / 100 * sqrt(2.0 / SIM_WANDER_TERMS);
+    for (uint32_t k = 0; k < SIM_WANDER_TERMS; k++) {
+        const sim_draw draw = sim_random(sim->seed, SIM_WANDER, 0, 0, k);
+        const double period_s =
+            WANDER_PERIOD_MIN_S * pow(WANDER_PERIOD_MAX_S / WANDER_PERIOD_MIN_S, sim_uniform(&draw, 0));
+        truth->wander_rad_per_s[k] = 2 * GONIO_PI / period_s;
+        truth->wander_rad[k] = 2 * GONIO_PI * sim_uniform(&draw, 1);
+    }
+}
+
+static gonio_status check_settings(const gonio_sim *sim, gonio_error *error) {
+    const sim_settings *s = &sim->settings;
+    if (s->sample.sphere && !sim->sample->isotropic) {
+        return gonio_fail(error, GONIO_E_USAGE,
+                          "an anisotropic sample cannot be a sphere: its mark has no direction "
+                          "there; choose shape=flat");
+    }
+    if (s->sample.sphere && s->sample.radius_mm >= fmin(s->rig.camera_distance_mm, s->rig.light_distance_mm)) {
+        return gonio_fail(error, GONIO_E_USAGE, "a sphere of radius %g mm would swallow the camera or the light",
+                          s->sample.radius_mm);
+    }
+    if (s->camera.exposure_min_s > s->camera.exposure_max_s) {
+        return gonio_fail(error, GONIO_E_INPUT, "[camera] exposure_min_s %g is above exposure_max_s %g",
+                          s->camera.exposure_min_s, s->camera.exposure_max_s);
+    }
+    return GONIO_OK;
+}
+
+static void fill_facts(const gonio_sim *sim, gonio_rig_facts *facts) {
+    const sim_settings *s = &sim->settings;
+    double variance = 0; // the facts hold one figure for all axes: the root of their mean square
+    for (int k = 0; k < GONIO_AXES; k++) {
+        variance += s->axis[k].pointing_deg * s->axis[k].pointing_deg / GONIO_AXES;
+    }
+    *facts = (gonio_rig_facts){.light_distance_mm = s->rig.light_distance_mm,
+                               .camera_distance_mm = s->rig.camera_distance_mm,
+                               .pointing_random_deg = sqrt(variance / 2),
+                               .pointing_systematic_deg = sqrt(variance / 2),
+                               .reference_relative_sigma = s->reference.sigma_percent / 100,
+                               .lamp_drift_per_h = s->lamp.drift_percent_per_hour / 100,
+                               .sphere = s->sample.sphere == 1,
+                               .sphere_radius_mm = s->sample.radius_mm,
+                               .region_radius_mm = s->sample.region_radius_mm};
+    for (int c = 0; c < 3; c++) {
+        facts->reference_reflectance[c] = s->reference.reflectance[c];
+    }
+    const bool is_file = s->camera.response[0] != 0 && strncmp(s->camera.response, "gamma:", 6) != 0 &&
+                         strcmp(s->camera.response, "linear") != 0;
+    if (is_file && s->camera.response_known) {
+        snprintf(facts->response_path, sizeof facts->response_path, "%s", s->camera.response);
+    }
+    snprintf(facts->serials, sizeof facts->serials, "simulated rig, seed %llu", (unsigned long long)sim->seed);
+}
+
+static gonio_status prepare_devices(gonio_sim *sim, gonio_error *error) {
+    gonio_camera_info info;
+    sim_camera_describe(sim, &info);
+    gonio_status status = sim_sample_seen(sim->sample, info.pattern == GONIO_MONO ? 1 : 3, &sim->seen, error);
+    if (status == GONIO_OK) {
+        status = sim_response_new(sim->settings.camera.response, &sim->response, error);
+    }
+    if (status == GONIO_OK) {
+        status = sim_sensor_new(&sim->settings, &info, sim->seed, sim->threads, &sim->sensor, error);
+    }
+    return status;
+}
+
+gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_error *error) {
+    gonio_status status = check_settings(sim, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    release_devices(sim);
+    sim->threads = threads > 0 ? threads : omp_get_max_threads();
+    draw_truth(sim);
+    status = prepare_devices(sim, error);
+    if (status != GONIO_OK) {
+        release_devices(sim);
+        return status;
+    }
+    sim->homed = false;
+    memset(sim->position_rad, 0, sizeof sim->position_rad);
+    memset(sim->actual_rad, 0, sizeof sim->actual_rad);
+    memset(sim->fault_hits, 0, sizeof sim->fault_hits);
+    sim->moved = (gonio_stamp){.pose = -1};
+    sim->lamp_level = 1;
+    sim->shutter_open = false;
+    sim->target = GONIO_TARGET_SAMPLE;
+    *rig = (gonio_rig){.stage = &sim_stage_ops,
+                       .stage_device = sim,
+                       .lamp = &sim_lamp_ops,
+                       .lamp_device = sim,
+                       .camera = &sim_camera_ops,
+                       .camera_device = sim,
+                       .interlock = &sim_interlock_ops,
+                       .interlock_device = sim,
+                       .mount = &sim_mount_ops,
+                       .mount_device = sim};
+    if (sim->settings.meter.present) {
+        rig->meter = &sim_meter_ops;
+        rig->meter_device = sim;
+    }
+    fill_facts(sim, &rig->facts);
+    return GONIO_OK;
+}
