@@ -1,0 +1,27 @@
+// The reference detector: an optical power meter or photodiode amplifier that speaks SCPI over USBTMC / USB488.
+#ifndef GONIO_DRIVERS_METER_USBTMC_H
+#define GONIO_DRIVERS_METER_USBTMC_H
+
+#include "gonio/rig.h"
+#include "host/transport/usbtmc.h"
+
+typedef struct gonio_meter_usbtmc_config {
+    gonio_usbtmc_match match;
+    char setup[256];       // SCPI sent once after opening; empty: nothing
+    char query[128];       // "MEAS:POW?"
+    double scale;          // unit of the answer to unit of the readings; 1
+    double relative_sigma; // stated relative standard uncertainty of one reading (k = 1)
+    int retries;           // of one query; 3
+    int timeout_ms;        // of one query; 2000
+    double replug_s;       // wait this long for an unplugged meter to come back; 10
+} gonio_meter_usbtmc_config;
+
+void gonio_meter_usbtmc_defaults(gonio_meter_usbtmc_config *config);
+
+extern const gonio_meter_ops gonio_meter_usbtmc;
+// Open, identify by *IDN? and set up. *device goes to gonio_meter_usbtmc's operations, whose close frees it.
+gonio_status gonio_meter_usbtmc_open(const gonio_meter_usbtmc_config *config, void **device, gonio_error *error);
+// The answer to *IDN?; lives as long as the device.
+const char *gonio_meter_usbtmc_identity(const void *device);
+
+#endif
