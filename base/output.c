@@ -12,13 +12,26 @@
 struct gonio_output {
     FILE *stream;
     char *path;
-    char *temporary;
+    char *temporary; // NULL: a pipe or device, written directly
 };
 
 static void release(gonio_output *output) {
     free(output->path);
     free(output->temporary);
     free(output);
+}
+
+static gonio_status cannot_write(gonio_output *output, gonio_error *error) {
+    const gonio_status status =
+        gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot write it: %s", strerror(errno));
+    release(output);
+    return status;
+}
+
+// A pipe, a terminal or /dev/stdout cannot be renamed over: what is there is written to.
+static bool is_special(const char *path) {
+    struct stat facts;
+    return stat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
 }
 
 gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error *error) {
@@ -28,30 +41,36 @@ gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to write %s", path);
     }
     const size_t size = strlen(path) + sizeof ".XXXXXX";
+    const bool direct = is_special(path);
     output->path = strdup(path);
-    output->temporary = malloc(size);
-    if (output->path == NULL || output->temporary == NULL) {
+    output->temporary = direct ? NULL : malloc(size);
+    if (output->path == NULL || (!direct && output->temporary == NULL)) {
         release(output);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to write %s", path);
     }
-    snprintf(output->temporary, size, "%s.XXXXXX", path);
-    const int fd = mkstemp(output->temporary);
-    if (fd < 0) {
-        const gonio_status status =
-            gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
-        release(output);
-        return status;
+    int fd;
+    if (direct) {
+        fd = open(path, O_WRONLY | O_CLOEXEC);
+    } else {
+        snprintf(output->temporary, size, "%s.XXXXXX", path);
+        fd = mkostemp(output->temporary, O_CLOEXEC);
     }
-    // mkstemp makes 0600 files; results are ordinary files under the user's umask.
-    const mode_t mask = umask(0);
-    umask(mask);
-    fchmod(fd, 0666 & ~mask);
+    if (fd < 0) {
+        return cannot_write(output, error);
+    }
+    if (!direct) {
+        // mkstemp makes 0600 files; results are ordinary files under the user's umask.
+        const mode_t mask = umask(0);
+        umask(mask);
+        fchmod(fd, 0666 & ~mask);
+    }
     output->stream = fdopen(fd, "wb");
     if (output->stream == NULL) {
         close(fd);
-        unlink(output->temporary);
-        release(output);
-        return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
+        if (!direct) {
+            unlink(output->temporary);
+        }
+        return cannot_write(output, error);
     }
     *out = output;
     return GONIO_OK;
@@ -77,18 +96,27 @@ static int sync_folder(const char *path) {
 
 gonio_status gonio_output_commit(gonio_output *output, gonio_error *error) {
     FILE *stream = output->stream;
-    bool failed = fflush(stream) != 0 || ferror(stream) || fsync(fileno(stream)) != 0;
+    const bool direct = output->temporary == NULL;
+    // errno of the first failure is the reason; later calls overwrite it. A pipe cannot be synced.
+    errno = 0;
+    bool failed = fflush(stream) != 0 || ferror(stream) || (!direct && fsync(fileno(stream)) != 0);
     int why = errno;
-    failed = fclose(stream) != 0 || failed;
-    if (!failed && rename(output->temporary, output->path) != 0) {
+    if (fclose(stream) != 0 && !failed) {
+        failed = true;
+        why = errno;
+    }
+    if (!failed && !direct && rename(output->temporary, output->path) != 0) {
         failed = true;
         why = errno;
     }
     gonio_status status = GONIO_OK;
     if (failed) {
-        unlink(output->temporary);
-        status = gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot write it: %s", strerror(why));
-    } else if (sync_folder(output->path) != 0) {
+        if (!direct) {
+            unlink(output->temporary);
+        }
+        status = gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot write it: %s",
+                                 why != 0 ? strerror(why) : "an earlier write failed");
+    } else if (!direct && sync_folder(output->path) != 0) {
         status = gonio_fail_line(error, GONIO_E_IO, output->path, -1, "cannot sync its folder: %s", strerror(errno));
     }
     release(output);
@@ -100,6 +128,8 @@ void gonio_output_abandon(gonio_output *output) {
         return;
     }
     fclose(output->stream);
-    unlink(output->temporary);
+    if (output->temporary != NULL) {
+        unlink(output->temporary);
+    }
     release(output);
 }

@@ -1,2 +1,2 @@
 # Formats and analytic models.
-unit-y += tests/unit/test_metrics.c tests/unit/test_analytic.c
+unit-y += tests/unit/test_metrics.c tests/unit/test_analytic.c tests/unit/test_plan.c

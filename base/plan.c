@@ -1,0 +1,307 @@
+// Which poses to measure: a uniform grid, a low-discrepancy set in Nusselt coordinates, or a CSV.
+//
+// nusselt:N   The isotropic Nusselt domain is kappa_i in [0.5, 1] (phi_i = 0) times the disc of (kappa_o, lambda_o);
+//   mirror symmetry halves the disc. The first N points of a scrambled Sobol sequence fill it: every power-of-two block
+//   is stratified in each coordinate, and any prefix is spread evenly, so a measurement that is stopped early still
+//   covers the domain. The unit square goes to the half disc by r = sqrt(u), angle = pi v, which keeps areas. Random
+//   points would leave gaps of several cells at 1,400 poses, a grid would alias with the lattice.
+//   Sobol' 1967; direction numbers: Joe & Kuo, "Constructing Sobol sequences with better two-dimensional projections"
+//   (2008); scrambling: Owen 1995 by hashing, after Burley, "Practical hash-based Owen scrambling" (2020).
+#include "gonio/plan.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/text.h"
+
+#define POSES_MAX 20000000 // 640 MB of poses; no rig visits more
+#define THETA_MAX_DEG 85   // beyond it a flat sample's foreshortening leaves little of the signal
+
+typedef struct plan_options {
+    double theta_max_deg;
+    bool anisotropic;
+} plan_options;
+
+static gonio_status allocate(size_t n, gonio_plan **out, gonio_error *error) {
+    gonio_plan *plan = calloc(1, sizeof *plan);
+    if (plan != NULL) {
+        plan->poses = malloc((n + 1) * sizeof *plan->poses);
+    }
+    if (plan == NULL || plan->poses == NULL) {
+        free(plan);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a plan of %zu poses", n);
+    }
+    *out = plan;
+    return GONIO_OK;
+}
+
+void gonio_plan_free(gonio_plan *plan) {
+    if (plan != NULL) {
+        free(plan->poses);
+        free(plan);
+    }
+}
+
+// ---- uniform ----
+
+typedef struct grid {
+    double step_deg;
+    int n_theta, n_phi; // theta = 0, step ...; phi = 0, step ... over half a turn (both ends) or a whole one
+    bool anisotropic;
+} grid;
+
+// At the pole every azimuth is the same direction, so one is enough (isotropic samples do not tell phi_i apart either).
+static int azimuths(const grid *g, int theta) { return theta == 0 ? 1 : g->n_phi; }
+
+static gonio_pair grid_pose(const grid *g, int ti, int pi, int to, int po) {
+    const double s = g->step_deg;
+    return (gonio_pair){gonio_radians(ti * s), gonio_radians(pi * s), gonio_radians(to * s), gonio_radians(po * s)};
+}
+
+static size_t fill_grid(const grid *g, gonio_pair *poses) {
+    size_t n = 0;
+    for (int ti = 0; ti < g->n_theta; ti++) {
+        const int turns = g->anisotropic ? azimuths(g, ti) : 1;
+        for (int pi = 0; pi < turns; pi++) {
+            for (int to = 0; to < g->n_theta; to++) {
+                const bool around = to > 0 && (ti > 0 || g->anisotropic);
+                for (int po = 0; po < (around ? g->n_phi : 1); po++) {
+                    if (poses != NULL) {
+                        poses[n] = grid_pose(g, ti, pi, to, po);
+                    }
+                    n++;
+                }
+            }
+        }
+    }
+    return n;
+}
+
+static gonio_status make_uniform(double step, const plan_options *options, gonio_plan **out, gonio_error *error) {
+    if (!(step >= 0.05 && step <= 90)) {
+        return gonio_fail(error, GONIO_E_USAGE, "uniform:%g; expected a step of 0.05 to 90 degrees", step);
+    }
+    // 1e-9: 85/0.1 must count as 850 steps although it rounds below.
+    const double turn = options->anisotropic ? 360 : 180;
+    grid g = {.step_deg = step, .anisotropic = options->anisotropic};
+    g.n_theta = (int)floor(options->theta_max_deg / step + 1e-9) + 1;
+    g.n_phi = options->anisotropic ? (int)ceil(turn / step - 1e-9) : (int)floor(turn / step + 1e-9) + 1;
+    const double thetas = g.n_theta, phis = g.n_phi;
+    const double estimate = thetas * thetas * phis * (options->anisotropic ? phis : 1);
+    if (estimate > POSES_MAX) {
+        return gonio_fail(error, GONIO_E_USAGE, "uniform:%g makes about %.3g poses; at most %d are possible", step,
+                          estimate, POSES_MAX);
+    }
+    const size_t n = fill_grid(&g, NULL);
+    const gonio_status status = allocate(n, out, error);
+    if (status == GONIO_OK) {
+        (*out)->n = fill_grid(&g, (*out)->poses);
+    }
+    return status;
+}
+
+// ---- nusselt ----
+
+static uint32_t hashed(uint32_t x) {
+    // Wellons, "hash-prospector" (2018), lowbias32.
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ (x >> 16);
+}
+
+static uint32_t bits_reversed(uint32_t x) {
+    x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
+    x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
+    x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
+    x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
+    return (x >> 16) | (x << 16);
+}
+
+// Owen's nested scrambling: each bit is flipped by a hash of the bits above it (and of none below).
+static uint32_t owen_scrambled(uint32_t x, uint32_t seed) {
+    uint32_t y = 0, prefix = 1;
+    for (int bit = 31; bit >= 0; bit--) {
+        const uint32_t b = (x >> bit) & 1;
+        y |= (b ^ (hashed(prefix ^ seed) & 1)) << bit;
+        prefix = hashed(prefix + 0x9e3779b9u * (b + 1));
+    }
+    return y;
+}
+
+// Sobol's sequence in 4 dimensions: the first is the radical inverse, the others have primitive polynomials of degree
+// 1 to 3 (coefficients a, initial m) from Joe & Kuo's table.
+static uint32_t sobol(uint32_t index, int dimension) {
+    static const struct {
+        int degree;
+        uint32_t a, m[3];
+    } table[3] = {{1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}};
+    if (dimension == 0) {
+        return bits_reversed(index);
+    }
+    const int degree = table[dimension - 1].degree;
+    const uint32_t a = table[dimension - 1].a;
+    uint32_t v[32], x = 0;
+    for (int k = 0; k < 32; k++) {
+        if (k < degree) {
+            v[k] = table[dimension - 1].m[k] << (31 - k);
+        } else {
+            v[k] = v[k - degree] ^ (v[k - degree] >> degree);
+            for (int j = 1; j < degree; j++) {
+                v[k] ^= ((a >> (degree - 1 - j)) & 1) * v[k - j];
+            }
+        }
+        x ^= ((index >> k) & 1) * v[k];
+    }
+    return x;
+}
+
+// In (0, 1): the middle of the 2^-32 cell.
+static double coordinate(uint32_t index, int dimension, uint64_t seed) {
+    const uint32_t key =
+        hashed((uint32_t)seed ^ hashed((uint32_t)(seed >> 32) + 0x51ed27u * (uint32_t)(dimension + 1)));
+    return ((double)owen_scrambled(sobol(index, dimension), key) + 0.5) / 4294967296.0;
+}
+
+// Degrees with four decimals: finer than any stage points, and short in a CSV.
+static double tidy_rad(double rad, double limit_deg) {
+    return gonio_radians(fmin(round(rad * (180 / GONIO_PI) * 1e4) / 1e4, limit_deg));
+}
+
+static gonio_pair nusselt_pose(uint32_t index, uint64_t seed, const plan_options *options) {
+    const double radius = sin(gonio_radians(options->theta_max_deg)), limit = options->theta_max_deg;
+    const double u = coordinate(index, 1, seed), v = coordinate(index, 2, seed), w = coordinate(index, 0, seed);
+    if (!options->anisotropic) {
+        return (gonio_pair){tidy_rad(asin(radius * w), limit), 0, tidy_rad(asin(radius * sqrt(u)), limit),
+                            tidy_rad(GONIO_PI * v, 180)};
+    }
+    const double t = coordinate(index, 3, seed);
+    return (gonio_pair){tidy_rad(asin(radius * sqrt(w)), limit), tidy_rad(2 * GONIO_PI * t, 360),
+                        tidy_rad(asin(radius * sqrt(u)), limit), tidy_rad(2 * GONIO_PI * v, 360)};
+}
+
+static gonio_status make_nusselt(double count, uint64_t seed, const plan_options *options, gonio_plan **out,
+                                 gonio_error *error) {
+    if (!(count >= 1 && count <= POSES_MAX && count == floor(count))) {
+        return gonio_fail(error, GONIO_E_USAGE, "nusselt:%.10g; expected 1 to %d poses", count, POSES_MAX);
+    }
+    const gonio_status status = allocate((size_t)count, out, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_plan *plan = *out;
+    for (; plan->n < (size_t)count; plan->n++) {
+        plan->poses[plan->n] = nusselt_pose((uint32_t)plan->n, seed, options);
+    }
+    return GONIO_OK;
+}
+
+// ---- text ----
+
+// ",theta_max=DEG,anisotropic=1" after a preset's number.
+static gonio_status parse_options(const char *preset, char *text, plan_options *options, gonio_error *error) {
+    char *rest;
+    for (char *item = strtok_r(text, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
+        char *equals = strchr(item, '='), *end = NULL;
+        const double value = equals != NULL ? strtod(equals + 1, &end) : NAN;
+        const bool number = equals != NULL && end != equals + 1 && *end == 0;
+        if (strncmp(item, "theta_max=", 10) == 0) {
+            if (!number || !(value > 0 && value <= 90)) {
+                return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected theta_max above 0, up to 90 degrees", preset,
+                                  item);
+            }
+            options->theta_max_deg = value;
+        } else if (strncmp(item, "anisotropic=", 12) == 0) {
+            if (!number || (value != 0 && value != 1)) {
+                return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected anisotropic=0 or 1", preset, item);
+            }
+            options->anisotropic = value == 1;
+        } else {
+            return gonio_fail(error, GONIO_E_USAGE, "%s: unknown option '%s'; expected theta_max=DEG or anisotropic=1",
+                              preset, item);
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_status make_preset(const char *text, uint64_t seed, gonio_plan **out, gonio_error *error) {
+    char copy[256];
+    if (strlen(text) >= sizeof copy) {
+        return gonio_fail(error, GONIO_E_USAGE, "the plan '%.40s...' is too long", text);
+    }
+    strcpy(copy, text);
+    char *number = strchr(copy, ':') + 1, *end;
+    const double value = strtod(number, &end);
+    if (end == number || (*end != 0 && *end != ',')) {
+        return gonio_fail(error, GONIO_E_USAGE, "plan '%s': expected a number after the colon", text);
+    }
+    plan_options options = {THETA_MAX_DEG, false};
+    const gonio_status status = parse_options(text, end, &options, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    return copy[0] == 'u' ? make_uniform(value, &options, out, error) : make_nusselt(value, seed, &options, out, error);
+}
+
+static size_t count_lines(const char *data, size_t size) {
+    size_t lines = 1;
+    for (const char *at = data; (at = memchr(at, '\n', (size_t)(data + size - at))) != NULL; at++) {
+        lines++;
+    }
+    return lines;
+}
+
+static gonio_status read_poses(gonio_text *text, gonio_plan *plan, gonio_error *error) {
+    char *fields[4];
+    char *line = gonio_text_content(text);
+    if (line == NULL) {
+        return gonio_text_fail(text, error, "nothing in it; expected the header %s", GONIO_PAIR_HEADER);
+    }
+    const int columns = gonio_text_split(line, ',', fields, 4);
+    if (columns != 4 || !gonio_text_is_pair_header(fields, columns)) {
+        return gonio_text_fail(text, error, "expected the header %s, found %d columns that begin with '%.40s'",
+                               GONIO_PAIR_HEADER, columns, fields[0]);
+    }
+    while ((line = gonio_text_content(text)) != NULL) {
+        const int n = gonio_text_split(line, ',', fields, 4);
+        if (n != 4) {
+            return gonio_text_fail(text, error, "expected 4 columns, found %d", n);
+        }
+        const gonio_status status = gonio_text_pair(text, fields, &plan->poses[plan->n], error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        plan->n++;
+    }
+    return plan->n > 0 ? GONIO_OK : gonio_text_fail(text, error, "no poses after the header");
+}
+
+static gonio_status read_plan(const char *path, gonio_plan **out, gonio_error *error) {
+    char *data;
+    size_t size;
+    gonio_status status = gonio_file_read(path, 0, &data, &size, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = allocate(count_lines(data, size), out, error);
+    if (status == GONIO_OK) {
+        gonio_text text = gonio_text_begin(path, data, size);
+        status = read_poses(&text, *out, error);
+    }
+    free(data);
+    return status;
+}
+
+gonio_status gonio_plan_make(const char *text, uint64_t seed, gonio_plan **out, gonio_error *error) {
+    *out = NULL;
+    const bool preset = strncmp(text, "uniform:", 8) == 0 || strncmp(text, "nusselt:", 8) == 0;
+    const gonio_status status = preset ? make_preset(text, seed, out, error) : read_plan(text, out, error);
+    if (status != GONIO_OK) {
+        gonio_plan_free(*out);
+        *out = NULL;
+    }
+    return status;
+}

@@ -1,0 +1,247 @@
+#include "base/text.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <locale.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+// ---- files ----
+
+static size_t machine_memory(void) {
+    const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    return pages > 0 && page > 0 ? (size_t)pages * (size_t)page : (size_t)1 << 32;
+}
+
+static gonio_status too_large(const char *path, size_t size, size_t limit, gonio_error *error) {
+    return gonio_fail_byte(error, GONIO_E_INPUT, path, -1, "%zu bytes or more; at most %zu are read", size, limit);
+}
+
+// Read fd to its end into *data, which grows from `expected` bytes.
+static gonio_status read_all(int fd, const char *path, size_t expected, size_t limit, char **data, size_t *size,
+                             gonio_error *error) {
+    size_t capacity = expected + 1, used = 0;
+    char *bytes = malloc(capacity);
+    for (;;) {
+        if (bytes == NULL) {
+            return gonio_fail_byte(error, GONIO_E_MEMORY, path, -1, "no memory for %zu bytes", capacity);
+        }
+        const ssize_t got = read(fd, bytes + used, capacity - used);
+        if (got < 0 && errno == EINTR) {
+            continue;
+        }
+        if (got < 0) {
+            free(bytes);
+            return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)used, "cannot read it: %s", strerror(errno));
+        }
+        if (got == 0) {
+            break;
+        }
+        used += (size_t)got;
+        if (used > limit) {
+            free(bytes);
+            return too_large(path, used, limit, error);
+        }
+        if (used == capacity) {
+            capacity += capacity / 2 + 65536;
+            char *larger = realloc(bytes, capacity);
+            if (larger == NULL) {
+                free(bytes);
+            }
+            bytes = larger;
+        }
+    }
+    bytes[used] = 0; // used < capacity here: a full buffer has grown
+    *data = bytes;
+    *size = used;
+    return GONIO_OK;
+}
+
+gonio_status gonio_file_read(const char *path, size_t limit, char **data, size_t *size, gonio_error *error) {
+    *data = NULL;
+    *size = 0;
+    if (limit == 0) {
+        limit = machine_memory();
+    }
+    const bool standard = strcmp(path, "-") == 0;
+    const int fd = standard ? STDIN_FILENO : open(path, O_RDONLY | O_CLOEXEC);
+    struct stat facts;
+    if (fd < 0 || fstat(fd, &facts) != 0) {
+        const gonio_status status =
+            gonio_fail_byte(error, GONIO_E_INPUT, path, -1, "cannot open it: %s", strerror(errno));
+        if (fd >= 0 && !standard) {
+            close(fd);
+        }
+        return status;
+    }
+    gonio_status status;
+    const size_t expected = S_ISREG(facts.st_mode) ? (size_t)facts.st_size : 0;
+    if (S_ISDIR(facts.st_mode)) {
+        status = gonio_fail_byte(error, GONIO_E_INPUT, path, -1, "it is a folder; expected a file");
+    } else if (expected > limit) {
+        status = too_large(path, expected, limit, error);
+    } else {
+        status = read_all(fd, path, expected, limit, data, size, error);
+    }
+    if (!standard) {
+        close(fd);
+    }
+    return status;
+}
+
+// ---- lines ----
+
+gonio_text gonio_text_begin(const char *path, char *data, size_t size) {
+    const bool marked = size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0;
+    return (gonio_text){path, data + (marked ? 3 : 0), data + size, 0};
+}
+
+static bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+// Cut the blanks off both ends of [first, last), which has room for a 0 byte at last.
+static char *trimmed(char *first, char *last) {
+    while (first < last && blank(*first)) {
+        first++;
+    }
+    while (last > first && blank(last[-1])) {
+        last--;
+    }
+    *last = 0;
+    return first;
+}
+
+char *gonio_text_line(gonio_text *text) {
+    if (text->next >= text->end) {
+        return NULL;
+    }
+    char *first = text->next;
+    char *last = memchr(first, '\n', (size_t)(text->end - first));
+    if (last == NULL) {
+        last = text->end;
+    }
+    text->next = last + 1;
+    text->line++;
+    return trimmed(first, last);
+}
+
+char *gonio_text_content(gonio_text *text) {
+    char *line;
+    do {
+        line = gonio_text_line(text);
+    } while (line != NULL && (line[0] == 0 || line[0] == '#'));
+    return line;
+}
+
+int gonio_text_split(char *line, char separator, char **fields, int maximum) {
+    int n = 0;
+    char *first = line;
+    for (;;) {
+        if (separator == ' ') {
+            while (blank(*first)) {
+                first++;
+            }
+            if (*first == 0) {
+                return n;
+            }
+        }
+        char *last = first;
+        while (*last != 0 && (separator == ' ' ? !blank(*last) : *last != separator)) {
+            last++;
+        }
+        const bool is_end = *last == 0;
+        char *field = trimmed(first, last);
+        if (n < maximum) {
+            fields[n] = field;
+        }
+        n++;
+        if (is_end) {
+            return n;
+        }
+        first = last + 1;
+    }
+}
+
+gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const char *format, ...) {
+    char message[400];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    return gonio_fail_line(error, GONIO_E_INPUT, text->path, text->line > 0 ? text->line : -1, "%s", message);
+}
+
+// ---- numbers ----
+
+// Only what a decimal number holds: strtod alone would take "0x1p3", "nan(3)" and "infinity" too.
+static bool decimal_characters(const char *field) { return field[strspn(field, "0123456789+-.eE")] == 0; }
+
+// In the C locale whatever the process has set: a comma is a separator here, never a decimal point. glibc hands out one
+// static object for "C", so this costs little.
+static double decimal(const char *field, char **end) {
+    const locale_t locale = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    const double value = strtod_l(field, end, locale);
+    freelocale(locale);
+    return value;
+}
+
+gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
+                               gonio_error *error) {
+    char *end = NULL;
+    if (field[0] == 0 || !decimal_characters(field)) {
+        return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
+    }
+    *value = decimal(field, &end);
+    if (end == field || *end != 0 || !isfinite(*value)) {
+        return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
+    }
+    return GONIO_OK;
+}
+
+static const char *const pair_names[4] = {"theta_i", "phi_i", "theta_o", "phi_o"};
+
+bool gonio_text_is_pair_header(char *const *fields, int n) {
+    bool is = n >= 4;
+    for (int k = 0; k < 4 && is; k++) {
+        is = strcmp(fields[k], pair_names[k]) == 0;
+    }
+    return is;
+}
+
+gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], gonio_pair *pair, gonio_error *error) {
+    double angles[4];
+    for (int k = 0; k < 4; k++) {
+        double deg;
+        const gonio_status status = gonio_text_number(text, fields[k], pair_names[k], &deg, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        const double low = k % 2 == 0 ? 0 : -360, high = k % 2 == 0 ? 90 : 360;
+        if (!(deg >= low && deg <= high)) {
+            return gonio_text_fail(text, error, "%s: expected %g to %g degrees, found %s", pair_names[k], low, high,
+                                   fields[k]);
+        }
+        angles[k] = gonio_radians(deg);
+    }
+    *pair = (gonio_pair){angles[0], angles[1], angles[2], angles[3]};
+    return GONIO_OK;
+}
+
+// %g drops trailing zeros, so 15 digits give every shorter form too; 17 always suffice.
+void gonio_text_shortest(double value, char *buffer) {
+    for (int digits = 15; digits <= 17; digits++) {
+        snprintf(buffer, 32, "%.*g", digits, value);
+        char *comma = strchr(buffer, ',');
+        if (comma != NULL) {
+            *comma = '.'; // the process may run in another locale
+        }
+        char *end;
+        if (decimal(buffer, &end) == value) {
+            return;
+        }
+    }
+}

@@ -1,0 +1,46 @@
+// Reading text files strictly: whole file in memory, line by line, errors with file and line.
+#ifndef GONIO_BASE_TEXT_H
+#define GONIO_BASE_TEXT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "gonio/direction.h"
+#include "gonio/status.h"
+
+// All bytes of a file, pipe or device ("-": standard input), with a 0 byte behind them. The caller frees *data.
+// limit (0: the machine's memory): a larger file is refused before it is read. GONIO_E_INPUT where it cannot be read.
+gonio_status gonio_file_read(const char *path, size_t limit, char **data, size_t *size, gonio_error *error);
+
+// A cursor over a text; data is cut up while it is read. Borrowed, nothing to free.
+typedef struct gonio_text {
+    const char *path; // for messages
+    char *next, *end;
+    long long line; // number of the line that gonio_text_line gave last
+} gonio_text;
+
+gonio_text gonio_text_begin(const char *path, char *data, size_t size); // skips a UTF-8 byte order mark
+// The next line, without its end and the blanks around it; NULL after the last one.
+char *gonio_text_line(gonio_text *text);
+// The next line that is neither empty nor a # comment.
+char *gonio_text_content(gonio_text *text);
+// Cut a line at separators (a blank separator: at runs of blanks), trim each field; returns how many there are, also
+// where that is more than maximum; fields past it are not stored.
+int gonio_text_split(char *line, char separator, char **fields, int maximum);
+// A finite decimal number that fills the field. Failing names `what`, the field and the line.
+gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
+                               gonio_error *error);
+// Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad; theta 0 to 90, phi -360 to 360.
+gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], gonio_pair *pair, gonio_error *error);
+// GONIO_E_INPUT at the current line.
+gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+#define GONIO_PAIR_HEADER "theta_i,phi_i,theta_o,phi_o"
+// True where the first four fields are that header's.
+bool gonio_text_is_pair_header(char *const *fields, int n);
+
+// The shortest decimal that reads back as exactly this finite double; buffer: 32 bytes.
+void gonio_text_shortest(double value, char *buffer);
+
+#endif
