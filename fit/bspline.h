@@ -1,0 +1,47 @@
+// The uniform cubic B-spline on [0, 1]: the four basis functions of a cell, and where a coordinate lies.
+//
+// Lee, Wolberg and Shin, "Scattered data interpolation with multilevel B-splines" (IEEE TVCG 1997), eq. 1. Level h has
+// 2^h cells and 2^h + 3 control points a dimension; cell i stands on control points i .. i + 3.
+#ifndef GONIO_FIT_BSPLINE_H
+#define GONIO_FIT_BSPLINE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define GONIO_DIMS_MAX 4
+
+static inline size_t gonio_bspline_size(int level) { return ((size_t)1 << level) + 3; }
+
+// Basis values at t in [0, 1] of a cell; they are >= 0 and sum to 1.
+static inline void gonio_bspline_weights(double t, double w[4]) {
+    const double s = 1 - t, t2 = t * t, s2 = s * s;
+    w[0] = s2 * s * (1.0 / 6);
+    w[1] = (4 + 3 * t2 * (t - 2)) * (1.0 / 6);
+    w[2] = (4 + 3 * s2 * (s - 2)) * (1.0 / 6);
+    w[3] = t2 * t * (1.0 / 6);
+}
+
+// Their derivatives with respect to t.
+static inline void gonio_bspline_slopes(double t, double w[4]) {
+    const double s = 1 - t;
+    w[0] = -0.5 * s * s;
+    w[1] = 1.5 * t * t - 2 * t;
+    w[2] = 2 * s - 1.5 * s * s;
+    w[3] = 0.5 * t * t;
+}
+
+// A coordinate as a fixed-point number: [0, 1] -> 0 .. 2^32 - 1. The cell of any level is then a shift and the place in
+// it a mask, exact and equal for all levels; the resolution, 2.3e-10, is far below any rig's pointing. Positions
+// outside [0, 1] are moved to the border, NaN to 0.
+static inline uint32_t gonio_bspline_fix(double x) {
+    const double scaled = x * 4294967296.0;
+    return scaled >= 4294967295.0 ? UINT32_MAX : scaled > 0 ? (uint32_t)scaled : 0;
+}
+
+static inline uint32_t gonio_bspline_cell(uint32_t fixed, int level) { return level > 0 ? fixed >> (32 - level) : 0; }
+
+static inline double gonio_bspline_place(uint32_t fixed, int level) {
+    return (double)(uint32_t)(fixed << level) * (1.0 / 4294967296.0);
+}
+
+#endif

@@ -1,0 +1,240 @@
+// Choosing by inner folds.
+//
+// One multilevel fit passes through every level, so the held-out error of all levels costs one fit. The score is
+// scale-free and weighs the typical and the worst alike: the mean of the logs of median |ln(p/f)| and rms ln(p/f), with
+// p and f raised by a floor of a hundredth of the median |f|: RMSE alone would be set by the one sample nearest
+// grazing.
+#include "fit/choose.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/lattice.h"
+#include "fit/mba.h"
+
+#define INNER_SEED 0x696e6e6572u // so that inner folds are not the outer ones
+#define LEVELS 10
+
+// The finest level worth trying: beyond 256 cells a sample nothing is learned, beyond level 7 (5 in 4-D) memory grows
+// past what a default may take.
+static int level_limit(const gonio_samples *samples) {
+    const int dims = samples->isotropic ? 3 : 4, cap = dims == 3 ? 7 : 5;
+    int level = 0;
+    while (level < cap && ldexp(1, dims * (level + 1)) <= 256.0 * (double)samples->n) {
+        level++;
+    }
+    return level;
+}
+
+static size_t lattice_bytes(const gonio_samples *samples, int level) {
+    const size_t count = gonio_lattice_count(samples->isotropic ? 3 : 4, level);
+    return count * (size_t)samples->channels * sizeof(float);
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+static double median_of(double *values, size_t n) {
+    qsort(values, n, sizeof *values, by_value);
+    return values[n / 2];
+}
+
+// Log of the score of predictions at the samples held; work: 2 n doubles. Lower is better.
+static double score_channel(size_t n, const double *predicted, const double *truth, double *work) {
+    for (size_t i = 0; i < n; i++) {
+        work[i] = fabs(truth[i]);
+    }
+    const double middle = median_of(work, n);
+    const double floor_value = middle > 0 ? 1e-2 * middle : work[n - 1] > 0 ? 1e-2 * work[n - 1] : 1;
+    double squares = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double d = log((fmax(predicted[i], 0) + floor_value) / (fmax(truth[i], 0) + floor_value));
+        work[i] = fabs(d);
+        squares += d * d;
+    }
+    return 0.5 * (log(median_of(work, n) + 1e-9) + log(sqrt(squares / (double)n) + 1e-9));
+}
+
+typedef struct trial {
+    const gonio_samples *held;
+    double *predicted, *truth, *work; // held->n each
+    double *x;                        // held->n x 4: coordinates
+} trial;
+
+static gonio_status trial_init(trial *t, const gonio_samples *held, gonio_error *error) {
+    t->held = held;
+    t->predicted = malloc(held->n * sizeof(double));
+    t->truth = malloc(held->n * sizeof(double));
+    t->work = malloc(held->n * sizeof(double));
+    t->x = malloc(held->n * GONIO_DIMS_MAX * sizeof(double));
+    const bool all = t->predicted != NULL && t->truth != NULL && t->work != NULL && t->x != NULL;
+    return all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to compare choices");
+}
+
+static void trial_release(trial *t) {
+    free(t->predicted);
+    free(t->truth);
+    free(t->work);
+    free(t->x);
+}
+
+static double score(const trial *t, const gonio_scatter *scatter, const gonio_lattice *lattice) {
+    const int channels = scatter->channels;
+    const size_t n = t->held->n;
+    double sum = 0, values[channels];
+    for (int c = 0; c < channels; c++) {
+        for (size_t i = 0; i < n; i++) {
+            gonio_lattice_eval(lattice, t->x + i * GONIO_DIMS_MAX, values);
+            t->predicted[i] = gonio_transform_invert(scatter->kind, &scatter->transforms[c], values[c]);
+            t->truth[i] = t->held->values[i * (size_t)channels + (size_t)c];
+        }
+        sum += score_channel(n, t->predicted, t->truth, t->work);
+    }
+    return sum / channels;
+}
+
+// Scores of levels 0 .. limit of one form, added to scores[].
+static gonio_status score_levels(const gonio_samples *train, const trial *t, const gonio_scatter_options *form,
+                                 const gonio_fit_options *options, int limit, double scores[LEVELS],
+                                 gonio_error *error) {
+    gonio_scatter scatter;
+    gonio_status status = gonio_scatter_init(&scatter, train, form, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    for (size_t i = 0; i < t->held->n; i++) {
+        gonio_scatter_locate(form->coordinates, scatter.dims, &t->held->pairs[i], t->x + i * GONIO_DIMS_MAX);
+    }
+    gonio_mba *mba;
+    status = gonio_mba_new(&scatter, options->thesis ? NULL : scatter.mean, options->threads, &mba, error);
+    for (int level = 0; level <= limit && status == GONIO_OK; level++) {
+        status = gonio_mba_next(mba, error);
+        if (status == GONIO_OK) {
+            scores[level] += score(t, &scatter, gonio_mba_lattice(mba));
+        }
+    }
+    gonio_mba_free(mba);
+    gonio_scatter_release(&scatter);
+    return status;
+}
+
+typedef struct form_scores {
+    gonio_scatter_options form;
+    double scores[LEVELS];
+} form_scores;
+
+static gonio_status score_fold(const gonio_samples *samples, const gonio_fit_options *options, const int *fold,
+                               int index, form_scores *forms, int n, int limit, gonio_error *error) {
+    bool *keep = malloc(samples->n * sizeof *keep);
+    gonio_samples *train = NULL, *held = NULL;
+    trial t = {0};
+    gonio_status status = keep != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to compare choices");
+    for (int side = 0; side < 2 && status == GONIO_OK; side++) {
+        for (size_t i = 0; i < samples->n; i++) {
+            keep[i] = (fold[i] == index) == (side == 1);
+        }
+        status = gonio_samples_select(samples, keep, side == 0 ? &train : &held, error);
+    }
+    if (status == GONIO_OK) {
+        status = trial_init(&t, held, error);
+    }
+    for (int f = 0; f < n && status == GONIO_OK && train->n > 0 && held->n > 0; f++) {
+        status = score_levels(train, &t, &forms[f].form, options, limit, forms[f].scores, error);
+    }
+    trial_release(&t);
+    gonio_samples_free(train);
+    gonio_samples_free(held);
+    free(keep);
+    return status;
+}
+
+// Every combination that the options leave open.
+static int list_forms(const gonio_samples *samples, const gonio_fit_options *o, form_scores *forms) {
+    const bool open = o->method == NULL && !o->thesis;
+    const int symmetry = o->symmetry != GONIO_SYMMETRY_AUTO ? o->symmetry
+                         : samples->isotropic               ? GONIO_SYMMETRY_MIRROR
+                                                            : 0;
+    int n = 0;
+    for (int c = 0; c < 3; c++) {
+        for (int d = 0; d < 2; d++) {
+            const int coordinates = o->coordinates_set ? (int)o->coordinates : open ? c : GONIO_NUSSELT;
+            const int domain = o->domain_set ? (int)o->domain : open ? d : GONIO_LINEAR;
+            if (coordinates == c && domain == d) {
+                forms[n++] = (form_scores){.form = {.coordinates = (gonio_coordinates)c,
+                                                    .domain = (gonio_domain)d,
+                                                    .symmetry = symmetry,
+                                                    .weighted = !o->thesis}};
+            }
+        }
+    }
+    return n;
+}
+
+static void pick(const form_scores *forms, int n, int lowest, int limit, int folds, gonio_mba_choice *choice) {
+    const form_scores *best = &forms[0];
+    int level = lowest;
+    for (int f = 0; f < n; f++) {
+        for (int h = lowest; h <= limit; h++) {
+            if (forms[f].scores[h] < best->scores[level]) {
+                best = &forms[f];
+                level = h;
+            }
+        }
+    }
+    // The smallest level within 2 % of the best: what finer ones add cannot be told from chance.
+    for (int h = lowest; h < level; h++) {
+        if ((best->scores[h] - best->scores[level]) / folds < log(1.02)) {
+            level = h;
+            break;
+        }
+    }
+    choice->scatter = best->form;
+    choice->level = level;
+    choice->score = best->scores[level] / folds;
+}
+
+static gonio_status choose_open(const gonio_samples *samples, const gonio_fit_options *options, form_scores *forms,
+                                int n, int lowest, int limit, gonio_mba_choice *choice, gonio_error *error) {
+    int *fold = malloc(samples->n * sizeof *fold);
+    if (fold == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to compare choices");
+    }
+    // Many samples make one fifth representative; few want every fold.
+    const int folds = 5, used = samples->n > 20000 ? 1 : folds;
+    gonio_status status = gonio_samples_folds(samples, folds, options->seed ^ INNER_SEED, fold, error);
+    for (int index = 0; index < used && status == GONIO_OK; index++) {
+        status = score_fold(samples, options, fold, index, forms, n, limit, error);
+    }
+    free(fold);
+    if (status == GONIO_OK) {
+        pick(forms, n, lowest, limit, used, choice);
+        snprintf(choice->note, sizeof choice->note, "%s, %s, level %d chosen by the error on %d inner fold%s",
+                 gonio_coordinates_name(choice->scatter.coordinates),
+                 choice->scatter.domain == GONIO_LOG ? "log" : "linear", choice->level, used, used > 1 ? "s" : "");
+    }
+    return status;
+}
+
+gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_options *options, gonio_mba_choice *choice,
+                              gonio_error *error) {
+    form_scores forms[6] = {0};
+    const int n = list_forms(samples, options, forms);
+    const bool open_level = options->level == GONIO_LEVEL_AUTO;
+    int limit = open_level ? level_limit(samples) : options->level;
+    while (options->max_bytes > 0 && lattice_bytes(samples, limit) > options->max_bytes && limit > 0 && open_level) {
+        limit--;
+    }
+    if (options->max_bytes > 0 && lattice_bytes(samples, limit) > options->max_bytes) {
+        return gonio_fail(error, GONIO_E_RANGE, "level %d takes %zu bytes; the limit is %zu", limit,
+                          lattice_bytes(samples, limit), options->max_bytes);
+    }
+    *choice = (gonio_mba_choice){.scatter = forms[0].form, .level = limit, .score = NAN};
+    if (n == 1 && !open_level) {
+        return GONIO_OK;
+    }
+    return choose_open(samples, options, forms, n, open_level ? 0 : limit, limit, choice, error);
+}

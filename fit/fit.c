@@ -1,0 +1,240 @@
+// The driver around every method: options, the saved model's fit, held-out figures from fits that did not see them.
+#include "gonio/fit.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "fit/method.h"
+
+void gonio_fit_options_default(gonio_fit_options *options) {
+    *options = (gonio_fit_options){.level = GONIO_LEVEL_AUTO,
+                                   .hold_out = 0.2,
+                                   .seed = 1,
+                                   .diffuse_level = -1,
+                                   .specular_level = -1,
+                                   .drop_percent = -1,
+                                   .lambda = -1,
+                                   .symmetry = GONIO_SYMMETRY_AUTO};
+}
+
+static double now_s(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static gonio_status unknown_method(const char *name, gonio_error *error) {
+    char list[256] = "";
+    for (const char *const *m = gonio_fit_methods(); *m != NULL; m++) {
+        snprintf(list + strlen(list), sizeof list - strlen(list), " %s", *m);
+    }
+    return gonio_fail(error, GONIO_E_USAGE, "unknown method '%s'; there are:%s", name, list);
+}
+
+static gonio_status check_options(const gonio_fit_options *o, gonio_error *error) {
+    if (o->level < GONIO_LEVEL_AUTO || o->level > GONIO_LEVEL_MAX) {
+        return gonio_fail(error, GONIO_E_USAGE, "level %d; 0 to %d are possible", o->level, GONIO_LEVEL_MAX);
+    }
+    if (!(o->hold_out >= 0 && o->hold_out < 1) || o->folds < 0 || o->folds == 1) {
+        return gonio_fail(error, GONIO_E_USAGE, "hold-out %g, %d folds; 0 <= hold-out < 1 and folds 0 or >= 2",
+                          o->hold_out, o->folds);
+    }
+    if (!(o->tolerance >= 0)) {
+        return gonio_fail(error, GONIO_E_USAGE, "tolerance %g; it must not be negative", o->tolerance);
+    }
+    if (o->thesis &&
+        ((o->coordinates_set && o->coordinates != GONIO_NUSSELT) || (o->domain_set && o->domain != GONIO_LINEAR))) {
+        return gonio_fail(error, GONIO_E_USAGE, "the thesis' form is in Nusselt coordinates and the linear domain");
+    }
+    return GONIO_OK;
+}
+
+// Which part each sample falls in: part[i] in 0 .. *parts - 1 is held out in its turn, -1 never. *parts 0: no hold-out.
+static gonio_status split(const gonio_samples *samples, const gonio_fit_options *o, int *part, int *parts,
+                          gonio_error *error) {
+    *parts = 0;
+    if (o->folds >= 2) {
+        *parts = o->folds;
+        return gonio_samples_folds(samples, o->folds, o->seed, part, error);
+    }
+    if (o->hold_out == 0) {
+        return GONIO_OK;
+    }
+    bool *held = malloc(samples->n * sizeof *held);
+    if (held == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to hold samples out");
+    }
+    const gonio_status status = gonio_samples_hold_out(samples, o->hold_out, o->seed, held, error);
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        part[i] = held[i] ? 0 : -1;
+        *parts = 1;
+    }
+    free(held);
+    return status;
+}
+
+typedef struct parts_fit {
+    const gonio_samples *samples;
+    const gonio_fit_method *method;
+    const int *part;
+    bool *which;       // scratch, then: which samples were predicted
+    double *predicted; // n x channels
+} parts_fit;
+
+// Fit without part `index` and predict it.
+static gonio_status predict_part(const parts_fit *f, const gonio_fit_options *options, int index, size_t *held,
+                                 gonio_error *error) {
+    const gonio_samples *all = f->samples;
+    *held = 0;
+    for (size_t i = 0; i < all->n; i++) {
+        f->which[i] = f->part[i] != index;
+        *held += !f->which[i];
+    }
+    if (*held == 0 || *held == all->n) {
+        *held = 0;
+        return GONIO_OK;
+    }
+    gonio_samples *rest;
+    gonio_status status = gonio_samples_select(all, f->which, &rest, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_model *model = NULL;
+    gonio_fit_report unused = {0};
+    status = f->method->fit(rest, options, &model, &unused, error);
+    gonio_samples_free(rest);
+    for (size_t i = 0; i < all->n && status == GONIO_OK; i++) {
+        if (f->part[i] == index) {
+            gonio_model_eval_pair(model, &all->pairs[i], f->predicted + i * (size_t)all->channels);
+        }
+    }
+    gonio_model_free(model);
+    return status;
+}
+
+static gonio_status held_out_errors(const gonio_samples *samples, const gonio_fit_method *method,
+                                    const gonio_fit_options *options, gonio_errors *out, gonio_error *error) {
+    *out = (gonio_errors){NAN, NAN, NAN, NAN, NAN, NAN, 0};
+    int parts = 0, *part = malloc(samples->n * sizeof *part);
+    parts_fit f = {samples, method, part, malloc(samples->n * sizeof(bool)),
+                   calloc(samples->n * (size_t)samples->channels, sizeof(double))};
+    gonio_status status = GONIO_OK;
+    if (part == NULL || f.which == NULL || f.predicted == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for held-out predictions of %zu samples", samples->n);
+    } else {
+        status = split(samples, options, part, &parts, error);
+    }
+    size_t predicted = 0;
+    for (int index = 0; index < parts && status == GONIO_OK; index++) {
+        size_t held;
+        status = predict_part(&f, options, index, &held, error);
+        predicted += held;
+    }
+    if (status == GONIO_OK && predicted > 0) {
+        for (size_t i = 0; i < samples->n; i++) {
+            f.which[i] = part[i] >= 0;
+        }
+        status = gonio_errors_of(samples, f.predicted, f.which, out, error);
+    }
+    free(part);
+    free(f.which);
+    free(f.predicted);
+    return status;
+}
+
+// The smallest level whose held-out RMSE (training, without a hold-out) meets the tolerance.
+static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_fit_method *method,
+                                   gonio_fit_options *options, gonio_error *error) {
+    const bool held = options->hold_out > 0 || options->folds >= 2;
+    double best = INFINITY;
+    for (int level = 0; level <= GONIO_LEVEL_MAX; level++) {
+        options->level = level;
+        gonio_errors errors;
+        gonio_status status;
+        if (held) {
+            status = held_out_errors(samples, method, options, &errors, error);
+        } else {
+            gonio_model *model = NULL;
+            gonio_fit_report unused = {0};
+            status = method->fit(samples, options, &model, &unused, error);
+            if (status == GONIO_OK) {
+                status = gonio_errors_model(model, samples, NULL, &errors, error);
+            }
+            gonio_model_free(model);
+        }
+        if (status == GONIO_E_MEMORY || status == GONIO_E_RANGE) {
+            break; // a finer level does not fit
+        }
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (errors.rmse <= options->tolerance) {
+            return GONIO_OK;
+        }
+        best = fmin(best, errors.rmse);
+    }
+    return gonio_fail(error, GONIO_E_CONVERGENCE, "no level reaches a %s RMSE of %g; the best reached %g",
+                      held ? "held-out" : "training", options->tolerance, best);
+}
+
+static void append_note(gonio_fit_report *report, const char *text) {
+    const size_t length = strlen(report->note);
+    snprintf(report->note + length, sizeof report->note - length, "%s%s", length > 0 ? "; " : "", text);
+}
+
+static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method *method,
+                            const gonio_fit_options *options, const char *name, gonio_model **out,
+                            gonio_fit_report *report, gonio_error *error) {
+    const double start = now_s();
+    gonio_status status = method->fit(samples, options, out, report, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    report->fit_seconds = now_s() - start;
+    snprintf(report->method, sizeof report->method, "%s", name);
+    report->samples = samples->n;
+    report->channels = samples->channels;
+    report->control_points = (*out)->control_points;
+    report->bytes = (*out)->bytes;
+    status = gonio_errors_model(*out, samples, NULL, &report->train, error);
+    if (status == GONIO_OK) {
+        status = held_out_errors(samples, method, options, &report->held_out, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_model_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
+                       gonio_fit_report *report, gonio_error *error) {
+    *out = NULL;
+    gonio_fit_report own;
+    report = report != NULL ? report : &own;
+    *report = (gonio_fit_report){0};
+    gonio_fit_options o = *options;
+    const char *name = o.thesis && o.method == NULL ? "mba" : o.method;
+    o.method = name;
+    const gonio_fit_method *method = gonio_fit_method_find(&name);
+    if (method == NULL) {
+        return unknown_method(name, error);
+    }
+    gonio_status status = check_options(&o, error);
+    if (status == GONIO_OK && samples->n == 0) {
+        status = gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
+    }
+    if (status == GONIO_OK && o.tolerance > 0 && method->levels && o.level == GONIO_LEVEL_AUTO) {
+        status = meet_tolerance(samples, method, &o, error);
+    }
+    if (status == GONIO_OK) {
+        status = fit_all(samples, method, &o, name, out, report, error);
+    }
+    if (status == GONIO_OK && report->held_out.samples == 0 && (o.hold_out > 0 || o.folds >= 2)) {
+        append_note(report, "too few geometries to hold any out");
+    }
+    return status;
+}

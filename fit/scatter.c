@@ -1,0 +1,247 @@
+// Samples -> scatter: the coordinates, the transform of each channel, the weights, and the order.
+#include "fit/scatter.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void gonio_scatter_release(gonio_scatter *scatter) {
+    free(scatter->positions);
+    free(scatter->values);
+    free(scatter->weights);
+    free(scatter->transforms);
+    free(scatter->mean);
+    *scatter = (gonio_scatter){0};
+}
+
+void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_pair *pair, double x[GONIO_DIMS_MAX]) {
+    const gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i);
+    const gonio_vec3 wo = gonio_direction(pair->theta_o, pair->phi_o);
+    if (dims == 3) {
+        gonio_coordinates_isotropic(coordinates, wi, wo, x);
+    } else {
+        gonio_coordinates_anisotropic(coordinates, wi, wo, x);
+    }
+}
+
+// phi -> -phi turns y into -y: lambda_o, r sin phi_d, the reflected offset's y; in 4-D the second of each pair.
+unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims) {
+    if (dims == 4) {
+        return 1u << 1 | 1u << 3;
+    }
+    return coordinates == GONIO_HALF_VECTOR ? 1u << 1 : 1u << 2;
+}
+
+static gonio_status check(const gonio_samples *samples, gonio_error *error) {
+    if (samples->n == 0) {
+        return gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
+    }
+    const size_t c = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n; i++) {
+        const gonio_pair *p = &samples->pairs[i];
+        // Written so that NaN fails; 1e-9 rad beyond the horizon is rounding and lands on the border.
+        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= GONIO_PI / 2 + 1e-9 && p->theta_o >= -1e-9 &&
+                            p->theta_o <= GONIO_PI / 2 + 1e-9 && isfinite(p->phi_i) && isfinite(p->phi_o);
+        if (!inside) {
+            return gonio_fail(error, GONIO_E_INPUT,
+                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to 90",
+                              i + 1, p->theta_i * 180 / GONIO_PI, p->phi_i * 180 / GONIO_PI,
+                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI);
+        }
+        for (size_t k = 0; k < c; k++) {
+            if (!isfinite(samples->values[i * c + k])) {
+                return gonio_fail(error, GONIO_E_INPUT, "sample %zu, channel %s: the value is %g", i + 1,
+                                  samples->channel_names[k], samples->values[i * c + k]);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
+// A power of two near the channel's largest |value|; 1 for a channel of zeros.
+static double channel_scale(const gonio_samples *samples, size_t channel) {
+    double largest = 0;
+    for (size_t i = 0; i < samples->n; i++) {
+        largest = fmax(largest, fabs(samples->values[i * (size_t)samples->channels + channel]));
+    }
+    int exponent = 0;
+    frexp(largest, &exponent);
+    // 2^-1074 .. 2^1023 are the doubles' powers of two; a scale of 2^1024 would be infinite.
+    return largest > 0 ? ldexp(1, exponent > 1023 ? 1023 : exponent) : 1;
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+// The log's offset, in units of the scale: the noise level where it is known, and never below a thousandth of the
+// median magnitude, so that zeros (clamped noise) do not fall to minus infinity.
+static double channel_eps(const gonio_samples *samples, size_t channel, double scale, double *sorted) {
+    const size_t c = (size_t)samples->channels, n = samples->n;
+    for (size_t i = 0; i < n; i++) {
+        sorted[i] = fabs(samples->values[i * c + channel]) / scale;
+    }
+    qsort(sorted, n, sizeof *sorted, by_value);
+    double eps = fmax(sorted[n / 2] * 1e-2, sorted[n - 1] * 1e-6);
+    if (samples->sigma_random != NULL) {
+        for (size_t i = 0; i < n; i++) {
+            sorted[i] = samples->sigma_random[i * c + channel] / scale;
+        }
+        qsort(sorted, n, sizeof *sorted, by_value);
+        eps = fmax(eps, sorted[n / 10]);
+    }
+    return eps > 0 && isfinite(eps) ? eps : 1e-6;
+}
+
+static bool has_negatives(const gonio_samples *samples) {
+    for (size_t i = 0; i < samples->n * (size_t)samples->channels; i++) {
+        if (samples->values[i] < 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static gonio_status choose_transforms(gonio_scatter *scatter, const gonio_samples *samples, gonio_domain domain,
+                                      gonio_error *error) {
+    scatter->kind = domain == GONIO_LINEAR   ? GONIO_TRANSFORM_LINEAR
+                    : has_negatives(samples) ? GONIO_TRANSFORM_ASINH
+                                             : GONIO_TRANSFORM_LOG;
+    double *sorted = malloc(samples->n * sizeof *sorted);
+    if (sorted == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu values", samples->n);
+    }
+    for (size_t c = 0; c < (size_t)samples->channels; c++) {
+        const double scale = channel_scale(samples, c);
+        const double eps = domain == GONIO_LINEAR ? 0 : channel_eps(samples, c, scale, sorted);
+        scatter->transforms[c] = (gonio_transform){scale, eps};
+    }
+    free(sorted);
+    return GONIO_OK;
+}
+
+static gonio_status allocate(gonio_scatter *scatter, bool weighted, gonio_error *error) {
+    const size_t c = (size_t)scatter->channels;
+    scatter->positions = malloc(scatter->n * (size_t)scatter->dims * sizeof *scatter->positions);
+    scatter->values = malloc(scatter->n * c * sizeof *scatter->values);
+    scatter->weights = weighted ? malloc(scatter->n * sizeof *scatter->weights) : NULL;
+    scatter->transforms = malloc(c * sizeof *scatter->transforms);
+    scatter->mean = malloc(c * sizeof *scatter->mean);
+    const bool all = scatter->positions != NULL && scatter->values != NULL && scatter->transforms != NULL &&
+                     scatter->mean != NULL && (!weighted || scatter->weights != NULL);
+    return all ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY, "no memory to prepare %zu samples (%.3g GB)", scatter->n,
+                            (double)scatter->n * 4 * (double)(c + (size_t)scatter->dims + 1) / 1e9);
+}
+
+// Variance of a sample's transformed values, mean over channels; 0 where a channel's sigma is 0 or unusable.
+static double sample_variance(const gonio_scatter *scatter, const gonio_samples *samples, size_t i) {
+    const size_t c = (size_t)samples->channels;
+    double sum = 0;
+    for (size_t k = 0; k < c; k++) {
+        const double sigma = samples->sigma_random[i * c + k];
+        if (!(sigma > 0 && isfinite(sigma))) {
+            return 0;
+        }
+        const double v = (double)scatter->values[i * c + k];
+        const double relative = sigma / gonio_transform_slope(scatter->kind, &scatter->transforms[k], v);
+        sum += relative * relative;
+    }
+    return sum / (double)c;
+}
+
+// 1/variance, the largest 1. Samples without a usable sigma get the largest weight that the others have.
+static void fill_weights(gonio_scatter *scatter, const gonio_samples *samples) {
+    double least = INFINITY;
+    for (size_t i = 0; i < samples->n; i++) {
+        const double variance = sample_variance(scatter, samples, i);
+        least = variance > 0 ? fmin(least, variance) : least;
+    }
+    for (size_t i = 0; i < samples->n; i++) {
+        const double variance = sample_variance(scatter, samples, i);
+        // Below 2^-60 a weight would drown in the rounding of any sum it meets, and its cube leave the float range.
+        scatter->weights[i] = variance > 0 ? (float)fmax(least / variance, 0x1p-60) : 1;
+    }
+}
+
+static void fill_mean(gonio_scatter *scatter) {
+    const size_t c = (size_t)scatter->channels;
+    double total = 0;
+    memset(scatter->mean, 0, c * sizeof *scatter->mean);
+    for (size_t i = 0; i < scatter->n; i++) {
+        const double w = scatter->weights != NULL ? (double)scatter->weights[i] : 1;
+        total += w;
+        for (size_t k = 0; k < c; k++) {
+            scatter->mean[k] += w * (double)scatter->values[i * c + k];
+        }
+    }
+    for (size_t k = 0; k < c; k++) {
+        scatter->mean[k] /= total;
+    }
+}
+
+static void fill_positions(gonio_scatter *scatter, const gonio_samples *samples, bool swapped, uint32_t *out) {
+    for (size_t i = 0; i < samples->n; i++) {
+        double x[GONIO_DIMS_MAX];
+        const gonio_pair pair = swapped ? gonio_pair_swapped(samples->pairs[i]) : samples->pairs[i];
+        gonio_scatter_locate(scatter->coordinates, scatter->dims, &pair, x);
+        for (int d = 0; d < scatter->dims; d++) {
+            *out++ = gonio_bspline_fix(x[d]);
+        }
+    }
+}
+
+static void fill_values(gonio_scatter *scatter, const gonio_samples *samples) {
+    const size_t c = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n; i++) {
+        for (size_t k = 0; k < c; k++) {
+            scatter->values[i * c + k] =
+                (float)gonio_transform_apply(scatter->kind, &scatter->transforms[k], samples->values[i * c + k]);
+        }
+    }
+}
+
+// The swapped copies stand behind the originals.
+static void repeat_values(gonio_scatter *scatter, size_t n) {
+    const size_t row = n * (size_t)scatter->channels;
+    memcpy(scatter->values + row, scatter->values, row * sizeof *scatter->values);
+    if (scatter->weights != NULL) {
+        memcpy(scatter->weights + n, scatter->weights, n * sizeof *scatter->weights);
+    }
+}
+
+gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *samples,
+                                const gonio_scatter_options *options, gonio_error *error) {
+    const bool reciprocal = (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
+    *scatter = (gonio_scatter){.n = samples->n * (reciprocal ? 2 : 1),
+                               .dims = samples->isotropic ? 3 : 4,
+                               .channels = samples->channels,
+                               .coordinates = options->coordinates};
+    gonio_status status = check(samples, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (options->symmetry & GONIO_SYMMETRY_MIRROR) {
+        scatter->mirror_axes = gonio_scatter_mirror_axes(options->coordinates, scatter->dims);
+    }
+    status = allocate(scatter, options->weighted && samples->sigma_random != NULL, error);
+    if (status == GONIO_OK) {
+        status = choose_transforms(scatter, samples, options->domain, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_scatter_release(scatter);
+        return status;
+    }
+    fill_positions(scatter, samples, false, scatter->positions);
+    fill_values(scatter, samples);
+    if (scatter->weights != NULL) {
+        fill_weights(scatter, samples);
+    }
+    if (reciprocal) {
+        fill_positions(scatter, samples, true, scatter->positions + samples->n * (size_t)scatter->dims);
+        repeat_values(scatter, samples->n);
+    }
+    fill_mean(scatter);
+    return GONIO_OK;
+}

@@ -1,0 +1,120 @@
+// Streaming: samples are kept as they come; a provisional model, refitted whenever the set has grown by a half,
+// predicts each new sample before it is added. Finishing is the batch fit of all, so it equals that bit for bit.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "gonio/fit.h"
+
+#define FIRST_FIT 24 // below, an error says nothing yet
+#define WINDOW 4096  // the running error is over the latest predictions
+#define PROVISIONAL_LEVEL 5
+
+struct gonio_fit_stream {
+    gonio_samples *samples;
+    gonio_fit_options options, provisional_options;
+    char *method;
+    gonio_model *provisional;
+    size_t next_fit;
+    double *squares; // [WINDOW] squared errors, mean over channels
+    size_t predicted;
+};
+
+gonio_status gonio_fit_stream_new(int channels, const char (*channel_names)[32], const gonio_fit_options *options,
+                                  gonio_fit_stream **out, gonio_error *error) {
+    gonio_fit_stream *stream = *out = calloc(1, sizeof *stream);
+    if (stream == NULL || (stream->squares = calloc(WINDOW, sizeof *stream->squares)) == NULL) {
+        gonio_fit_stream_free(stream);
+        *out = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a streamed fit");
+    }
+    const gonio_status status = gonio_samples_new(channels, true, &stream->samples, error);
+    if (status != GONIO_OK) {
+        gonio_fit_stream_free(stream);
+        *out = NULL;
+        return status;
+    }
+    memcpy(stream->samples->channel_names, channel_names, (size_t)channels * sizeof *channel_names);
+    stream->options = *options;
+    if (options->method != NULL) {
+        stream->method = strdup(options->method);
+        stream->options.method = stream->method;
+    }
+    gonio_fit_options_default(&stream->provisional_options);
+    stream->provisional_options.method = "mba";
+    stream->provisional_options.level = PROVISIONAL_LEVEL;
+    stream->provisional_options.coordinates_set = stream->provisional_options.domain_set = true;
+    stream->provisional_options.coordinates = options->coordinates_set ? options->coordinates : GONIO_NUSSELT;
+    stream->provisional_options.domain = options->domain_set ? options->domain : GONIO_LOG;
+    stream->provisional_options.hold_out = 0;
+    stream->next_fit = FIRST_FIT;
+    return GONIO_OK;
+}
+
+void gonio_fit_stream_free(gonio_fit_stream *stream) {
+    if (stream == NULL) {
+        return;
+    }
+    gonio_samples_free(stream->samples);
+    gonio_model_free(stream->provisional);
+    free(stream->method);
+    free(stream->squares);
+    free(stream);
+}
+
+static void predict(gonio_fit_stream *stream, const gonio_pair *pair, const double *values) {
+    const int channels = stream->samples->channels;
+    double predicted[channels], sum = 0;
+    gonio_model_eval_pair(stream->provisional, pair, predicted);
+    for (int c = 0; c < channels; c++) {
+        sum += (predicted[c] - values[c]) * (predicted[c] - values[c]);
+    }
+    stream->squares[stream->predicted++ % WINDOW] = sum / channels;
+}
+
+static gonio_status refit(gonio_fit_stream *stream, gonio_error *error) {
+    gonio_model *model;
+    const gonio_status status = gonio_fit(stream->samples, &stream->provisional_options, &model, NULL, error);
+    if (status == GONIO_OK) {
+        gonio_model_free(stream->provisional);
+        stream->provisional = model;
+        stream->next_fit = stream->samples->n + stream->samples->n / 2;
+    }
+    return status;
+}
+
+gonio_status gonio_fit_stream_add(gonio_fit_stream *stream, const gonio_samples *samples, gonio_error *error) {
+    const size_t c = (size_t)stream->samples->channels;
+    if (samples->channels != stream->samples->channels) {
+        return gonio_fail(error, GONIO_E_INPUT, "%d channels; the streamed fit has %zu", samples->channels, c);
+    }
+    stream->samples->isotropic = stream->samples->isotropic && samples->isotropic;
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        if (stream->provisional != NULL) {
+            predict(stream, &samples->pairs[i], samples->values + i * c);
+        }
+        const bool sigma = samples->sigma_random != NULL;
+        status = gonio_samples_add(stream->samples, &samples->pairs[i], samples->values + i * c,
+                                   sigma ? samples->sigma_random + i * c : NULL,
+                                   sigma ? samples->sigma_systematic + i * c : NULL, error);
+        if (status == GONIO_OK && stream->samples->n >= stream->next_fit) {
+            status = refit(stream, error);
+        }
+    }
+    return status;
+}
+
+double gonio_fit_stream_error(const gonio_fit_stream *stream) {
+    const size_t n = stream->predicted < WINDOW ? stream->predicted : WINDOW;
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        sum += stream->squares[i];
+    }
+    return n > 0 ? sqrt(sum / (double)n) : NAN;
+}
+
+gonio_status gonio_fit_stream_finish(gonio_fit_stream *stream, gonio_model **out, gonio_fit_report *report,
+                                     gonio_error *error) {
+    return gonio_fit(stream->samples, &stream->options, out, report, error);
+}
