@@ -35,13 +35,23 @@ gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_e
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error);
 void gonio_session_close(gonio_session *session); // NULL is allowed
 bool gonio_session_is(const char *path);          // a folder with a session.db
+const char *gonio_session_path(const gonio_session *session); // as it was opened; lives as long as the session
 
-// Settings: key -> text. get: the caller frees the text; GONIO_E_INPUT where the key is missing.
+// Make what follows one transaction: all of it is stored at the commit, or nothing. Not nested.
+gonio_status gonio_session_begin(gonio_session *session, gonio_error *error);
+gonio_status gonio_session_commit(gonio_session *session, gonio_error *error);
+void gonio_session_rollback(gonio_session *session);
+
+// Settings: key -> text. get: the caller frees the text; GONIO_E_INPUT where the key is missing. The session itself
+// reads "camera.bits" (1..16, default 16): the bits that a frame's words carry.
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error);
 gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error);
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error);
+// The events, oldest first, as "UTC kind: text" lines; the caller frees the text.
+gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error);
 
-// The steps, entered once at the start, in one transaction.
+// The steps, entered once at the start, in one transaction (the caller's own where one is open). Poses are stored in
+// degrees: pass them through gonio_angle_canonical first and they come back bit for bit.
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error);
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n,
                                  gonio_error *error); // caller frees
@@ -56,12 +66,43 @@ gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio
 void gonio_exposures_free(gonio_exposure *exposures, int n);
 // All samples in step order, as journalled (before the pointing term). The caller frees them.
 gonio_status gonio_session_samples(gonio_session *session, gonio_samples **out, gonio_error *error);
+// One step's samples; *out is NULL, with GONIO_OK, where the step has none. The caller frees them.
+gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, gonio_samples **out, gonio_error *error);
+// Replace a done step's samples (NULL: remove them), when the calibration that they stand on was taken again.
+gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
+                                            gonio_error *error);
 
+// The final samples differ from the journalled ones in their sigmas alone (the pointing term). put: the same samples in
+// the same order. get: *final tells whether the session is finished; until then the journalled ones come.
+gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error);
+gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error);
+// Open, read the final samples, close: what a verb does whose INPUT is a session.
+gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error);
+
+// Take a step back: its frames and samples leave the journal, and so do the results, which no longer stand.
+gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error);
+// Remove files under frames/ that no step owns (what a stopped step left); each is an event. *removed may be NULL.
+gonio_status gonio_session_sweep(gonio_session *session, int *removed, gonio_error *error);
+
+// What the doctor found. steps_lost: steps that must be measured again (undone, when repairing).
 typedef struct gonio_doctor_report {
-    int64_t frames, frames_bad, steps_done, steps_lost;
+    int64_t steps, steps_done, steps_lost;
+    int64_t frames, frames_bad; // bad: missing, truncated, or another checksum
+    int64_t samples_bad;        // steps whose samples do not match their checksum or lack; frames can restore them
+    int64_t strays;             // files under frames/ that no step owns
     bool database_ok;
+    char detail[4096]; // one line a finding, cut where it grows too long
 } gonio_doctor_report;
+// Verify everything. A damaged session is GONIO_OK with what is wrong in the report; an error is what prevented the
+// examination. repair: undo steps with bad frames (`gonio resume` measures them again), drop samples that frames can
+// restore, and copy what a damaged database still holds into a new one; the damaged one is kept beside it.
 gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error);
+
+// SHA-256 as 64 hex digits: of bytes, of a file, and of the CSV that gonio_write_samples makes of a set.
+#define GONIO_SHA256_HEX 65
+gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_HEX], gonio_error *error);
+gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error);
+gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,286 @@
+// Verify a session: the database, every frame's and every sample set's checksum, and what lies about; repair it.
+#include <dirent.h>
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "host/session/internal.h"
+
+static void note(gonio_doctor_report *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void note(gonio_doctor_report *report, const char *format, ...) {
+    const size_t used = strlen(report->detail), room = sizeof report->detail - used;
+    char line[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    if (strlen(line) + 2 < room) {
+        snprintf(report->detail + used, room, "%s\n", line);
+    }
+}
+
+// ---- stray files ----
+
+static bool owned(sqlite3_stmt *query, const char *name) {
+    sqlite3_reset(query);
+    sqlite3_bind_text(query, 1, name, -1, SQLITE_TRANSIENT);
+    return sqlite3_step(query) == SQLITE_ROW;
+}
+
+typedef gonio_status (*stray_fn)(gonio_session *session, const char *name, void *context, gonio_error *error);
+
+static gonio_status for_strays(gonio_session *session, stray_fn call, void *context, gonio_error *error) {
+    char *path;
+    if (asprintf(&path, "%s/frames", session->path) < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    DIR *folder = opendir(path);
+    free(path);
+    if (folder == NULL) {
+        return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot list frames/: %s", strerror(errno));
+    }
+    // The step that owns a file is in its name, and the primary key finds it without an index on names.
+    sqlite3_stmt *query;
+    gonio_status status =
+        session_prepare(session, "SELECT 1 FROM frames WHERE step = CAST(?1 AS INTEGER) AND file = ?1", &query, error);
+    const struct dirent *entry;
+    while (status == GONIO_OK && (entry = readdir(folder)) != NULL) {
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 && !owned(query, entry->d_name)) {
+            status = call(session, entry->d_name, context, error);
+        }
+    }
+    sqlite3_finalize(query);
+    closedir(folder);
+    return status;
+}
+
+static gonio_status remove_stray(gonio_session *session, const char *name, void *context, gonio_error *error) {
+    char text[300];
+    snprintf(text, sizeof text, "frames/%s of an unfinished step was dropped", name);
+    if (unlinkat(session->frames_fd, name, 0) != 0) {
+        return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot remove frames/%s: %s", name,
+                               strerror(errno));
+    }
+    ++*(int *)context;
+    return gonio_session_event(session, "dropped", text, error);
+}
+
+gonio_status gonio_session_sweep(gonio_session *session, int *removed, gonio_error *error) {
+    int count = 0;
+    bool own;
+    gonio_status status = session_begin_own(session, &own, error);
+    if (status == GONIO_OK) {
+        status = session_end_own(session, own, for_strays(session, remove_stray, &count, error), error);
+    }
+    if (removed != NULL) {
+        *removed = count;
+    }
+    return status;
+}
+
+static gonio_status count_stray(gonio_session *session, const char *name, void *context, gonio_error *error) {
+    (void)session, (void)error;
+    gonio_doctor_report *report = context;
+    report->strays++;
+    note(report, "frames/%s belongs to no finished step; resume drops it", name);
+    return GONIO_OK;
+}
+
+// ---- checks ----
+
+static bool integrity(gonio_session *session, gonio_doctor_report *report) {
+    sqlite3_stmt *rows;
+    gonio_error why = {0};
+    if (session_prepare(session, "PRAGMA integrity_check(8)", &rows, &why) != GONIO_OK) {
+        note(report, "%s", why.message);
+        return false;
+    }
+    bool sound = true;
+    int code;
+    while ((code = sqlite3_step(rows)) == SQLITE_ROW) {
+        const char *text = (const char *)sqlite3_column_text(rows, 0);
+        if (text == NULL || strcmp(text, "ok") != 0) {
+            note(report, "session.db: %s", text != NULL ? text : "no answer to the integrity check");
+            sound = false;
+        }
+    }
+    if (code != SQLITE_DONE) {
+        note(report, "session.db: %s", sqlite3_errmsg(session->db));
+        sound = false;
+    }
+    sqlite3_finalize(rows);
+    return sound;
+}
+
+// Every frame of a step on its own, so that one bad frame does not hide the next.
+static gonio_status check_frames(gonio_session *session, const gonio_step *step, int bits, gonio_doctor_report *report,
+                                 int *bad, gonio_error *error) {
+    sqlite3_stmt *rows;
+    gonio_status status = session_prepare(
+        session, "SELECT file, sha256, width, height FROM frames WHERE step = ? ORDER BY frame", &rows, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_int64(rows, 1, step->index);
+    int found = 0, code;
+    while ((code = sqlite3_step(rows)) == SQLITE_ROW) {
+        const char *name = (const char *)sqlite3_column_text(rows, 0);
+        const char *hash = (const char *)sqlite3_column_text(rows, 1);
+        gonio_frame frame = {.window = {0, 0, sqlite3_column_int(rows, 2), sqlite3_column_int(rows, 3)}};
+        gonio_error why = {0};
+        found++;
+        if (name == NULL || hash == NULL || frame.window.width < 1 || frame.window.height < 1 ||
+            session_frame_read(session, name, hash, bits, &frame, &why) != GONIO_OK) {
+            ++*bad;
+            note(report, "step %lld: %s%s%s", (long long)step->index, why.file[0] != 0 ? why.file : "",
+                 why.file[0] != 0 ? ": " : "", why.message);
+        }
+        free(frame.pixels);
+    }
+    sqlite3_finalize(rows);
+    if (code != SQLITE_DONE || found != step->frames) {
+        note(report, "step %lld: %d of %d frames are in the journal", (long long)step->index, found, step->frames);
+        *bad += found < step->frames ? step->frames - found : 1;
+    }
+    return GONIO_OK;
+}
+
+static bool samples_sound(gonio_session *session, const gonio_step *step, gonio_doctor_report *report) {
+    gonio_samples *samples = NULL;
+    gonio_error why = {0};
+    const gonio_status status = gonio_session_step_samples(session, step->index, &samples, &why);
+    const bool sound = status == GONIO_OK && samples != NULL;
+    gonio_samples_free(samples);
+    if (!sound) {
+        note(report, "step %lld: %s", (long long)step->index,
+             status == GONIO_OK ? "its samples are missing; resume restores them from the frames" : why.message);
+    }
+    return sound;
+}
+
+static gonio_status drop_samples(gonio_session *session, int64_t step, gonio_error *error) {
+    char sql[256], number[24] = "";
+    if (step >= 0) {
+        snprintf(number, sizeof number, "%lld", (long long)step);
+    }
+    snprintf(sql, sizeof sql,
+             "DELETE FROM final_sigma; DELETE FROM settings WHERE key LIKE 'result.%%';"
+             "DELETE FROM samples%s%s",
+             step >= 0 ? " WHERE step = " : "", number);
+    return session_exec(session, sql, error);
+}
+
+static gonio_status check_step(gonio_session *session, const gonio_step *step, int bits, bool repair,
+                               gonio_doctor_report *report, gonio_error *error) {
+    int bad = 0;
+    gonio_status status = check_frames(session, step, bits, report, &bad, error);
+    report->steps_done++;
+    report->frames += step->frames;
+    report->frames_bad += bad;
+    if (status == GONIO_OK && bad > 0) {
+        report->steps_lost++;
+        if (repair) {
+            status = gonio_session_undo_step(session, step->index, "bad frames", error);
+            // All samples stand on the calibration: they are computed anew once it has been measured again.
+            if (status == GONIO_OK && step->kind != GONIO_STEP_SAMPLE) {
+                status = drop_samples(session, -1, error);
+            }
+        }
+    } else if (status == GONIO_OK && step->kind == GONIO_STEP_SAMPLE && !samples_sound(session, step, report)) {
+        report->samples_bad++;
+        status = repair ? drop_samples(session, step->index, error) : GONIO_OK;
+    }
+    return status;
+}
+
+static gonio_status check_final(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
+    gonio_samples *samples = NULL;
+    bool final;
+    gonio_error why = {0};
+    const gonio_status status = gonio_session_final_samples(session, &samples, &final, &why);
+    gonio_samples_free(samples);
+    if (status == GONIO_OK || report->samples_bad > 0 || strstr(why.message, "no samples yet") != NULL) {
+        return GONIO_OK;
+    }
+    report->samples_bad++;
+    note(report, "%s", why.message);
+    return repair
+               ? session_exec(session, "DELETE FROM final_sigma; DELETE FROM settings WHERE key LIKE 'result.%'", error)
+               : GONIO_OK;
+}
+
+static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
+    gonio_step *steps;
+    size_t n;
+    int bits;
+    gonio_status status = session_frame_bits(session, &bits, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_steps(session, &steps, &n, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    report->steps = (int64_t)n;
+    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
+        if (steps[i].done) {
+            status = check_step(session, &steps[i], bits, repair, report, error);
+        }
+    }
+    free(steps);
+    if (status == GONIO_OK) {
+        status = check_final(session, repair, report, error);
+    }
+    if (status == GONIO_OK) {
+        status = for_strays(session, count_stray, report, error);
+    }
+    return status == GONIO_OK && repair ? gonio_session_sweep(session, NULL, error) : status;
+}
+
+// A newer version, a locked or a missing session are answers about the session as a whole, not damage.
+static bool is_damage(gonio_status status, const gonio_error *why) {
+    return status == GONIO_E_INPUT && strstr(why->message, "damaged") != NULL;
+}
+
+gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error) {
+    *report = (gonio_doctor_report){0};
+    gonio_session *session;
+    gonio_error why = {0};
+    gonio_status status = gonio_session_open(path, repair, &session, &why);
+    if (status != GONIO_OK && !is_damage(status, &why)) {
+        if (error != NULL) {
+            *error = why;
+        }
+        return status;
+    }
+    report->database_ok = status == GONIO_OK && integrity(session, report);
+    if (!report->database_ok && status != GONIO_OK) {
+        note(report, "%s", why.message);
+    }
+    if (!report->database_ok && repair) {
+        gonio_session_close(session);
+        status = session_salvage(path, error);
+        if (status == GONIO_OK) {
+            status = gonio_session_open(path, repair, &session, error);
+        }
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    if (session == NULL) {
+        return GONIO_OK; // the report says that the database cannot be read
+    }
+    status = examine(session, repair, report, &why);
+    gonio_session_close(session);
+    if (status != GONIO_OK && is_damage(status, &why)) {
+        report->database_ok = false;
+        note(report, "%s", why.message);
+        return GONIO_OK;
+    }
+    if (status != GONIO_OK && error != NULL) {
+        *error = why;
+    }
+    return status;
+}

@@ -1,0 +1,306 @@
+// The frame store: files under frames/ and their rows in the journal.
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "host/session/internal.h"
+
+void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
+    snprintf(name, SESSION_FRAME_NAME, "%06lld-%02d.png", (long long)step, frame);
+}
+
+gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error) {
+    const size_t pixels = (size_t)frame->window.width * (size_t)frame->window.height;
+    return gonio_sha256(frame->pixels, pixels * sizeof *frame->pixels, hex, error);
+}
+
+gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error) {
+    char *text;
+    *bits = 16;
+    if (gonio_session_get(session, "camera.bits", &text, NULL) != GONIO_OK) {
+        return GONIO_OK;
+    }
+    *bits = atoi(text);
+    free(text);
+    return *bits >= 1 && *bits <= 16 ? GONIO_OK
+                                     : gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                                       "setting camera.bits is %d; 1 to 16 is expected", *bits);
+}
+
+// ---- writing ----
+
+static gonio_status write_all(int fd, const session_png *png) {
+    for (size_t at = 0; at < png->size;) {
+        const ssize_t wrote = write(fd, png->data + at, png->size - at);
+        if (wrote < 0 && errno != EINTR) {
+            return GONIO_E_IO;
+        }
+        at += wrote > 0 ? (size_t)wrote : 0;
+    }
+    return GONIO_OK;
+}
+
+// Under a temporary name, synced and renamed: a file of the final name is whole.
+static gonio_status write_file(gonio_session *session, const char *name, const session_png *png, gonio_error *error) {
+    char temporary[SESSION_FRAME_NAME + 8];
+    snprintf(temporary, sizeof temporary, ".%s.new", name);
+    const int fd = openat(session->frames_fd, temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    bool failed = fd < 0;
+    if (!failed) {
+        failed = write_all(fd, png) != GONIO_OK || fsync(fd) != 0;
+        const int why = errno;
+        failed = close(fd) != 0 || failed;
+        errno = why;
+    }
+    if (!failed) {
+        failed = renameat(session->frames_fd, temporary, session->frames_fd, name) != 0;
+    }
+    if (!failed) {
+        return GONIO_OK;
+    }
+    const int why = errno;
+    unlinkat(session->frames_fd, temporary, 0);
+    return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot store frames/%s: %s%s", name, strerror(why),
+                           why == ENOSPC ? "; make room and resume" : "");
+}
+
+static gonio_status enter_frame(gonio_session *session, sqlite3_stmt *insert, const gonio_exposure *exposure,
+                                int64_t step, int number, const char *hash, gonio_error *error) {
+    const gonio_frame *frame = &exposure->frame;
+    char name[SESSION_FRAME_NAME];
+    session_frame_name(step, number, name);
+    sqlite3_reset(insert);
+    sqlite3_bind_int64(insert, 1, step);
+    sqlite3_bind_int(insert, 2, number);
+    sqlite3_bind_text(insert, 3, name, -1, SQLITE_TRANSIENT);
+    sqlite3_bind_text(insert, 4, hash, -1, SQLITE_TRANSIENT);
+    sqlite3_bind_int(insert, 5, frame->window.x);
+    sqlite3_bind_int(insert, 6, frame->window.y);
+    sqlite3_bind_int(insert, 7, frame->window.width);
+    sqlite3_bind_int(insert, 8, frame->window.height);
+    sqlite3_bind_double(insert, 9, frame->exposure_s);
+    sqlite3_bind_double(insert, 10, frame->gain_db);
+    sqlite3_bind_double(insert, 11, frame->stamp.clock_s);
+    sqlite3_bind_double(insert, 12, exposure->monitor); // NaN becomes NULL
+    sqlite3_bind_double(insert, 13, exposure->monitor_sigma);
+    return sqlite3_step(insert) == SQLITE_DONE ? GONIO_OK : session_db_fail(session, error, "enter a frame");
+}
+
+static gonio_status mark_done(gonio_session *session, const gonio_step *step, int frames, gonio_error *error) {
+    sqlite3_stmt *update;
+    gonio_status status = session_prepare(session,
+                                          "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ?"
+                                          " WHERE step = ? AND done = 0",
+                                          &update, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_int(update, 1, frames);
+    sqlite3_bind_double(update, 2, step->clock_end_s);
+    sqlite3_bind_double(update, 3, step->exposure_end_s);
+    sqlite3_bind_int64(update, 4, step->index);
+    status = session_run(session, update, error);
+    if (status == GONIO_OK && sqlite3_changes(session->db) != 1) {
+        status = gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1, "step %lld is done already, or unknown",
+                                 (long long)step->index);
+    }
+    return status;
+}
+
+static gonio_status enter(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures, int n,
+                          char (*hashes)[GONIO_SHA256_HEX], const gonio_samples *samples, gonio_error *error) {
+    sqlite3_stmt *insert;
+    gonio_status status =
+        session_prepare(session, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", &insert, error);
+    for (int i = 0; status == GONIO_OK && i < n; i++) {
+        status = enter_frame(session, insert, &exposures[i], step->index, i, hashes[i], error);
+    }
+    sqlite3_finalize(insert);
+    if (status == GONIO_OK && samples != NULL) {
+        status = session_store_samples(session, step->index, samples, error);
+    }
+    return status == GONIO_OK ? mark_done(session, step, n, error) : status;
+}
+
+static gonio_status store_files(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n, int bits,
+                                char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int i = 0; status == GONIO_OK && i < n; i++) {
+        session_png png = {0};
+        char name[SESSION_FRAME_NAME];
+        session_frame_name(step, i, name);
+        status = session_frame_hash(&exposures[i].frame, hashes[i], error);
+        if (status == GONIO_OK) {
+            status = session_png_encode(&exposures[i].frame, bits, &png, error);
+        }
+        if (status == GONIO_OK) {
+            status = write_file(session, name, &png, error);
+        }
+        free(png.data);
+    }
+    if (status == GONIO_OK && fsync(session->frames_fd) != 0) {
+        status = gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot sync frames/: %s", strerror(errno));
+    }
+    return status;
+}
+
+gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
+                                       int n, const gonio_samples *samples, gonio_error *error) {
+    int bits;
+    gonio_status status = session_frame_bits(session, &bits, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    char(*hashes)[GONIO_SHA256_HEX] = calloc((size_t)n + 1, sizeof *hashes);
+    if (hashes == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d checksums", n);
+    }
+    status = store_files(session, step->index, exposures, n, bits, hashes, error);
+    if (status == GONIO_OK) {
+        bool own;
+        status = session_begin_own(session, &own, error);
+        if (status == GONIO_OK) {
+            status = session_end_own(session, own, enter(session, step, exposures, n, hashes, samples, error), error);
+        }
+    }
+    free(hashes);
+    return status;
+}
+
+// ---- reading ----
+
+static gonio_status read_whole(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
+    *png = (session_png){0};
+    const int fd = openat(session->frames_fd, name, O_RDONLY | O_CLOEXEC);
+    struct stat info;
+    gonio_status status = GONIO_OK;
+    if (fd < 0 || fstat(fd, &info) != 0) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "frames/%s: %s", name, strerror(errno));
+    } else if ((png->data = malloc((size_t)info.st_size + 1)) == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for frames/%s", name);
+    } else {
+        ssize_t got;
+        while (png->size < (size_t)info.st_size &&
+               (got = read(fd, png->data + png->size, (size_t)info.st_size - png->size)) > 0) {
+            png->size += (size_t)got;
+        }
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+    return status;
+}
+
+gonio_status session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
+                                gonio_frame *frame, gonio_error *error) {
+    char file[SESSION_FRAME_NAME + 8], hash[GONIO_SHA256_HEX];
+    snprintf(file, sizeof file, "frames/%s", name);
+    session_png png;
+    gonio_status status = read_whole(session, name, &png, error);
+    if (status == GONIO_OK) {
+        status = session_png_decode(&png, file, bits, frame, error);
+    }
+    free(png.data);
+    if (status == GONIO_OK) {
+        status = session_frame_hash(frame, hash, error);
+        if (status == GONIO_OK && strcmp(hash, sha256) != 0) {
+            status = gonio_fail_line(error, GONIO_E_INPUT, file, -1,
+                                     "its pixels have SHA-256 %.12s..., %.12s... was journalled", hash, sha256);
+        }
+        if (status != GONIO_OK) {
+            free(frame->pixels);
+            frame->pixels = NULL;
+        }
+    }
+    return status;
+}
+
+static double column_or_nan(sqlite3_stmt *row, int column) {
+    return sqlite3_column_type(row, column) == SQLITE_NULL ? NAN : sqlite3_column_double(row, column);
+}
+
+static gonio_status read_exposure(gonio_session *session, sqlite3_stmt *row, int64_t step, int bits,
+                                  gonio_exposure *exposure, gonio_error *error) {
+    const char *name = (const char *)sqlite3_column_text(row, 1), *hash = (const char *)sqlite3_column_text(row, 2);
+    const int width = sqlite3_column_int(row, 5), height = sqlite3_column_int(row, 6);
+    if (name == NULL || hash == NULL || strchr(name, '/') != NULL || width < 1 || height < 1 || width > 1 << 16 ||
+        height > 1 << 16) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "step %lld has a damaged frame row",
+                               (long long)step);
+    }
+    *exposure = (gonio_exposure){
+        .frame = {.window = {sqlite3_column_int(row, 3), sqlite3_column_int(row, 4), width, height},
+                  .exposure_s = sqlite3_column_double(row, 7),
+                  .gain_db = sqlite3_column_double(row, 8),
+                  .stamp = {step, sqlite3_column_int(row, 0), sqlite3_column_double(row, 9)}},
+        .monitor = column_or_nan(row, 10),
+        .monitor_sigma = column_or_nan(row, 11),
+    };
+    return session_frame_read(session, name, hash, bits, &exposure->frame, error);
+}
+
+static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, int64_t step, int bits,
+                              gonio_exposure *exposures, int count, int *n, gonio_error *error) {
+    int code = SQLITE_DONE;
+    gonio_status status = GONIO_OK;
+    *n = 0;
+    while (status == GONIO_OK && *n < count && (code = sqlite3_step(rows)) == SQLITE_ROW) {
+        status = read_exposure(session, rows, step, bits, &exposures[*n], error);
+        *n += status == GONIO_OK;
+    }
+    if (status == GONIO_OK && *n < count) {
+        status = code == SQLITE_DONE
+                     ? gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                       "step %lld has %d frames; %d were stored", (long long)step, *n, count)
+                     : session_db_fail(session, error, "read a frame's row");
+    }
+    return status;
+}
+
+gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio_exposure **exposures, int *n,
+                                     gonio_error *error) {
+    *exposures = NULL;
+    *n = 0;
+    int bits;
+    int64_t count = 0;
+    char sql[96];
+    snprintf(sql, sizeof sql, "SELECT frames FROM steps WHERE step = %lld", (long long)step);
+    gonio_status status = session_frame_bits(session, &bits, error);
+    if (status == GONIO_OK) {
+        status = session_integer(session, sql, &count, error);
+    }
+    sqlite3_stmt *rows = NULL;
+    if (status == GONIO_OK) {
+        status = session_prepare(session,
+                                 "SELECT frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
+                                 " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
+                                 &rows, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_int64(rows, 1, step);
+    gonio_exposure *list = calloc((size_t)count + 1, sizeof *list);
+    status = list == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for %lld frames", (long long)count)
+                          : read_rows(session, rows, step, bits, list, (int)count, n, error);
+    sqlite3_finalize(rows);
+    if (status != GONIO_OK) {
+        gonio_exposures_free(list, *n);
+        *n = 0;
+        return status;
+    }
+    *exposures = list;
+    return GONIO_OK;
+}
+
+void gonio_exposures_free(gonio_exposure *exposures, int n) {
+    for (int i = 0; exposures != NULL && i < n; i++) {
+        free(exposures[i].frame.pixels);
+    }
+    free(exposures);
+}

@@ -1,0 +1,73 @@
+// What the files of host/session/ share.
+#ifndef GONIO_SESSION_INTERNAL_H
+#define GONIO_SESSION_INTERNAL_H
+
+#include <sqlite3.h>
+
+#include "gonio/session.h"
+
+#define SESSION_APPLICATION_ID 0x474f4e49 // "GONI"
+
+// Hashes and sample rows are of little-endian words; every machine that Gonio runs on is one.
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the session's hashes need a little-endian machine");
+
+struct gonio_session {
+    sqlite3 *db;
+    char *path;
+    char *db_path;
+    int folder_fd; // also holds the lock of a writable session
+    int frames_fd;
+    bool writable;
+    bool in_transaction;
+};
+
+// ---- database.c: SQLite with gonio's errors ----
+// Fill the error from the database's last failure: a full disk, damage and misuse are told apart.
+gonio_status session_db_fail(gonio_session *session, gonio_error *error, const char *what);
+gonio_status session_exec(gonio_session *session, const char *sql, gonio_error *error);
+// The caller finalizes the statement.
+gonio_status session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error);
+// Step a statement that returns no rows, and finalize it in every case.
+gonio_status session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error);
+// One integer from a query without parameters.
+gonio_status session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error);
+// A transaction of its own, unless the caller has opened one.
+gonio_status session_begin_own(gonio_session *session, bool *own, gonio_error *error);
+gonio_status session_end_own(gonio_session *session, bool own, gonio_status status, gonio_error *error);
+extern const char session_schema[];
+
+// ---- session.c ----
+// Lock the folder against other writers for as long as fd stays open.
+gonio_status session_lock(int fd, const char *path, gonio_error *error);
+
+// ---- frame_file.c: one frame <-> one PNG ----
+typedef struct session_png {
+    unsigned char *data;
+    size_t size, capacity;
+} session_png;
+// 16-bit grey, the sensor's bits at the top (sBIT tells how many), so that ordinary viewers show it. The caller frees
+// png->data. GONIO_E_DEVICE where a pixel has more bits than the camera claims.
+gonio_status session_png_encode(const gonio_frame *frame, int bits, session_png *png, gonio_error *error);
+// frame->window.width and height are expected; frame->pixels is allocated, the caller frees it.
+gonio_status session_png_decode(const session_png *png, const char *file, int bits, gonio_frame *frame,
+                                gonio_error *error);
+
+// ---- frames.c ----
+enum { SESSION_FRAME_NAME = 48 };
+void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]); // within frames/
+gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error);
+// The bits that the camera's words carry, from the journal.
+gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error);
+// Read one file and verify it; frame's window and stamp are what the journal says.
+gonio_status session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
+                                gonio_frame *frame, gonio_error *error);
+
+// ---- samples.c ----
+gonio_status session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
+                                   gonio_error *error);
+
+// ---- salvage.c ----
+// Copy what the damaged database of the folder still gives into a new one, which takes its place.
+gonio_status session_salvage(const char *path, gonio_error *error);
+
+#endif

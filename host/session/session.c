@@ -1,0 +1,244 @@
+// Create, open and close a session folder.
+#include "gonio/session.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "host/session/internal.h"
+
+static char *join(const char *folder, const char *name) {
+    char *path;
+    return asprintf(&path, "%s/%s", folder, name) < 0 ? NULL : path;
+}
+
+bool gonio_session_is(const char *path) {
+    char *db = join(path, "session.db");
+    struct stat info;
+    const bool is = db != NULL && stat(db, &info) == 0 && S_ISREG(info.st_mode);
+    free(db);
+    return is;
+}
+
+const char *gonio_session_path(const gonio_session *session) { return session->path; }
+
+static gonio_status allocate(const char *path, gonio_session **out, gonio_error *error) {
+    gonio_session *session = calloc(1, sizeof *session);
+    if (session == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
+    }
+    session->folder_fd = session->frames_fd = -1;
+    session->path = strdup(path);
+    session->db_path = join(path, "session.db");
+    if (session->path == NULL || session->db_path == NULL) {
+        gonio_session_close(session);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
+    }
+    *out = session;
+    return GONIO_OK;
+}
+
+void gonio_session_close(gonio_session *session) {
+    if (session == NULL) {
+        return;
+    }
+    if (session->in_transaction) {
+        gonio_session_rollback(session);
+    }
+    sqlite3_close(session->db);
+    if (session->frames_fd >= 0) {
+        close(session->frames_fd);
+    }
+    if (session->folder_fd >= 0) {
+        close(session->folder_fd);
+    }
+    free(session->db_path);
+    free(session->path);
+    free(session);
+}
+
+gonio_status session_lock(int fd, const char *path, gonio_error *error) {
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
+        return GONIO_OK;
+    }
+    if (errno == EWOULDBLOCK) {
+        return gonio_fail_line(error, GONIO_E_FAILED, path, -1, "another process is writing this session");
+    }
+    return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot lock it: %s", strerror(errno));
+}
+
+static gonio_status open_folders(gonio_session *session, gonio_error *error) {
+    session->folder_fd = open(session->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (session->folder_fd < 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open the session: %s", strerror(errno));
+    }
+    if (session->writable) {
+        const gonio_status status = session_lock(session->folder_fd, session->path, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (mkdirat(session->folder_fd, "frames", 0777) != 0 && errno != EEXIST) {
+            return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot make frames/: %s", strerror(errno));
+        }
+    }
+    session->frames_fd = openat(session->folder_fd, "frames", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (session->frames_fd < 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open its frames/: %s", strerror(errno));
+    }
+    return GONIO_OK;
+}
+
+// The schema is written beside and renamed: a session.db is a whole journal from the first moment it exists.
+static gonio_status create_database(gonio_session *session, gonio_error *error) {
+    char *final_path = session->db_path;
+    session->db_path = join(session->path, "session.db.new");
+    if (session->db_path == NULL) {
+        session->db_path = final_path;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
+    }
+    unlink(session->db_path);
+    char versions[96];
+    snprintf(versions, sizeof versions, "PRAGMA application_id = %d; PRAGMA user_version = %d;", SESSION_APPLICATION_ID,
+             GONIO_SESSION_VERSION);
+    gonio_status status = GONIO_OK;
+    if (sqlite3_open(session->db_path, &session->db) != SQLITE_OK) {
+        status = session_db_fail(session, error, "create the journal");
+    }
+    if (status == GONIO_OK) {
+        status = session_exec(session, "PRAGMA synchronous = FULL", error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_begin(session, error);
+    }
+    if (status == GONIO_OK) {
+        status = session_exec(session, versions, error);
+        status = status == GONIO_OK ? session_exec(session, session_schema, error) : status;
+        status = session_end_own(session, true, status, error);
+    }
+    sqlite3_close(session->db);
+    session->db = NULL;
+    if (status == GONIO_OK && (rename(session->db_path, final_path) != 0 || fsync(session->folder_fd) != 0)) {
+        status = gonio_fail_line(error, GONIO_E_IO, final_path, -1, "cannot write it: %s", strerror(errno));
+    }
+    if (status != GONIO_OK) {
+        unlink(session->db_path);
+    }
+    free(session->db_path);
+    session->db_path = final_path;
+    return status;
+}
+
+static gonio_status check_version(gonio_session *session, gonio_error *error) {
+    int64_t application = 0, version = 0;
+    gonio_status status = session_integer(session, "PRAGMA application_id", &application, error);
+    if (status == GONIO_OK) {
+        status = session_integer(session, "PRAGMA user_version", &version, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (application != SESSION_APPLICATION_ID) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                               "not a Gonio session: an SQLite file of another application (id %lld)",
+                               (long long)application);
+    }
+    if (version > GONIO_SESSION_VERSION || version < 1) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                               "a session of version %lld; this Gonio reads versions 1 to %d", (long long)version,
+                               GONIO_SESSION_VERSION);
+    }
+    return GONIO_OK;
+}
+
+static bool open_read_only(gonio_session *session) {
+    if (sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READONLY, NULL) == SQLITE_OK &&
+        sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK) {
+        return true;
+    }
+    // On a medium that cannot be written SQLite cannot make its -shm file: there the file cannot change either.
+    const int code = sqlite3_errcode(session->db) & 0xff;
+    char *uri = NULL;
+    if ((code != SQLITE_CANTOPEN && code != SQLITE_READONLY) || faccessat(session->folder_fd, ".", W_OK, 0) == 0 ||
+        asprintf(&uri, "file:%s?immutable=1", session->db_path) < 0) {
+        return false;
+    }
+    sqlite3_close(session->db);
+    const int opened = sqlite3_open_v2(uri, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, NULL);
+    free(uri);
+    return opened == SQLITE_OK;
+}
+
+static gonio_status open_database(gonio_session *session, gonio_error *error) {
+    const bool opened = session->writable
+                            ? sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READWRITE, NULL) == SQLITE_OK
+                            : open_read_only(session);
+    if (!opened) {
+        return session_db_fail(session, error, "open the journal");
+    }
+    sqlite3_busy_timeout(session->db, 5000);
+    gonio_status status = check_version(session, error);
+    if (status == GONIO_OK && session->writable) {
+        // FULL in WAL mode: a committed step survives a power cut.
+        status = session_exec(session, "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON",
+                              error);
+    }
+    return status;
+}
+
+gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error) {
+    *out = NULL;
+    if (gonio_session_is(path)) {
+        return gonio_fail_line(error, GONIO_E_USAGE, path, -1,
+                               "a session is already there; `gonio resume` goes on with it, or name another folder");
+    }
+    if (mkdir(path, 0777) != 0 && errno != EEXIST) {
+        return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make the session's folder: %s", strerror(errno));
+    }
+    gonio_session *session;
+    gonio_status status = allocate(path, &session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    session->writable = true;
+    status = open_folders(session, error);
+    if (status == GONIO_OK) {
+        status = create_database(session, error);
+    }
+    if (status == GONIO_OK) {
+        status = open_database(session, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_session_close(session);
+        return status;
+    }
+    *out = session;
+    return GONIO_OK;
+}
+
+gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
+    *out = NULL;
+    if (!gonio_session_is(path)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a session: a folder with a session.db is expected");
+    }
+    gonio_session *session;
+    gonio_status status = allocate(path, &session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    session->writable = writable;
+    status = open_folders(session, error);
+    if (status == GONIO_OK) {
+        status = open_database(session, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_session_close(session);
+        return status;
+    }
+    *out = session;
+    return GONIO_OK;
+}

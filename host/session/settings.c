@@ -1,0 +1,81 @@
+// Settings and events of a session.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/session/internal.h"
+
+gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error) {
+    sqlite3_stmt *statement;
+    const gonio_status status =
+        session_prepare(session, "INSERT OR REPLACE INTO settings(key, value) VALUES(?, ?)", &statement, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
+    sqlite3_bind_text(statement, 2, value, -1, SQLITE_STATIC);
+    return session_run(session, statement, error);
+}
+
+gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error) {
+    *value = NULL;
+    sqlite3_stmt *statement;
+    gonio_status status = session_prepare(session, "SELECT value FROM settings WHERE key = ?", &statement, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
+    const int code = sqlite3_step(statement);
+    if (code == SQLITE_ROW) {
+        *value = strdup((const char *)sqlite3_column_text(statement, 0));
+        status = *value != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for setting %s", key);
+    } else if (code == SQLITE_DONE) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "the session has no setting '%s'", key);
+    } else {
+        status = session_db_fail(session, error, "read a setting");
+    }
+    sqlite3_finalize(statement);
+    return status;
+}
+
+gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error) {
+    sqlite3_stmt *statement;
+    const gonio_status status = session_prepare(
+        session, "INSERT INTO events(utc, kind, text) VALUES(strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), ?, ?)", &statement,
+        error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sqlite3_bind_text(statement, 1, kind, -1, SQLITE_STATIC);
+    sqlite3_bind_text(statement, 2, text, -1, SQLITE_STATIC);
+    return session_run(session, statement, error);
+}
+
+gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error) {
+    *text = NULL;
+    sqlite3_stmt *statement;
+    gonio_status status =
+        session_prepare(session, "SELECT utc, kind, text FROM events ORDER BY event", &statement, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    size_t size;
+    FILE *stream = open_memstream(text, &size);
+    if (stream == NULL) {
+        sqlite3_finalize(statement);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the events");
+    }
+    int code;
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
+        fprintf(stream, "%s %s: %s\n", (const char *)sqlite3_column_text(statement, 0),
+                (const char *)sqlite3_column_text(statement, 1), (const char *)sqlite3_column_text(statement, 2));
+    }
+    fclose(stream);
+    if (code != SQLITE_DONE) {
+        status = session_db_fail(session, error, "read the events");
+        free(*text);
+        *text = NULL;
+    }
+    sqlite3_finalize(statement);
+    return status;
+}

@@ -1,0 +1,140 @@
+// The steps of a session: entered once, finished one by one, undone by the doctor.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/session/internal.h"
+
+static const char *const kind_names[] = {"dark", "reference", "sample"};
+
+static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose) {
+    sqlite3_bind_double(statement, first, gonio_degrees(pose->theta_i));
+    sqlite3_bind_double(statement, first + 1, gonio_degrees(pose->phi_i));
+    sqlite3_bind_double(statement, first + 2, gonio_degrees(pose->theta_o));
+    sqlite3_bind_double(statement, first + 3, gonio_degrees(pose->phi_o));
+}
+
+static gonio_status put_all(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {
+    sqlite3_stmt *statement;
+    gonio_status status = session_prepare(
+        session, "INSERT INTO steps(step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg) VALUES(?,?,?,?,?,?)",
+        &statement, error);
+    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
+        sqlite3_reset(statement);
+        sqlite3_bind_int64(statement, 1, steps[i].index);
+        sqlite3_bind_text(statement, 2, kind_names[steps[i].kind], -1, SQLITE_STATIC);
+        bind_pose(statement, 3, &steps[i].pose);
+        if (sqlite3_step(statement) != SQLITE_DONE) {
+            status = session_db_fail(session, error, "enter a step");
+        }
+    }
+    sqlite3_finalize(statement);
+    return status;
+}
+
+gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {
+    bool own;
+    gonio_status status = session_begin_own(session, &own, error);
+    if (status == GONIO_OK) {
+        status = session_end_own(session, own, put_all(session, steps, n, error), error);
+    }
+    return status;
+}
+
+static bool read_step(sqlite3_stmt *row, gonio_step *step) {
+    const char *kind = (const char *)sqlite3_column_text(row, 1);
+    int k = 0;
+    while (k < 3 && (kind == NULL || strcmp(kind, kind_names[k]) != 0)) {
+        k++;
+    }
+    if (k == 3) {
+        return false;
+    }
+    *step = (gonio_step){
+        .index = sqlite3_column_int64(row, 0),
+        .kind = (gonio_step_kind)k,
+        .pose = {gonio_radians(sqlite3_column_double(row, 2)), gonio_radians(sqlite3_column_double(row, 3)),
+                 gonio_radians(sqlite3_column_double(row, 4)), gonio_radians(sqlite3_column_double(row, 5))},
+        .done = sqlite3_column_int(row, 6) != 0,
+        .frames = sqlite3_column_int(row, 7),
+        .clock_end_s = sqlite3_column_double(row, 8),
+        .exposure_end_s = sqlite3_column_double(row, 9),
+    };
+    return true;
+}
+
+static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_step *steps, size_t n, size_t *got,
+                              gonio_error *error) {
+    int code;
+    for (*got = 0; (code = sqlite3_step(rows)) == SQLITE_ROW && *got < n; ++*got) {
+        if (!read_step(rows, &steps[*got])) {
+            return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                   "step %lld has an unknown kind; dark, reference or sample is expected",
+                                   (long long)sqlite3_column_int64(rows, 0));
+        }
+    }
+    return code == SQLITE_DONE || code == SQLITE_ROW ? GONIO_OK : session_db_fail(session, error, "read the steps");
+}
+
+gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n, gonio_error *error) {
+    *steps = NULL;
+    *n = 0;
+    int64_t count;
+    gonio_status status = session_integer(session, "SELECT count(*) FROM steps", &count, error);
+    sqlite3_stmt *rows = NULL;
+    if (status == GONIO_OK) {
+        status = session_prepare(session,
+                                 "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames,"
+                                 " clock_end_s, exposure_end_s FROM steps ORDER BY step",
+                                 &rows, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_step *list = calloc((size_t)count + 1, sizeof *list);
+    status = list == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for %lld steps", (long long)count)
+                          : read_rows(session, rows, list, (size_t)count, n, error);
+    sqlite3_finalize(rows);
+    if (status != GONIO_OK) {
+        free(list);
+        *n = 0;
+        return status;
+    }
+    *steps = list;
+    return GONIO_OK;
+}
+
+static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio_error *error) {
+    static const char *const deletions[] = {
+        "DELETE FROM frames WHERE step = ?", "DELETE FROM final_sigma WHERE step = ?",
+        "DELETE FROM samples WHERE step = ?",
+        "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL WHERE step = ?"};
+    for (size_t i = 0; i < sizeof deletions / sizeof *deletions; i++) {
+        sqlite3_stmt *statement;
+        gonio_status status = session_prepare(session, deletions[i], &statement, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        sqlite3_bind_int64(statement, 1, step);
+        status = session_run(session, statement, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    return session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_sigma", error);
+}
+
+gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error) {
+    bool own;
+    gonio_status status = session_begin_own(session, &own, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = delete_step_rows(session, step, error);
+    if (status == GONIO_OK) {
+        char text[512];
+        snprintf(text, sizeof text, "step %lld is to be measured again: %s", (long long)step, why);
+        status = gonio_session_event(session, "undone", text, error);
+    }
+    return session_end_own(session, own, status, error);
+}
