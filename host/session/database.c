@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-// Angles stand in degrees, for people with an SQL shell. step: the running number of gonio_stamp. rows and sigma are
+// Angles stand in degrees, for people with an SQL shell. step: the running number of gonio_stamp. rows are
 // little-endian doubles, see docs/formats.md.
 const char session_schema[] =
     "CREATE TABLE settings(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
@@ -16,8 +16,8 @@ const char session_schema[] =
     " PRIMARY KEY(step, frame)) WITHOUT ROWID;"
     "CREATE TABLE samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
     " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
-    "CREATE TABLE final_sigma(step INTEGER PRIMARY KEY REFERENCES steps(step), sigma BLOB NOT NULL,"
-    " sha256 TEXT NOT NULL);"
+    "CREATE TABLE final_samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
+    " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
     "CREATE TABLE events(event INTEGER PRIMARY KEY, utc TEXT NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL);";
 
 gonio_status session_db_fail(gonio_session *session, gonio_error *error, const char *what) {

@@ -167,7 +167,7 @@ static gonio_status drop_samples(gonio_session *session, int64_t step, gonio_err
         snprintf(number, sizeof number, "%lld", (long long)step);
     }
     snprintf(sql, sizeof sql,
-             "DELETE FROM final_sigma; DELETE FROM settings WHERE key LIKE 'result.%%';"
+             "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%%';"
              "DELETE FROM samples%s%s",
              step >= 0 ? " WHERE step = " : "", number);
     return session_exec(session, sql, error);
@@ -207,9 +207,9 @@ static gonio_status check_final(gonio_session *session, bool repair, gonio_docto
     }
     report->samples_bad++;
     note(report, "%s", why.message);
-    return repair
-               ? session_exec(session, "DELETE FROM final_sigma; DELETE FROM settings WHERE key LIKE 'result.%'", error)
-               : GONIO_OK;
+    return repair ? session_exec(session, "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'",
+                                 error)
+                  : GONIO_OK;
 }
 
 static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {

@@ -1,6 +1,6 @@
 # The journal (SQLite) and the frame store (PNG), hashes (libcrypto).
 lib-y  += host/session/database.c host/session/session.c host/session/settings.c host/session/steps.c
-lib-y  += host/session/frames.c host/session/frame_file.c host/session/samples.c host/session/hash.c
+lib-y  += host/session/frames.c host/session/frame_file.c host/session/samples.c host/session/hash.c host/session/hash_samples.c
 lib-y  += host/session/doctor.c host/session/salvage.c
 unit-y += tests/unit/test_session.c
 pkgs-y += sqlite3 libpng libcrypto

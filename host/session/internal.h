@@ -2,6 +2,7 @@
 #ifndef GONIO_SESSION_INTERNAL_H
 #define GONIO_SESSION_INTERNAL_H
 
+#include <openssl/evp.h>
 #include <sqlite3.h>
 
 #include "gonio/session.h"
@@ -61,6 +62,10 @@ gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *
 // Read one file and verify it; frame's window and stamp are what the journal says.
 gonio_status session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
                                 gonio_frame *frame, gonio_error *error);
+
+// ---- hash.c: a SHA-256 in pieces; end frees the context ----
+gonio_status session_hash_begin(EVP_MD_CTX **context, gonio_error *error);
+void session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]);
 
 // ---- samples.c ----
 gonio_status session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,

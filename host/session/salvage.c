@@ -20,7 +20,7 @@ static const table tables[] = {
     {"steps", "step", "step DESC"},
     {"frames", "step, frame", "step DESC, frame DESC"},
     {"samples", "step", "step DESC"},
-    {"final_sigma", "step", "step DESC"},
+    {"final_samples", "step", "step DESC"},
     {"events", "event", "event DESC"},
 };
 
@@ -68,7 +68,7 @@ static void copy_tables(sqlite3 *from, sqlite3 *to) {
     sqlite3_exec(to,
                  "DELETE FROM frames WHERE step NOT IN (SELECT step FROM steps);"
                  "DELETE FROM samples WHERE step NOT IN (SELECT step FROM steps);"
-                 "DELETE FROM final_sigma WHERE step NOT IN (SELECT step FROM samples);",
+                 "DELETE FROM final_samples WHERE step NOT IN (SELECT step FROM samples);",
                  NULL, NULL, NULL);
 }
 

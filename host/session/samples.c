@@ -9,11 +9,11 @@
 
 static size_t row_doubles(int channels) { return 4 + 3 * (size_t)channels; }
 
-static double *pack(const gonio_samples *samples) {
+static double *pack(const gonio_samples *samples, size_t first, size_t n) {
     const size_t channels = (size_t)samples->channels, bytes = channels * sizeof(double);
-    double *rows = calloc(samples->n * row_doubles(samples->channels) + 1, sizeof *rows);
+    double *rows = calloc(n * row_doubles(samples->channels) + 1, sizeof *rows);
     double *row = rows;
-    for (size_t i = 0; rows != NULL && i < samples->n; i++, row += row_doubles(samples->channels)) {
+    for (size_t i = first; rows != NULL && i < first + n; i++, row += row_doubles(samples->channels)) {
         memcpy(row, &samples->pairs[i], 4 * sizeof *row);
         memcpy(row + 4, samples->values + i * channels, bytes);
         if (samples->sigma_random != NULL) {
@@ -47,32 +47,37 @@ static gonio_status describe(gonio_session *session, const gonio_samples *sample
                               : status;
 }
 
-gonio_status session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
-                                   gonio_error *error) {
-    gonio_status status = describe(session, samples, error);
-    sqlite3_stmt *insert = NULL;
-    if (status == GONIO_OK) {
-        status = session_prepare(session, "INSERT OR REPLACE INTO samples VALUES(?, ?, ?, ?, ?)", &insert, error);
-    }
+// Samples first .. first + n - 1 of the set as the row of a step, in one of the two tables.
+static gonio_status store(gonio_session *session, const char *table, int64_t step, const gonio_samples *samples,
+                          size_t first, size_t n, gonio_error *error) {
+    char sql[80], hash[GONIO_SHA256_HEX];
+    snprintf(sql, sizeof sql, "INSERT OR REPLACE INTO %s VALUES(?, ?, ?, ?, ?)", table);
+    sqlite3_stmt *insert;
+    gonio_status status = session_prepare(session, sql, &insert, error);
     if (status != GONIO_OK) {
         return status;
     }
-    double *rows = pack(samples);
-    const size_t size = samples->n * row_doubles(samples->channels) * sizeof *rows;
-    char hash[GONIO_SHA256_HEX];
+    double *rows = pack(samples, first, n);
+    const size_t size = n * row_doubles(samples->channels) * sizeof *rows;
     status = rows != NULL ? gonio_sha256(rows, size, hash, error)
-                          : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", samples->n);
+                          : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", n);
     if (status != GONIO_OK) {
         sqlite3_finalize(insert);
         free(rows);
         return status;
     }
     sqlite3_bind_int64(insert, 1, step);
-    sqlite3_bind_int64(insert, 2, (sqlite3_int64)samples->n);
+    sqlite3_bind_int64(insert, 2, (sqlite3_int64)n);
     sqlite3_bind_int(insert, 3, samples->channels);
     sqlite3_bind_blob64(insert, 4, rows, size, free);
     sqlite3_bind_text(insert, 5, hash, -1, SQLITE_STATIC);
     return session_run(session, insert, error);
+}
+
+gonio_status session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
+                                   gonio_error *error) {
+    const gonio_status status = describe(session, samples, error);
+    return status == GONIO_OK ? store(session, "samples", step, samples, 0, samples->n, error) : status;
 }
 
 gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
@@ -206,38 +211,9 @@ gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, go
     return status;
 }
 
-// ---- final sigmas ----
+// ---- final samples: the same table again ----
 
-static gonio_status put_sigma(gonio_session *session, int64_t step, const gonio_samples *samples, size_t first,
-                              size_t n, gonio_error *error) {
-    sqlite3_stmt *insert;
-    gonio_status status =
-        session_prepare(session, "INSERT OR REPLACE INTO final_sigma VALUES(?, ?, ?)", &insert, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    const size_t count = n * (size_t)samples->channels, at = first * (size_t)samples->channels;
-    double *sigma = malloc((2 * count + 1) * sizeof *sigma);
-    char hash[GONIO_SHA256_HEX];
-    if (sigma == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu uncertainties", count);
-    } else {
-        memcpy(sigma, samples->sigma_random + at, count * sizeof *sigma);
-        memcpy(sigma + count, samples->sigma_systematic + at, count * sizeof *sigma);
-        status = gonio_sha256(sigma, 2 * count * sizeof *sigma, hash, error);
-    }
-    if (status != GONIO_OK) {
-        sqlite3_finalize(insert);
-        free(sigma);
-        return status;
-    }
-    sqlite3_bind_int64(insert, 1, step);
-    sqlite3_bind_blob64(insert, 2, sigma, 2 * count * sizeof *sigma, free);
-    sqlite3_bind_text(insert, 3, hash, -1, SQLITE_STATIC);
-    return session_run(session, insert, error);
-}
-
-static gonio_status put_all_sigmas(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
+static gonio_status put_final_steps(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     sqlite3_stmt *rows;
     gonio_status status = session_prepare(session, "SELECT step, n FROM samples ORDER BY step", &rows, error);
     if (status != GONIO_OK) {
@@ -250,7 +226,7 @@ static gonio_status put_all_sigmas(gonio_session *session, const gonio_samples *
         if (first + n > samples->n) {
             break;
         }
-        status = put_sigma(session, sqlite3_column_int64(rows, 0), samples, first, n, error);
+        status = store(session, "final_samples", sqlite3_column_int64(rows, 0), samples, first, n, error);
         first += n;
     }
     sqlite3_finalize(rows);
@@ -262,73 +238,32 @@ static gonio_status put_all_sigmas(gonio_session *session, const gonio_samples *
 }
 
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
-    if (samples->sigma_random == NULL) {
-        return gonio_fail(error, GONIO_E_FAILED, "final samples carry no uncertainty");
-    }
     bool own;
     gonio_status status = session_begin_own(session, &own, error);
     if (status == GONIO_OK) {
-        status = session_end_own(session, own, put_all_sigmas(session, samples, error), error);
+        status = session_end_own(session, own, put_final_steps(session, samples, error), error);
     }
     return status;
-}
-
-static gonio_status apply_sigmas(gonio_session *session, sqlite3_stmt *rows, gonio_samples *samples,
-                                 gonio_error *error) {
-    const size_t channels = (size_t)samples->channels;
-    size_t first = 0;
-    int code;
-    while ((code = sqlite3_step(rows)) == SQLITE_ROW) {
-        const size_t count = (size_t)sqlite3_column_int64(rows, 1) * channels;
-        const size_t bytes = (size_t)sqlite3_column_bytes(rows, 2);
-        const unsigned char *blob = sqlite3_column_blob(rows, 2);
-        const char *expected = (const char *)sqlite3_column_text(rows, 3);
-        char hash[GONIO_SHA256_HEX];
-        const gonio_status status = gonio_sha256(blob, bytes, hash, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-        if (expected == NULL || strcmp(hash, expected) != 0 || bytes != 2 * count * sizeof(double) ||
-            first + count > samples->n * channels) {
-            return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                   "the final uncertainties of step %lld do not match their checksum",
-                                   (long long)sqlite3_column_int64(rows, 0));
-        }
-        if (count > 0) {
-            memcpy(samples->sigma_random + first, blob, bytes / 2);
-            memcpy(samples->sigma_systematic + first, blob + bytes / 2, bytes / 2);
-        }
-        first += count;
-    }
-    return code == SQLITE_DONE ? GONIO_OK : session_db_fail(session, error, "read uncertainties");
 }
 
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error) {
-    int64_t lacking;
+    int64_t count = 0, lacking = 0;
     *out = NULL;
-    gonio_status status = session_integer(
-        session, "SELECT count(*) FROM samples WHERE step NOT IN (SELECT step FROM final_sigma)", &lacking, error);
+    gonio_status status = session_integer(session, "SELECT count(*) FROM final_samples", &count, error);
     if (status == GONIO_OK) {
-        status = gonio_session_samples(session, out, error);
-    }
-    *final = status == GONIO_OK && lacking == 0 && (*out)->n > 0;
-    if (!*final) {
-        return status;
-    }
-    sqlite3_stmt *rows;
-    status = session_prepare(session,
-                             "SELECT samples.step, samples.n, sigma, final_sigma.sha256 FROM samples JOIN final_sigma"
-                             " USING(step) ORDER BY samples.step",
-                             &rows, error);
-    if (status == GONIO_OK) {
-        status = apply_sigmas(session, rows, *out, error);
-        sqlite3_finalize(rows);
+        status =
+            session_integer(session, "SELECT count(*) FROM samples WHERE step NOT IN (SELECT step FROM final_samples)",
+                            &lacking, error);
     }
     if (status != GONIO_OK) {
-        gonio_samples_free(*out);
-        *out = NULL;
+        return status;
     }
-    return status;
+    *final = count > 0 && lacking == 0;
+    size_t rows;
+    return read_set(session,
+                    *final ? "SELECT step, n, channels, rows, sha256 FROM final_samples ORDER BY step"
+                           : "SELECT step, n, channels, rows, sha256 FROM samples ORDER BY step",
+                    0, out, &rows, error);
 }
 
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error) {

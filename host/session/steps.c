@@ -106,7 +106,7 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
 
 static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio_error *error) {
     static const char *const deletions[] = {
-        "DELETE FROM frames WHERE step = ?", "DELETE FROM final_sigma WHERE step = ?",
+        "DELETE FROM frames WHERE step = ?", "DELETE FROM final_samples WHERE step = ?",
         "DELETE FROM samples WHERE step = ?",
         "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL WHERE step = ?"};
     for (size_t i = 0; i < sizeof deletions / sizeof *deletions; i++) {
@@ -121,7 +121,7 @@ static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio
             return status;
         }
     }
-    return session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_sigma", error);
+    return session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_samples", error);
 }
 
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error) {

@@ -72,8 +72,9 @@ gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, go
 gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
                                             gonio_error *error);
 
-// The final samples differ from the journalled ones in their sigmas alone (the pointing term). put: the same samples in
-// the same order. get: *final tells whether the session is finished; until then the journalled ones come.
+// The final samples: the journalled ones after what only the whole session tells (drift between the references, the
+// pointing term). put: as many, in the same order. get: *final tells whether the session is finished; until then the
+// journalled ones come.
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error);
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error);
 // Open, read the final samples, close: what a verb does whose INPUT is a session.

@@ -243,7 +243,7 @@ static void test_samples_come_back(void **state) {
     gonio_session_close(session);
 }
 
-static void test_final_sigmas(void **state) {
+static void test_final_samples(void **state) {
     (void)state;
     gonio_session *session = make_session();
     finish_all(session);
@@ -254,6 +254,7 @@ static void test_final_sigmas(void **state) {
     for (size_t i = 0; i < samples->n * 3; i++) {
         samples->sigma_random[i] += (double)i / 3;
         samples->sigma_systematic[i] -= (double)i;
+        samples->values[i] *= 1.01;
     }
     assert_int_equal(gonio_session_put_final(session, samples, NULL), GONIO_OK);
     assert_int_equal(gonio_session_final_samples(session, &back, &final, NULL), GONIO_OK);
@@ -262,7 +263,7 @@ static void test_final_sigmas(void **state) {
     assert_memory_equal(back->sigma_systematic, samples->sigma_systematic, samples->n * 24);
     assert_memory_equal(back->values, samples->values, samples->n * 24);
     gonio_samples_free(back);
-    // A step that is taken back takes the final sigmas with it.
+    // A step that is taken back takes the final samples with it.
     assert_int_equal(gonio_session_undo_step(session, 3, "test", NULL), GONIO_OK);
     assert_int_equal(gonio_session_final_samples(session, &back, &final, NULL), GONIO_OK);
     assert_false(final);
@@ -493,7 +494,7 @@ static void test_doctor_salvages_a_damaged_journal(void **state) {
     enum { MANY = 2000 };
     gonio_step *steps = calloc(MANY, sizeof *steps);
     for (int i = 0; i < MANY; i++) {
-        steps[i] = (gonio_step){.index = i, .kind = GONIO_STEP_SAMPLE};
+        steps[i] = (gonio_step){.index = i, .kind = GONIO_STEP_SAMPLE, .pose = {0.1, 0.2, 0.3, 1e-3 * i}};
     }
     assert_int_equal(gonio_session_put(session, "camera.bits", "12", NULL), GONIO_OK);
     assert_int_equal(gonio_session_put_steps(session, steps, MANY, NULL), GONIO_OK);
@@ -512,6 +513,7 @@ static void test_doctor_salvages_a_damaged_journal(void **state) {
     assert_false(report.database_ok);
     assert_int_equal(gonio_session_doctor(path, true, &report, &error), GONIO_OK);
     assert_int_equal(gonio_session_doctor(path, false, &report, &error), GONIO_OK);
+    assert_string_equal(report.detail, "");
     assert_true(report.database_ok);
     assert_true(report.steps > MANY * 3 / 4 && report.steps < MANY);
     assert_int_equal(report.frames, 6);
@@ -541,7 +543,7 @@ int main(void) {
         T(test_every_depth),
         T(test_more_bits_than_stated),
         T(test_samples_come_back),
-        T(test_final_sigmas),
+        T(test_final_samples),
         T(test_a_step_is_finished_once),
         T(test_killed_before_entered),
         T(test_killed_process),
