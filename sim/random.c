@@ -52,10 +52,12 @@ double sim_normal(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame,
 
 double sim_poisson_small(double mean, double u) {
     double p = exp(-mean), sum = p, k = 0;
-    // The bound ends the search where the terms no longer change the sum (u within rounding of 1).
-    while (u > sum && k < 1000) {
+    while (u > sum) {
         k++;
         p *= mean / k;
+        if (k > mean && sum + p == sum) {
+            break; // u lies within rounding of 1: the sum will not grow any more
+        }
         sum += p;
     }
     return k;

@@ -103,7 +103,7 @@ gonio_status sim_sample_seen(gonio_model *model, int channels, gonio_model **out
                                .channel_names = (const char(*)[32])seen->names,
                                .bytes = model->bytes,
                                .control_points = model->control_points};
-    static const char *const names[2][3] = {{"f", "", ""}, {"r", "g", "b"}};
+    static const char *const names[2][3] = {{"value", "", ""}, {"r", "g", "b"}};
     for (int c = 0; c < channels; c++) {
         strcpy(seen->names[c], names[channels == 3][c]);
     }
