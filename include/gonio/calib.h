@@ -1,7 +1,15 @@
 // Frames -> radiance -> BRDF samples with an uncertainty.
 //
 // The order of calls: gonio_calib_new; the dark frames and the reference frames; gonio_calib_prepare; then for every
-// pose gonio_calib_pose. Plain functions of the frames: replay calls the same ones and gets the same bits.
+// pose gonio_calib_pose; where a reference was measured again at the end, gonio_calib_add_reference once more and
+// gonio_calib_drift; at last gonio_calib_pointing. Plain functions of the frames: replay calls the same ones and gets
+// the same bits.
+//
+// What a scan should take:
+//   dark       >= 4 frames (better 16) at the shortest exposure that the scan may use and as many at the longest
+//   reference  gonio_calib_bracket until it is done (it works before gonio_calib_prepare too), then the last exposure
+//              again, 16 frames or more in all: the repeats give the gain and average the flat field's noise; and one
+//              frame of about three times that exposure, so that the saturation level is measured, not assumed
 #ifndef GONIO_CALIB_H
 #define GONIO_CALIB_H
 
@@ -28,6 +36,26 @@ typedef enum gonio_exposure_verdict {
     GONIO_EXPOSURE_LIMIT, // the camera's limits are reached; what lacks is in the pose's flags
 } gonio_exposure_verdict;
 
+// The light's theta at the reference steps; the camera stands at theta_o = 0.
+#define GONIO_REFERENCE_THETA_I_DEG 45
+
+// What gonio_calib_prepare found.
+typedef struct gonio_calib_report {
+    double gain_e_per_dn, read_noise_e, dark_e_per_s; // of linear DN
+    double saturation_dn;                             // raw
+    bool saturation_measured;                         // false: no frame saturated, so the camera's full scale
+    int hot, noisy, dead;                             // defective pixels: dark signal, noise, response
+    double flat_relative_sigma;                       // typical, of one pixel's responsivity
+} gonio_calib_report;
+
+// Standard uncertainty (1/sr) of one value, by cause. Photon, read, and the monitor's part of drift vary from pose to
+// pose; the others are common to a session. angle and area need a model of the sample (0 without).
+typedef struct gonio_budget {
+    double value;
+    double photon, read, dark, flat, reference, drift, angle, area;
+    double random, systematic; // as carried by the sample
+} gonio_budget;
+
 gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_window *window,
                              gonio_calib **out, gonio_error *error);
 void gonio_calib_free(gonio_calib *calib);
@@ -43,15 +71,28 @@ gonio_status gonio_calib_add_reference(gonio_calib *calib, const gonio_pair *pos
 // Derive dark maps, read noise, gain, flat field and scale. Polite failures are named: dark frame not dark, lamp off,
 // reference overexposed.
 gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error);
+void gonio_calib_describe(const gonio_calib *calib, gonio_calib_report *report); // after gonio_calib_prepare
 
-// After n exposures of the pose: enough, or which exposure next? Depends on the frames alone.
+// After n exposures of the pose: enough, or which exposure next? Depends on the frames alone. n = 0 proposes the first
+// exposure. Before gonio_calib_prepare the pose is taken as the reference's.
 gonio_exposure_verdict gonio_calib_bracket(const gonio_calib *calib, const gonio_pair *pose, int n,
                                            const gonio_exposure *exposures, double *next_s);
 // One pose's exposures -> samples added to `samples` (one for a flat plate, thousands for a sphere), sigma without the
-// pointing term, which needs the slope of the BRDF: gonio_calib_pointing.
+// pointing term, which needs the slope of the BRDF: gonio_calib_pointing. GONIO_E_RANGE: the pose has no valid exposure
+// (the message says what is wrong with it) and nothing was added; the scan may go on.
 gonio_status gonio_calib_pose(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                               gonio_samples *samples, gonio_error *error);
-// Add the pointing term to the sigmas, from the slope of a model that was fitted to these samples.
+// After the reference was measured again: correct the samples for the lamp's drift between the two, linear in time, and
+// replace the bound on drift in their systematic sigma by what remains. clock_s: the nominal clock of every sample.
+// Does nothing where a monitor measured the lamp; *ratio (may be NULL): responsivity at the end / at the start.
+gonio_status gonio_calib_drift(const gonio_calib *calib, const double *clock_s, gonio_samples *samples, double *ratio,
+                               gonio_error *error);
+// The budget of one pose's sample, budget[channels]; of a sphere's frame the sample nearest to `direction` (NULL: the
+// pose). model: of the sample, for angle and area; NULL leaves them 0.
+gonio_status gonio_calib_budget(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                const gonio_exposure *exposures, const gonio_model *model, const gonio_pair *direction,
+                                gonio_budget *budget, gonio_error *error);
+// Add the angle and area terms to the sigmas, from the slope of a model that was fitted to these samples.
 gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_model *model, gonio_samples *samples,
                                   gonio_error *error);
 

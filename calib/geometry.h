@@ -1,0 +1,38 @@
+// Where light, camera and pixel rays are for a pose (the convention of rig.h), and what a ray meets.
+#ifndef CALIB_GEOMETRY_H
+#define CALIB_GEOMETRY_H
+
+#include "gonio/rig.h"
+
+// A pose's light and camera in the sample's frame, mm.
+typedef struct geometry {
+    gonio_vec3 light, camera;
+    gonio_vec3 right, up, forward;
+    double light_distance_mm; // nominal, to the centre of rotation: where relative irradiance is 1
+} geometry;
+
+// A point of the sample seen by a pixel.
+typedef struct geometry_hit {
+    gonio_vec3 point, normal;
+    gonio_vec3 to_light, to_camera; // unit vectors
+    double irradiance;              // cos(theta_i) (d0 / d)^2: relative to perpendicular light at the centre
+} geometry_hit;
+
+geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose);
+
+// The ray through (x, y) of the plane Z = 1 (an undistorted pixel). false: it misses, or meets the face away from the
+// camera. *footprint (may be NULL): area on the plate, mm^2, per unit of x and of y.
+bool geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint);
+// A sphere about the origin.
+bool geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
+// A cylinder of given radius whose axis is the sample's y axis, its crest touching the plane z = 0: a sheet bent over a
+// drum, so that one frame holds many theta_i along x.
+bool geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
+
+// The local directions of a hit, turned so that phi_i = 0: for samples that are isotropic.
+gonio_pair geometry_isotropic_pair(const geometry_hit *hit);
+
+// Project a point of the sample's frame to a pixel (u, v), with distortion. false: behind the camera.
+bool geometry_project(const geometry *g, const gonio_camera_info *camera, gonio_vec3 point, double pixel[2]);
+
+#endif

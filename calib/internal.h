@@ -1,0 +1,145 @@
+// What the files of calib/ share: the state behind gonio_calib and the uncertainty of one value.
+#ifndef CALIB_INTERNAL_H
+#define CALIB_INTERNAL_H
+
+#include "calib/geometry.h"
+#include "calib/merge.h"
+#include "gonio/calib.h"
+
+// A copy of a dark or reference frame, kept until the maps are made.
+typedef struct stored_frame {
+    uint16_t *pixels;
+    double exposure_s, gain_db, monitor, monitor_sigma;
+    gonio_stamp stamp;
+    gonio_pair pose; // reference frames
+} stored_frame;
+
+typedef struct stored_frames {
+    stored_frame *items;
+    int n;
+} stored_frames;
+
+// A camera response: points of the curve, and, once the black level is known, tables that undo it: linear DN and
+// d linear / d raw for every raw value. No points: a linear camera.
+typedef struct response {
+    int levels, points;
+    double *exposure, *value; // [points], both 0..1, rising
+    float *linear, *slope;    // [levels]; NULL: not yet tabulated, or linear
+} response;
+
+struct gonio_calib {
+    gonio_camera_info camera;
+    gonio_rig_facts facts;
+    gonio_window window;
+    int channels;
+    char names[3][32];
+    size_t pixels;
+    float *ray;       // [pixels][2]: undistorted pixel centres on the plane Z = 1
+    uint8_t *channel; // of each pixel
+    response response;
+    stored_frames dark, reference, later; // later: reference frames after gonio_calib_prepare
+    bool prepared;
+    // From dark frames: bias (linear DN), dark rate (DN/s), their covariance a pixel {b b, b rate, rate rate}.
+    float *bias, *dark_rate;
+    double dark_covariance[3];
+    double dark_quantum; // quantisation variance at the bias level, linear DN^2: part of the noise of dark frames
+    uint8_t *defect;     // not 0: never used
+    // From reference frames: responsivity (DN/s for unit f_r x relative irradiance) and its relative variance.
+    float *flat, *flat_variance;
+    merge_noise noise;
+    int saturation; // raw DN from which a pixel counts as clipped
+    double gain_db;
+    bool monitored;                    // every reference frame had a lamp reading
+    double monitor_reference;          // mean reading that the responsivity refers to
+    double monitor_reference_variance; // relative, of the responsivity
+    int reference_poses;
+    double reference_clock_s, reference_theta_i;
+    gonio_calib_report report;
+};
+
+// Variances (1/sr^2) of one value, by cause.
+typedef struct uncertainty {
+    double photon, read, monitor;                   // from pose to pose
+    double dark, flat, reference, drift, alignment; // common to poses
+} uncertainty;
+
+// One sample before it is added: its directions, and value and uncertainty of each channel.
+typedef struct estimate {
+    gonio_pair pair;
+    double value[3];
+    uncertainty variance[3];
+} estimate;
+
+// Receives each estimate of a pose.
+typedef gonio_status (*estimate_sink)(void *context, const estimate *e, gonio_error *error);
+
+static inline double linear_dn(const gonio_calib *calib, uint16_t raw) {
+    const response *r = &calib->response;
+    return r->linear == NULL ? raw : r->linear[raw < r->levels ? raw : r->levels - 1];
+}
+
+// Quantisation variance in linear DN: a step of 1 raw DN, uniformly distributed.
+static inline double quantum_variance(const gonio_calib *calib, uint16_t raw) {
+    const response *r = &calib->response;
+    const double step = r->slope == NULL ? 1 : r->slope[raw < r->levels ? raw : r->levels - 1];
+    return step * step / 12;
+}
+
+// Exposure times lamp: the DN that unit responsivity and radiance give.
+static inline double exposure_scale(const gonio_calib *calib, double exposure_s, double monitor) {
+    return exposure_s * (calib->monitored && monitor > 0 ? monitor / calib->monitor_reference : 1);
+}
+
+// A pixel's reading as the merge wants it; scale is exposure_scale times what unit radiance gives.
+static inline merge_term term_of(const gonio_calib *calib, size_t pixel, uint16_t raw, double exposure_s,
+                                 double scale) {
+    const double dark = calib->dark_rate[pixel] * exposure_s;
+    return (merge_term){.signal = linear_dn(calib, raw) - calib->bias[pixel] - dark,
+                        .scale = scale,
+                        .dark = dark > 0 ? dark : 0,
+                        .quantum_variance = quantum_variance(calib, raw),
+                        .clipped = raw >= calib->saturation};
+}
+
+// The q-quantile (0..1) of n >= 1 values, which are reordered.
+float statistics_quantile(float *values, size_t n, double q);
+// Median and 1.4826 x median absolute deviation (sigma of a normal distribution) of n >= 1 values, left as they are.
+gonio_status statistics_robust(const float *values, size_t n, double *median, double *sigma, gonio_error *error);
+
+gonio_status response_load(const char *path, int bits, response *out, gonio_error *error);
+// A camera digitises black + (full scale - black) curve(exposure), so the tables need the black level (raw DN).
+gonio_status response_tabulate(response *r, double black, gonio_error *error);
+void response_free(response *r);
+
+// The steps of gonio_calib_prepare, in this order.
+gonio_status dark_prepare(gonio_calib *calib, gonio_error *error);
+gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error); // saturation, gain
+gonio_status flat_prepare(gonio_calib *calib, gonio_error *error);
+
+// Refuse exposures that do not fit this calibration: wrong window, exposure or gain.
+gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
+// Merge one prepared pixel's exposures into f_r x irradiance.
+void pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures, const double *scale,
+                 merge_result *result);
+// Does the pixel see the sample inside the used region?
+bool pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
+// Variances that concern the whole pose, relative to the value.
+void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value, uncertainty *u);
+double uncertainty_random(const uncertainty *u);
+double uncertainty_systematic(const uncertainty *u);
+
+// Every sample of a pose, in a fixed order.
+gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
+                            estimate_sink sink, void *context, gonio_error *error);
+gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
+                             estimate_sink sink, void *context, gonio_error *error);
+gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
+                            estimate_sink sink, void *context, gonio_error *error);
+
+// Angle and area terms of one sample: variances relative to the value, random and systematic angle, and area.
+typedef struct slope_terms {
+    double angle_random, angle_systematic, area;
+} slope_terms;
+slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair);
+
+#endif

@@ -1,0 +1,118 @@
+// A flat plate's pose -> one sample: f_r averaged over a disc of the sample about the centre of rotation.
+//
+// Every pixel is divided by the irradiance of its own point (the light is at a finite distance, and at 85 deg its
+// cosine changes by several per cent over the disc) and weighted with its footprint, so that the mean is over area. Its
+// directions spread evenly about the nominal pose, which the sample therefore carries.
+#include "calib/internal.h"
+
+#include <math.h>
+
+// Defects aside, a disc that misses more pixels than this would be a biased mean: the bright ones are missing.
+#define INVALID_SHARE_MAX 0.02
+// Least share of the disc's area that must lie inside the window.
+#define COVERAGE_MIN 0.75
+
+typedef struct disc_sums {
+    double area, value;
+    double photon, read, dark, flat;
+    double frame[MERGE_MAX]; // each exposure's share of value
+    size_t valid, invalid, saturated;
+} disc_sums;
+
+static void add_pixel(const gonio_calib *calib, size_t p, int n, const gonio_exposure *exposures, const double *scale,
+                      const geometry_hit *hit, double area, disc_sums *sums) {
+    merge_result merged;
+    pixel_merge(calib, p, n, exposures, scale, &merged);
+    if (merged.used == 0) {
+        sums->invalid++;
+        sums->saturated += merged.saturated;
+        return;
+    }
+    const double a = area / hit->irradiance, a2 = a * a, value = a * merged.value;
+    sums->valid++;
+    sums->area += area;
+    sums->value += value;
+    sums->photon += a2 * merged.photon_variance;
+    sums->read += a2 * merged.read_variance;
+    sums->flat += value * value * calib->flat_variance[p];
+    double bias = 0, rate = 0; // d value / d bias and d dark rate of this pixel
+    for (int j = 0; j < n; j++) {
+        const double w = merged.weight[j];
+        bias += w;
+        rate += w * exposures[j].frame.exposure_s;
+        sums->frame[j] += a * w * calib->flat[p] * scale[j] * merged.value;
+    }
+    const double *c = calib->dark_covariance;
+    sums->dark += a2 * (bias * bias * c[0] + 2 * bias * rate * c[1] + rate * rate * c[2]);
+}
+
+static void disc_estimate(const gonio_calib *calib, int n, const gonio_exposure *exposures, const disc_sums *sums,
+                          double *value, uncertainty *u) {
+    const double a2 = sums->area * sums->area;
+    *value = sums->value / sums->area;
+    *u = (uncertainty){
+        .photon = sums->photon / a2, .read = sums->read / a2, .dark = sums->dark / a2, .flat = sums->flat / a2};
+    for (int j = 0; j < n && calib->monitored; j++) {
+        const double share = sums->frame[j] / sums->area * exposures[j].monitor_sigma;
+        u->monitor += exposures[j].monitor > 0 ? share * share : 0;
+    }
+    uncertainty_common(calib, n, exposures, *value, u);
+}
+
+static gonio_status check_disc(const gonio_calib *calib, const gonio_exposure *first, const disc_sums *sums,
+                               gonio_error *error) {
+    size_t valid = 0, invalid = 0, saturated = 0;
+    double area = 0;
+    for (int k = 0; k < calib->channels; k++) {
+        valid += sums[k].valid;
+        invalid += sums[k].invalid;
+        saturated += sums[k].saturated;
+        area += sums[k].area;
+    }
+    const long long step = first->frame.stamp.pose;
+    const double r = calib->facts.region_radius_mm;
+    if ((double)invalid > INVALID_SHARE_MAX * (double)(valid + invalid)) {
+        return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no valid exposure for %zu of %zu pixels (%s)",
+                          step, first->frame.stamp.frame, invalid, valid + invalid,
+                          saturated > 0 ? "saturated even at the shortest" : "no light");
+    }
+    area /= calib->camera.fx * calib->camera.fy;
+    if (valid == 0 || area < COVERAGE_MIN * GONIO_PI * r * r) {
+        return gonio_fail(error, GONIO_E_RANGE,
+                          "step %lld frame %d: the window holds %.0f %% of the averaged disc of %g mm radius", step,
+                          first->frame.stamp.frame, 100 * area / (GONIO_PI * r * r), r);
+    }
+    for (int k = 0; k < calib->channels; k++) {
+        if (sums[k].valid == 0) {
+            return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no pixel of channel %s in the averaged disc",
+                              step, first->frame.stamp.frame, calib->names[k]);
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
+                            estimate_sink sink, void *context, gonio_error *error) {
+    const geometry g = geometry_of_pose(&calib->facts, pose);
+    disc_sums sums[3] = {0};
+    double scale[MERGE_MAX];
+    for (int j = 0; j < n; j++) {
+        scale[j] = exposure_scale(calib, exposures[j].frame.exposure_s, exposures[j].monitor);
+    }
+    for (size_t p = 0; p < calib->pixels; p++) {
+        geometry_hit hit;
+        double footprint;
+        if (pixel_used(calib, &g, p, &hit, &footprint)) {
+            add_pixel(calib, p, n, exposures, scale, &hit, footprint, &sums[calib->channel[p]]);
+        }
+    }
+    const gonio_status status = check_disc(calib, &exposures[0], sums, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    estimate e = {.pair = *pose};
+    for (int k = 0; k < calib->channels; k++) {
+        disc_estimate(calib, n, exposures, &sums[k], &e.value[k], &e.variance[k]);
+    }
+    return sink(context, &e, error);
+}

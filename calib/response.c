@@ -1,0 +1,106 @@
+// A given camera response: CSV rows "relative exposure, relative value", both 0..1 and increasing, undone by a table.
+#include "calib/internal.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define POINTS_MAX 65536
+
+static gonio_status add_row(response *c, const char *path, long long line, const char *text, gonio_error *error) {
+    char *end, *last;
+    const double exposure = strtod(text, &end);
+    const double value = *end == ',' ? strtod(end + 1, &last) : 0;
+    if (end == text || *end != ',' || last == end + 1 || last[strspn(last, " \t\r\n")] != '\0') {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected relative exposure,relative value");
+    }
+    if (!(exposure >= 0 && exposure <= 1 && value >= 0 && value <= 1)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%g,%g: both must lie in 0..1", exposure, value);
+    }
+    const int n = c->points;
+    if (n > 0 && (exposure <= c->exposure[n - 1] || value < c->value[n - 1])) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%g,%g falls below the row before", exposure, value);
+    }
+    if (n == POINTS_MAX) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d rows", POINTS_MAX);
+    }
+    // Where the curve stands still it has no inverse; the first of equal values stands for them.
+    if (n == 0 || value > c->value[n - 1]) {
+        c->exposure[n] = exposure;
+        c->value[n] = value;
+        c->points++;
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_rows(response *c, FILE *stream, const char *path, gonio_error *error) {
+    char text[256];
+    gonio_status status = GONIO_OK;
+    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
+        const char *start = text + strspn(text, " \t\r\n");
+        const bool header = c->points == 0 && isalpha((unsigned char)*start);
+        if (*start != '\0' && *start != '#' && !header) {
+            status = add_row(c, path, line, start, error);
+        }
+    }
+    if (status == GONIO_OK && ferror(stream)) {
+        status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
+    }
+    if (status == GONIO_OK && c->points < 2) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%d rising rows; a curve has at least 2", c->points);
+    }
+    return status;
+}
+
+gonio_status response_load(const char *path, int bits, response *out, gonio_error *error) {
+    *out = (response){.levels = 1 << bits};
+    FILE *stream = fopen(path, "r");
+    if (stream == NULL) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
+    }
+    out->exposure = malloc(POINTS_MAX * sizeof *out->exposure);
+    out->value = malloc(POINTS_MAX * sizeof *out->value);
+    gonio_status status = GONIO_OK;
+    if (out->exposure == NULL || out->value == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for a response curve");
+    } else {
+        status = read_rows(out, stream, path, error);
+    }
+    fclose(stream);
+    if (status != GONIO_OK) {
+        response_free(out);
+    }
+    return status;
+}
+
+// Invert by linear interpolation between the points; outside them the end pieces go on, so that noise about black stays
+// symmetric.
+gonio_status response_tabulate(response *r, double black, gonio_error *error) {
+    r->linear = malloc((size_t)r->levels * sizeof *r->linear);
+    r->slope = malloc((size_t)r->levels * sizeof *r->slope);
+    if (r->linear == NULL || r->slope == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a response table");
+    }
+    const double span = r->levels - 1 - black;
+    int k = 0;
+    for (int raw = 0; raw < r->levels; raw++) {
+        const double value = (raw - black) / span;
+        while (k < r->points - 2 && value > r->value[k + 1]) {
+            k++;
+        }
+        const double slope = (r->exposure[k + 1] - r->exposure[k]) / (r->value[k + 1] - r->value[k]);
+        r->linear[raw] = (float)((r->exposure[k] + slope * (value - r->value[k])) * span);
+        r->slope[raw] = (float)slope;
+    }
+    return GONIO_OK;
+}
+
+void response_free(response *r) {
+    free(r->exposure);
+    free(r->value);
+    free(r->linear);
+    free(r->slope);
+    *r = (response){0};
+}

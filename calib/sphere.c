@@ -1,0 +1,105 @@
+// A sphere's frame -> thousands of samples: one a pixel (mono) or one a 2 x 2 quad (Bayer), each with the local
+// directions of its own point. The sample is isotropic, so phi_i is turned to 0.
+#include "calib/internal.h"
+
+#include <math.h>
+
+typedef struct sphere_frame {
+    const gonio_calib *calib;
+    geometry g;
+    int n;
+    const gonio_exposure *exposures;
+    double scale[MERGE_MAX];
+} sphere_frame;
+
+// Add one pixel's value and variances to its channel; false: it has none.
+static bool add_pixel(const sphere_frame *f, size_t p, double *value, uncertainty *u, double *frame) {
+    const gonio_calib *calib = f->calib;
+    geometry_hit hit;
+    if (!pixel_used(calib, &f->g, p, &hit, NULL)) {
+        return false;
+    }
+    merge_result merged;
+    pixel_merge(calib, p, f->n, f->exposures, f->scale, &merged);
+    if (merged.used == 0) {
+        return false;
+    }
+    const double a = 1 / hit.irradiance, v = a * merged.value;
+    double bias = 0, rate = 0;
+    for (int j = 0; j < f->n; j++) {
+        bias += merged.weight[j];
+        rate += merged.weight[j] * f->exposures[j].frame.exposure_s;
+        frame[j] += merged.weight[j] * calib->flat[p] * f->scale[j] * v;
+    }
+    const double *c = calib->dark_covariance;
+    *value += v;
+    u->photon += a * a * merged.photon_variance;
+    // The maps' errors vary from pixel to pixel, hence from sample to sample: with the read noise, not systematic.
+    u->read += a * a * (merged.read_variance + bias * bias * c[0] + 2 * bias * rate * c[1] + rate * rate * c[2]) +
+               v * v * calib->flat_variance[p];
+    return true;
+}
+
+// One sample of the block of `side` x `side` pixels at (column, row). false: a pixel is missing, no sample.
+static bool block_estimate(const sphere_frame *f, int column, int row, int side, estimate *e) {
+    const gonio_calib *calib = f->calib;
+    const int width = calib->window.width;
+    double frame[3][MERGE_MAX] = {{0}}, x = 0, y = 0;
+    int count[3] = {0};
+    *e = (estimate){0};
+    for (int i = 0; i < side * side; i++) {
+        const size_t p = (size_t)(row + i / side) * (size_t)width + (size_t)(column + i % side);
+        const int k = calib->channel[p];
+        if (!add_pixel(f, p, &e->value[k], &e->variance[k], frame[k])) {
+            return false;
+        }
+        count[k]++;
+        x += calib->ray[2 * p] / (double)(side * side);
+        y += calib->ray[2 * p + 1] / (double)(side * side);
+    }
+    geometry_hit hit;
+    if (!geometry_sphere(&f->g, x, y, calib->facts.sphere_radius_mm, &hit)) {
+        return false;
+    }
+    e->pair = geometry_isotropic_pair(&hit);
+    for (int k = 0; k < calib->channels; k++) {
+        const double m = count[k];
+        e->value[k] /= m;
+        uncertainty *u = &e->variance[k];
+        u->photon /= m * m;
+        u->read /= m * m;
+        for (int j = 0; j < f->n && calib->monitored; j++) {
+            const double share = frame[k][j] / m * f->exposures[j].monitor_sigma;
+            u->monitor += f->exposures[j].monitor > 0 ? share * share : 0;
+        }
+        uncertainty_common(calib, f->n, f->exposures, e->value[k], u);
+    }
+    return true;
+}
+
+gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
+                             estimate_sink sink, void *context, gonio_error *error) {
+    sphere_frame f = {.calib = calib, .g = geometry_of_pose(&calib->facts, pose), .n = n, .exposures = exposures};
+    for (int j = 0; j < n; j++) {
+        f.scale[j] = exposure_scale(calib, exposures[j].frame.exposure_s, exposures[j].monitor);
+    }
+    const int side = calib->channels == 1 ? 1 : 2;
+    size_t made = 0;
+    for (int row = 0; row + side <= calib->window.height; row += side) {
+        for (int column = 0; column + side <= calib->window.width; column += side) {
+            estimate e;
+            if (block_estimate(&f, column, row, side, &e)) {
+                const gonio_status status = sink(context, &e, error);
+                if (status != GONIO_OK) {
+                    return status;
+                }
+                made++;
+            }
+        }
+    }
+    if (made == 0) {
+        return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no pixel of the sphere has a valid exposure",
+                          (long long)exposures[0].frame.stamp.pose, exposures[0].frame.stamp.frame);
+    }
+    return GONIO_OK;
+}
