@@ -1,3 +1,4 @@
 cli-y  += host/cli/main.c host/cli/options.c host/cli/report.c host/cli/progress.c
 pkgs-y += jansson
 deps-y += build-essential pkg-config libjansson-dev libcmocka-dev
+cli-y  += host/cli/cmd_render.c
