@@ -1,7 +1,8 @@
 # Real devices: bytes in and out (here), and rig.h's operations on top of them (host/drivers).
 lib-y  += host/transport/clock.c host/transport/usbtmc.c
-lib-y  += host/drivers/meter_usbtmc.c
-unit-y += tests/unit/test_usbtmc.c
+lib-y  += host/transport/tape.c host/transport/v4l2.c host/transport/v4l2_io.c
+lib-y  += host/drivers/meter_usbtmc.c host/drivers/pixels.c host/drivers/camera_controls.c host/drivers/camera_v4l2.c
+unit-y += tests/unit/test_usbtmc.c tests/unit/test_pixels.c tests/unit/test_camera_v4l2.c
 pkgs-y += libusb-1.0
 deps-y += libusb-1.0-0-dev libumockdev-dev umockdev
 

@@ -1,0 +1,79 @@
+#include "host/drivers/camera_controls.h"
+
+#include <linux/videodev2.h>
+
+const gonio_auto_function gonio_auto_functions[] = {
+    {"automatic exposure", V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL},
+    {"automatic frame rate for exposure", V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0},
+    {"automatic gain", V4L2_CID_AUTOGAIN, 0},
+    {"automatic ISO", V4L2_CID_ISO_SENSITIVITY_AUTO, V4L2_ISO_SENSITIVITY_MANUAL},
+    {"automatic white balance", V4L2_CID_AUTO_WHITE_BALANCE, 0},
+    {"white balance preset", V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, V4L2_WHITE_BALANCE_MANUAL},
+    {"automatic brightness", V4L2_CID_AUTOBRIGHTNESS, 0},
+    {"automatic hue", V4L2_CID_HUE_AUTO, 0},
+    {"chroma gain control", V4L2_CID_CHROMA_AGC, 0},
+    {"backlight compensation", V4L2_CID_BACKLIGHT_COMPENSATION, 0},
+    {"wide dynamic range", V4L2_CID_WIDE_DYNAMIC_RANGE, 0},
+    {"image stabilisation", V4L2_CID_IMAGE_STABILIZATION, 0},
+    {"power line compensation", V4L2_CID_POWER_LINE_FREQUENCY, V4L2_CID_POWER_LINE_FREQUENCY_DISABLED},
+    {"scene mode", V4L2_CID_SCENE_MODE, V4L2_SCENE_MODE_NONE},
+    {"colour effect", V4L2_CID_COLORFX, V4L2_COLORFX_NONE},
+    {"automatic focus", V4L2_CID_FOCUS_AUTO, 0},
+    {NULL, 0, 0}};
+
+bool gonio_camera_has(gonio_v4l2 *device, uint32_t id, gonio_v4l2_control *control) {
+    return gonio_v4l2_find_control(device, id, false, control, NULL) == GONIO_OK &&
+           (control->flags & V4L2_CTRL_FLAG_DISABLED) == 0;
+}
+
+gonio_status gonio_camera_autos_off(gonio_v4l2 *device, gonio_error *error) {
+    for (const gonio_auto_function *f = gonio_auto_functions; f->name != NULL; f++) {
+        gonio_v4l2_control control;
+        if (!gonio_camera_has(device, f->id, &control)) {
+            continue;
+        }
+        int32_t value = f->off;
+        gonio_error detail = {0};
+        gonio_status status = gonio_v4l2_get_control(device, f->id, &value, &detail);
+        if (status == GONIO_OK && value != f->off) {
+            status = gonio_v4l2_set_control(device, f->id, f->off, &detail);
+        }
+        if (status != GONIO_OK) {
+            return gonio_fail(error, status, "%s cannot be switched off: %.400s", f->name, detail.message);
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_camera_controls_find(gonio_v4l2 *device, double exposure_unit_s, gonio_camera_controls *controls,
+                                        gonio_error *error) {
+    static const uint32_t gains[] = {V4L2_CID_ANALOGUE_GAIN, V4L2_CID_GAIN, 0};
+    gonio_v4l2_control control;
+    *controls = (gonio_camera_controls){0};
+    // exposure_absolute counts units of 100 us; plain exposure has a unit that only the sensor's data sheet tells.
+    if (gonio_camera_has(device, V4L2_CID_EXPOSURE_ABSOLUTE, &control)) {
+        controls->exposure = V4L2_CID_EXPOSURE_ABSOLUTE;
+        controls->exposure_unit_s = exposure_unit_s > 0 ? exposure_unit_s : 1e-4;
+    } else if (exposure_unit_s > 0 && gonio_camera_has(device, V4L2_CID_EXPOSURE, &control)) {
+        controls->exposure = V4L2_CID_EXPOSURE;
+        controls->exposure_unit_s = exposure_unit_s;
+    }
+    if (controls->exposure != 0) {
+        controls->exposure_min = control.minimum > 0 ? control.minimum : 1;
+        controls->exposure_max = control.maximum;
+        controls->exposure_step = control.step > 0 ? control.step : 1;
+    }
+    for (const uint32_t *id = gains; *id != 0 && controls->gain == 0; id++) {
+        if (gonio_camera_has(device, *id, &control)) {
+            controls->gain = *id;
+            controls->gain_min = control.minimum;
+            controls->gain_max = control.maximum;
+            controls->gain_step = control.step > 0 ? control.step : 1;
+        }
+    }
+    if (controls->exposure != 0 && controls->exposure_max < controls->exposure_min) {
+        return gonio_fail(error, GONIO_E_DEVICE, "exposure control of no range (%lld to %lld)",
+                          (long long)controls->exposure_min, (long long)controls->exposure_max);
+    }
+    return GONIO_OK;
+}

@@ -1,0 +1,426 @@
+// The stream runs all the time. A capture sets what changed, throws away what was exposed before it was asked for (by
+// the frames' timestamps, or by count where the driver's clock is another), and takes the first frame after that.
+#include "host/drivers/camera_v4l2.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/drivers/camera_controls.h"
+#include "host/transport/clock.h"
+
+enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, LATENCY_MAX = 30, TRIES = 3 };
+
+typedef struct camera {
+    gonio_camera_v4l2_config config;
+    const gonio_v4l2_io *io;
+    void *state;
+    gonio_v4l2 *v4l2; // NULL while unplugged
+    const gonio_pixel_format *pixels;
+    gonio_v4l2_format format;
+    gonio_camera_controls controls;
+    gonio_camera_v4l2_counts counts;
+    char card[33];
+    int64_t exposure_steps, gain_steps; // as set; -1: not yet
+    double exposure_s, gain_db;
+    int stale_left; // frames that may have been in the queue already, counted where they carry no usable time
+    int to_discard; // frames that may still have older settings
+    bool sequence_known;
+    uint32_t sequence; // of the last frame
+} camera;
+
+void gonio_camera_v4l2_defaults(gonio_camera_v4l2_config *config) {
+    *config = (gonio_camera_v4l2_config){
+        .path = "/dev/video0", .settle_frames = 3, .buffers = 4, .replug_s = 10, .exposure_tolerance = 0.2};
+}
+
+static gonio_status choose_format(camera *c, gonio_error *error) {
+    uint32_t offered[OFFERED_MAX];
+    int n = 0;
+    while (n < OFFERED_MAX && gonio_v4l2_offered(c->v4l2, n, &offered[n], NULL) == GONIO_OK) {
+        n++;
+    }
+    if (c->config.format[0] == 0) {
+        c->pixels = gonio_pixel_format_choose(offered, (size_t)n);
+        return c->pixels != NULL ? GONIO_OK
+                                 : gonio_fail(error, GONIO_E_UNSUPPORTED,
+                                              "camera %s (%s) offers no pixel format that is fit for radiometry; "
+                                              "`gonio rig camera` lists them",
+                                              c->config.path, gonio_v4l2_card(c->v4l2));
+    }
+    c->pixels = gonio_pixel_format_named(c->config.format);
+    if (c->pixels == NULL) {
+        return gonio_fail(error, GONIO_E_INPUT, "unknown pixel format '%s'", c->config.format);
+    }
+    if (c->pixels->fitness == GONIO_UNFIT) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "pixel format %s is refused: %s", c->pixels->name,
+                          c->pixels->why);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status configure(camera *c, gonio_error *error) {
+    gonio_status status = choose_format(c, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    c->format = (gonio_v4l2_format){.fourcc = c->pixels->fourcc, .width = c->config.width, .height = c->config.height};
+    status = gonio_v4l2_set_format(c->v4l2, &c->format, error);
+    if (status == GONIO_OK) {
+        status = gonio_camera_autos_off(c->v4l2, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_camera_controls_find(c->v4l2, c->config.exposure_unit_s, &c->controls, error);
+    }
+    if (status == GONIO_OK && c->controls.exposure == 0 && !(c->config.fixed_exposure_s > 0)) {
+        status = gonio_fail(error, GONIO_E_UNSUPPORTED,
+                            "camera %s (%s) has no exposure control in seconds: give exposure_unit_us (of its own "
+                            "control) or fixed_exposure_ms",
+                            c->config.path, gonio_v4l2_card(c->v4l2));
+    }
+    return status;
+}
+
+static gonio_status start(camera *c, gonio_error *error) {
+    c->exposure_steps = c->gain_steps = -1;
+    c->sequence_known = false;
+    c->to_discard = c->config.settle_frames;
+    return gonio_v4l2_start(c->v4l2, c->config.buffers, error);
+}
+
+static gonio_status connect_camera(camera *c, gonio_error *error) {
+    gonio_status status = gonio_v4l2_open(c->io, c->state, c->config.path, &c->v4l2, error);
+    if (status != GONIO_OK) {
+        c->v4l2 = NULL;
+        return status;
+    }
+    if (c->card[0] != 0 && strcmp(c->card, gonio_v4l2_card(c->v4l2)) != 0) {
+        status = gonio_fail(error, GONIO_E_DEVICE, "another camera came back at %s: '%s', expected '%s'",
+                            c->config.path, gonio_v4l2_card(c->v4l2), c->card);
+    }
+    if (status == GONIO_OK) {
+        snprintf(c->card, sizeof c->card, "%s", gonio_v4l2_card(c->v4l2));
+        status = configure(c, error);
+    }
+    if (status == GONIO_OK) {
+        status = start(c, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_v4l2_close(c->v4l2);
+        c->v4l2 = NULL;
+    }
+    return status;
+}
+
+// Wait, bounded, until the same camera is there again.
+static gonio_status reconnect(camera *c, gonio_deadline deadline, gonio_error *error) {
+    gonio_v4l2_close(c->v4l2);
+    c->v4l2 = NULL;
+    c->counts.replugs++;
+    gonio_status status;
+    while ((status = connect_camera(c, error)) != GONIO_OK && gonio_deadline_left_ms(deadline) > 0) {
+        gonio_clock_sleep_ms(gonio_deadline_left_ms(deadline) < 100 ? gonio_deadline_left_ms(deadline) : 100);
+    }
+    return status;
+}
+
+static int64_t nearest_step(double value, int64_t minimum, int64_t maximum, int64_t step) {
+    const double steps = round((value - (double)minimum) / (double)step);
+    const int64_t result = minimum + (int64_t)(steps > 0 ? steps : 0) * step;
+    return result < maximum ? result : minimum + (maximum - minimum) / step * step;
+}
+
+static gonio_status set_exposure(camera *c, double exposure_s, gonio_error *error) {
+    const gonio_camera_controls *k = &c->controls;
+    if (k->exposure == 0) {
+        c->exposure_s = c->config.fixed_exposure_s;
+    } else {
+        const int64_t steps =
+            nearest_step(exposure_s / k->exposure_unit_s, k->exposure_min, k->exposure_max, k->exposure_step);
+        if (steps != c->exposure_steps) {
+            const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->exposure, (int32_t)steps, error);
+            if (status != GONIO_OK) {
+                return status;
+            }
+            c->exposure_steps = steps;
+            c->to_discard = c->config.settle_frames;
+        }
+        c->exposure_s = (double)steps * k->exposure_unit_s;
+    }
+    if (!(fabs(c->exposure_s - exposure_s) <= c->config.exposure_tolerance * exposure_s)) {
+        return gonio_fail(error, GONIO_E_RANGE, "camera %s: exposure of %g s asked for, the nearest it has is %g s",
+                          c->config.path, exposure_s, c->exposure_s);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status set_gain(camera *c, double gain_db, gonio_error *error) {
+    const gonio_camera_controls *k = &c->controls;
+    if (k->gain == 0 || !(c->config.gain_unit_db > 0)) {
+        if (gain_db > 0) {
+            return gonio_fail(error, GONIO_E_RANGE, "camera %s: gain of %g dB asked for, but %s", c->config.path,
+                              gain_db, k->gain == 0 ? "it has no gain control" : "gain_db_per_step is not given");
+        }
+    }
+    c->gain_db = 0;
+    if (k->gain == 0) {
+        return GONIO_OK;
+    }
+    int64_t steps = k->gain_min;
+    if (c->config.gain_unit_db > 0) {
+        steps = nearest_step((double)k->gain_min + gain_db / c->config.gain_unit_db, k->gain_min, k->gain_max,
+                             k->gain_step);
+        c->gain_db = (double)(steps - k->gain_min) * c->config.gain_unit_db;
+    }
+    if (steps != c->gain_steps) {
+        const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->gain, (int32_t)steps, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        c->gain_steps = steps;
+        c->to_discard = c->config.settle_frames;
+    }
+    return GONIO_OK;
+}
+
+// Was the frame's exposure begun after `since_ns`? Without a usable time, that is told by count.
+static bool exposed_after(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns) {
+    if (buffer->time_ns < 0) {
+        return c->stale_left-- <= 0;
+    }
+    const double length_s = buffer->start_of_exposure ? 0 : c->exposure_s;
+    return buffer->time_ns - (int64_t)(length_s * 1e9) >= since_ns;
+}
+
+static void note_sequence(camera *c, uint32_t sequence) {
+    const uint32_t missing = sequence - c->sequence - 1;
+    if (c->sequence_known && missing != 0 && missing < UINT32_MAX / 2) {
+        c->counts.gaps++;
+        c->counts.lost += missing;
+    }
+    c->sequence_known = true;
+    c->sequence = sequence;
+}
+
+// Whether this frame is the one; what is wrong with it is counted, and in *bad.
+static bool accept(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns, int *bad) {
+    note_sequence(c, buffer->sequence);
+    if (buffer->damaged) {
+        c->counts.damaged++;
+        (*bad)++;
+        return false;
+    }
+    if (buffer->n <
+        c->format.stride * (size_t)(c->format.height - 1) + gonio_pixel_row_bytes(c->pixels, c->format.width)) {
+        c->counts.short_frames++;
+        (*bad)++;
+        return false;
+    }
+    // Only frames begun after the change count as settling; older ones may still wait in the queue.
+    if (!exposed_after(c, buffer, since_ns)) {
+        c->counts.discarded++;
+        return false;
+    }
+    if (c->to_discard > 0) {
+        c->to_discard--;
+        c->counts.discarded++;
+        return false;
+    }
+    return true;
+}
+
+static gonio_status wait_frame(camera *c, int64_t since_ns, gonio_deadline deadline, gonio_v4l2_buffer *buffer,
+                               gonio_error *error) {
+    int bad = 0;
+    for (;;) {
+        const gonio_status status = gonio_v4l2_take(c->v4l2, gonio_deadline_left_ms(deadline), buffer, error);
+        if (status != GONIO_OK) {
+            c->counts.timeouts += status == GONIO_E_TIMEOUT;
+            return status;
+        }
+        if (accept(c, buffer, since_ns, &bad)) {
+            return GONIO_OK;
+        }
+        const gonio_status given = gonio_v4l2_give(c->v4l2, buffer->index, error);
+        if (given != GONIO_OK) {
+            return given;
+        }
+        if (bad >= BAD_FRAMES_MAX) {
+            return gonio_fail(error, GONIO_E_DEVICE, "camera %s: %d damaged or short frames in a row", c->config.path,
+                              bad);
+        }
+    }
+}
+
+static gonio_status attempt(camera *c, const gonio_window *window, double exposure_s, double gain_db,
+                            gonio_deadline deadline, uint16_t *pixels, gonio_error *error) {
+    gonio_status status = set_exposure(c, exposure_s, error);
+    if (status == GONIO_OK) {
+        status = set_gain(c, gain_db, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    c->stale_left = c->config.buffers + 1; // the queue's, and the one being exposed
+    gonio_v4l2_buffer buffer;
+    status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_pixels_unpack(c->pixels, buffer.bytes, buffer.n, c->format.stride, c->format.width, c->format.height,
+                                 window, c->config.shift, pixels, error);
+    const gonio_status given = gonio_v4l2_give(c->v4l2, buffer.index, error);
+    return status != GONIO_OK ? status : given;
+}
+
+// A frame that does not come is asked for by a restarted stream, a camera that is gone by opening it again.
+static gonio_status recover(camera *c, gonio_error *error) {
+    if (c->v4l2 == NULL || gonio_v4l2_gone(c->v4l2)) {
+        return reconnect(c, gonio_deadline_in_s(c->config.replug_s), error);
+    }
+    c->counts.restarts++;
+    gonio_v4l2_stop(c->v4l2);
+    return start(c, error);
+}
+
+static gonio_status camera_capture(void *device, const gonio_window *window, double exposure_s, double gain_db,
+                                   const gonio_stamp *stamp, double timeout_s, gonio_frame *frame, gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline end = gonio_deadline_in_s(timeout_s);
+    gonio_status status = GONIO_E_DEVICE;
+    for (int tries = 0; tries < TRIES; tries++) {
+        // A stream that has stopped must leave time for the next try.
+        const int left_ms = gonio_deadline_left_ms(end) / (tries + 1 < TRIES ? 2 : 1);
+        if (c->v4l2 == NULL || tries > 0) {
+            status = recover(c, error);
+            if (status != GONIO_OK) {
+                return status;
+            }
+        }
+        status = attempt(c, window, exposure_s, gain_db, gonio_deadline_in_ms(left_ms), frame->pixels, error);
+        if (status == GONIO_OK) {
+            c->counts.captured++;
+            frame->window = *window;
+            frame->exposure_s = c->exposure_s;
+            frame->gain_db = c->gain_db;
+            frame->stamp = *stamp;
+            return GONIO_OK;
+        }
+        if (status != GONIO_E_TIMEOUT && status != GONIO_E_DEVICE) {
+            return status;
+        }
+    }
+    return status;
+}
+
+static gonio_status camera_info(void *device, gonio_camera_info *info, gonio_error *error) {
+    (void)error;
+    const camera *c = device;
+    *info = c->config.info;
+    if (info->name[0] == 0) {
+        snprintf(info->name, sizeof info->name, "%s", c->card);
+    }
+    info->width = c->format.width;
+    info->height = c->format.height;
+    info->bits = c->config.bits > 0 ? c->config.bits : c->pixels->bits - c->config.shift;
+    info->pattern = c->pixels->pattern;
+    const gonio_camera_controls *k = &c->controls;
+    info->exposure_min_s = k->exposure != 0 ? (double)k->exposure_min * k->exposure_unit_s : c->config.fixed_exposure_s;
+    info->exposure_max_s = k->exposure != 0 ? (double)k->exposure_max * k->exposure_unit_s : c->config.fixed_exposure_s;
+    return GONIO_OK;
+}
+
+static void camera_close(void *device) {
+    camera *c = device;
+    gonio_v4l2_close(c->v4l2);
+    free(c);
+}
+
+const gonio_camera_ops gonio_camera_v4l2 = {.api_version = GONIO_RIG_API_VERSION,
+                                            .name = "v4l2",
+                                            .info = camera_info,
+                                            .capture = camera_capture,
+                                            .close = camera_close};
+
+gonio_status gonio_camera_v4l2_open(const gonio_camera_v4l2_config *config, const gonio_v4l2_io *io, void *state,
+                                    void **device, gonio_error *error) {
+    camera *c = calloc(1, sizeof *c);
+    if (c == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a camera");
+    }
+    c->config = *config;
+    c->io = io;
+    c->state = state;
+    const gonio_status status = connect_camera(c, error);
+    if (status != GONIO_OK) {
+        free(c);
+        return status;
+    }
+    *device = c;
+    return GONIO_OK;
+}
+
+const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device) {
+    return &((const camera *)device)->counts;
+}
+
+const gonio_pixel_format *gonio_camera_v4l2_format(const void *device) { return ((const camera *)device)->pixels; }
+
+static gonio_status frame_mean(camera *c, uint16_t *pixels, double *mean, gonio_error *error) {
+    gonio_v4l2_buffer buffer;
+    gonio_status status = wait_frame(c, INT64_MIN, gonio_deadline_in_s(2), &buffer, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const gonio_window all = {0, 0, c->format.width, c->format.height};
+    status = gonio_pixels_unpack(c->pixels, buffer.bytes, buffer.n, c->format.stride, all.width, all.height, &all,
+                                 c->config.shift, pixels, error);
+    double sum = 0;
+    const size_t n = (size_t)all.width * (size_t)all.height;
+    for (size_t i = 0; i < n && status == GONIO_OK; i++) {
+        sum += pixels[i];
+    }
+    *mean = sum / (double)n;
+    const gonio_status given = gonio_v4l2_give(c->v4l2, buffer.index, error);
+    return status != GONIO_OK ? status : given;
+}
+
+gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {
+    camera *c = device;
+    double means[LATENCY_MAX] = {0}, before = 0;
+    uint16_t *pixels = calloc((size_t)c->format.width * (size_t)c->format.height, sizeof *pixels);
+    if (pixels == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a frame");
+    }
+    gonio_status status = set_exposure(c, low_s, error);
+    for (int i = 0; i < LATENCY_MAX && status == GONIO_OK; i++) { // long enough for the low exposure to have settled
+        c->to_discard = 0;
+        status = frame_mean(c, pixels, &before, error);
+    }
+    if (status == GONIO_OK) {
+        status = set_exposure(c, high_s, error);
+    }
+    for (int i = 0; i < LATENCY_MAX && status == GONIO_OK; i++) {
+        c->to_discard = 0;
+        status = frame_mean(c, pixels, &means[i], error);
+    }
+    free(pixels);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const double after = means[LATENCY_MAX - 1];
+    if (!(fabs(after - before) > 0.05 * fabs(before) + 1)) {
+        return gonio_fail(error, GONIO_E_FAILED,
+                          "the frames' mean does not follow the exposure (%.1f at %g s, %.1f at "
+                          "%g s): dark, or saturated?",
+                          before, low_s, after, high_s);
+    }
+    // The first frame from which on every one is within a tenth of the whole step from the end.
+    int settled = LATENCY_MAX;
+    while (settled > 0 && fabs(means[settled - 1] - after) < 0.1 * fabs(after - before)) {
+        settled--;
+    }
+    *frames = settled;
+    return GONIO_OK;
+}
