@@ -5,6 +5,7 @@ AR      ?= ar
 PREFIX  ?= /usr/local
 DESTDIR ?=
 V       ?= 0
+JOBS    ?= $(shell nproc)
 B       ?= build
 
 ifeq ($(origin CC),default)
@@ -55,30 +56,30 @@ deps: ## install missing Debian packages (sudo where not root)
 	$(Q)tools/deps.sh $(sort $(deps-y))
 
 demo: deps ## measure, replay, fit, compare and render a simulated sample
-	$(Q)$(MAKE) --no-print-directory all
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all
 	$(Q)tools/demo.sh $(B)
 
 test: deps ## set up, build and run every test
-	$(Q)$(MAKE) --no-print-directory test-build
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory test-build
 	$(Q)tests/run.sh $(B)
 
 # Unit and property tests run under ASan and UBSan; system tests drive the program as users get it.
 test-build: all
-	$(Q)$(MAKE) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 unit: $(UNIT_BINS)
 
 bench: deps ## speed and accuracy figures, as ratios against references of the same run
-	$(Q)$(MAKE) --no-print-directory all bench-build
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all bench-build
 	$(Q)for b in $(BENCH_BINS); do echo "== $$b"; $$b || exit 1; done
 .PHONY: bench-build
 bench-build: $(BENCH_BINS)
 
 asan: ## build the program and the tests with AddressSanitizer
-	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 ubsan: ## build with UndefinedBehaviorSanitizer
-	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
 tsan: ## build with ThreadSanitizer
-	$(Q)$(MAKE) --no-print-directory all unit B=$(B)/tsan OPT='-O1 -g' SANITIZE='-fsanitize=thread'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/tsan OPT='-O1 -g' SANITIZE='-fsanitize=thread'
 
 $(B)/gonio: $(CLI_OBJS) $(B)/libgonio.a
 	$(call say,LINK,$@)
