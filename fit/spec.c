@@ -258,6 +258,34 @@ static gonio_status parse_analytic(char *text, spec_text *spec, gonio_model **mo
     return model != NULL ? build(spec, model, error) : count_channels(spec, &channels, error);
 }
 
+// "PATH,shape=sphere,radius_mm=20": a path may hold commas, so only these two keys are cut off its end.
+static gonio_status parse_file(char *text, spec_text *spec, gonio_model **model, gonio_error *error) {
+    for (char *comma; (comma = strrchr(text, ',')) != NULL;) {
+        char *equals = strchr(comma, '=');
+        if (equals == NULL) {
+            break;
+        }
+        *equals = 0;
+        bool known;
+        const gonio_status status = set_shape(spec, comma + 1, equals + 1, &known, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (!known) {
+            *equals = '=';
+            break;
+        }
+        *comma = 0;
+    }
+    if (text[0] == 0) {
+        return gonio_fail(error, GONIO_E_USAGE, "file: the path is missing");
+    }
+    if (model == NULL) {
+        return GONIO_OK;
+    }
+    return gonio_model_file_is(text) ? gonio_model_open(text, model, error) : gonio_read_table(text, model, error);
+}
+
 gonio_status gonio_spec_parse(const char *spec, gonio_model **model, gonio_shape *shape, double *radius_mm,
                               gonio_error *error) {
     if (model != NULL) {
@@ -270,7 +298,8 @@ gonio_status gonio_spec_parse(const char *spec, gonio_model **model, gonio_shape
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for a spec");
     } else {
         parsed->radius_mm = SHAPE_RADIUS_MM;
-        status = parse_analytic(text, parsed, model, error);
+        status = strncmp(text, "file:", 5) == 0 ? parse_file(text + 5, parsed, model, error)
+                                                : parse_analytic(text, parsed, model, error);
     }
     if (status == GONIO_OK) {
         *shape = parsed->shape;

@@ -36,12 +36,21 @@ void gonio_read_options_default(gonio_read_options *options);
 // Read any known BRDF file as samples; the caller frees them. report may be NULL.
 gonio_status gonio_read(const char *path, const gonio_read_options *options, gonio_samples **out,
                         gonio_read_report *report, gonio_error *error);
+// Is it a file that begins as a Gonio model file does? Never blocks; false where it cannot be read.
+bool gonio_model_file_is(const char *path);
 // A measured table (MERL, RGL ...) as a model that interpolates it. The caller frees it.
 gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *error);
 
 // Samples CSV (DESIGN section 4), written beside, synced and renamed; reading it gives the same bits.
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error);
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error);
+
+// The model's values (and sigma, where it carries one, as the systematic part) at n pairs, as samples; the caller frees
+// them.
+gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, gonio_samples **out,
+                                    gonio_error *error);
+// Write an isotropic model of 1 or 3 channels as a MERL .binary, each cell by the value at its centre.
+gonio_status gonio_write_merl(const gonio_model *model, const char *path, gonio_error *error);
 
 #ifdef __cplusplus
 }

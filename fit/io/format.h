@@ -1,0 +1,54 @@
+// What the readers share: one gonio_format a file format, and the sink that collects rows.
+#ifndef GONIO_FIT_IO_FORMAT_H
+#define GONIO_FIT_IO_FORMAT_H
+
+#include "base/text.h"
+#include "gonio/io.h"
+
+// A file in memory. data ends with a 0 byte that size does not count; text readers cut it up.
+typedef struct gonio_source {
+    const char *path;
+    char *data;
+    size_t size;
+} gonio_source;
+
+typedef struct gonio_format {
+    const char *name;
+    // Is it of this format? Must not change the data; a damaged file of the format still counts, its reader says why.
+    bool (*is)(const gonio_source *source);
+    // The samples; the caller frees them. On failure *out is NULL.
+    gonio_status (*read)(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+                         gonio_read_report *report, gonio_error *error);
+    // An interpolating model. NULL: the format holds scattered samples, which must be fitted.
+    gonio_status (*table)(const gonio_source *source, gonio_model **out, gonio_error *error);
+} gonio_format;
+
+extern const gonio_format gonio_format_samples, gonio_format_cornell, gonio_format_nist, gonio_format_retro,
+    gonio_format_merl, gonio_format_rgl;
+
+// The first line of a text that is neither empty nor a comment, for recognising it; "" where there is none or the data
+// is binary. buffer holds it.
+const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size);
+
+// Rows of a text file on their way into a set: the policy on negative values, and the counts.
+typedef struct gonio_sink {
+    const gonio_text *text;
+    gonio_negatives policy;
+    gonio_samples *samples;
+    gonio_read_report report;
+    int negative_channel; // of the first one
+    double negative_value;
+} gonio_sink;
+
+gonio_sink gonio_sink_begin(const gonio_text *text, const gonio_read_options *options, const char *format);
+// values may be changed (clamped). The line is the text's current one.
+gonio_status gonio_sink_add(gonio_sink *sink, const gonio_pair *pair, double *values, const double *sigma_random,
+                            const double *sigma_systematic, gonio_error *error);
+// Give the set out, or the error that the policy asks for (the set is freed then). status: how reading went so far.
+gonio_status gonio_sink_end(gonio_sink *sink, gonio_status status, gonio_samples **out, gonio_read_report *report,
+                            gonio_error *error);
+
+// Angles of files in radians: a polar angle at most rounding beyond the horizon is taken back to it.
+gonio_status gonio_polar_rad(const gonio_text *text, const char *what, double rad, double *theta, gonio_error *error);
+
+#endif

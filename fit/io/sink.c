@@ -1,0 +1,65 @@
+#include <math.h>
+#include <string.h>
+
+#include "fit/io/format.h"
+
+gonio_sink gonio_sink_begin(const gonio_text *text, const gonio_read_options *options, const char *format) {
+    gonio_sink sink = {.text = text, .policy = options->negatives};
+    sink.report.first_negative_line = -1;
+    snprintf(sink.report.format, sizeof sink.report.format, "%s", format);
+    return sink;
+}
+
+static void note_negative(gonio_sink *sink, int channel, double value) {
+    if (sink->report.negatives++ == 0) {
+        sink->report.first_negative_line = sink->text->line;
+        sink->negative_channel = channel;
+        sink->negative_value = value;
+    }
+}
+
+gonio_status gonio_sink_add(gonio_sink *sink, const gonio_pair *pair, double *values, const double *sigma_random,
+                            const double *sigma_systematic, gonio_error *error) {
+    for (int c = 0; c < sink->samples->channels; c++) {
+        if (values[c] < 0) {
+            note_negative(sink, c, values[c]);
+            if (sink->policy == GONIO_NEGATIVES_CLAMP) {
+                values[c] = 0;
+            }
+        }
+    }
+    sink->report.rows++;
+    return gonio_samples_add(sink->samples, pair, values, sigma_random, sigma_systematic, error);
+}
+
+gonio_status gonio_sink_end(gonio_sink *sink, gonio_status status, gonio_samples **out, gonio_read_report *report,
+                            gonio_error *error) {
+    if (status == GONIO_OK && sink->report.rows == 0) {
+        status = gonio_text_fail(sink->text, error, "no samples in it");
+    }
+    if (status == GONIO_OK && sink->report.negatives > 0 && sink->policy == GONIO_NEGATIVES_REJECT) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, sink->text->path, sink->report.first_negative_line,
+                                 "%zu negative values, the first here: %s = %g; `--negatives clamp` raises them to 0, "
+                                 "`--negatives keep` takes them as they are",
+                                 sink->report.negatives, sink->samples->channel_names[sink->negative_channel],
+                                 sink->negative_value);
+    }
+    if (report != NULL) {
+        *report = sink->report;
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(sink->samples);
+        sink->samples = NULL;
+    }
+    *out = sink->samples;
+    return status;
+}
+
+gonio_status gonio_polar_rad(const gonio_text *text, const char *what, double rad, double *theta, gonio_error *error) {
+    const double horizon = GONIO_PI / 2, rounding = 1e-6; // files give six decimals
+    if (!(rad >= 0 && rad <= horizon + rounding)) {
+        return gonio_text_fail(text, error, "%s: expected 0 to pi/2 radians, found %.9g", what, rad);
+    }
+    *theta = gonio_angle_canonical(fmin(rad, horizon));
+    return GONIO_OK;
+}
