@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -24,6 +25,15 @@ static void usage(FILE *stream) {
           stream);
 }
 
+// What went to standard output must have arrived: a full disk there is a failure like any other.
+static int flushed(int status) {
+    if (fflush(stdout) == 0 && !ferror(stdout)) {
+        return status;
+    }
+    fprintf(stderr, "gonio: cannot write standard output: %s\n", strerror(errno));
+    return status == 0 ? gonio_status_exit(GONIO_E_IO) : status;
+}
+
 int main(int argc, char **argv) {
     if (argc < 2) {
         usage(stderr);
@@ -39,7 +49,7 @@ int main(int argc, char **argv) {
     }
     for (const cli_verb *const *v = verbs; *v != NULL; v++) {
         if (strcmp(argv[1], (*v)->name) == 0) {
-            return (*v)->run(argc - 1, argv + 1);
+            return flushed((*v)->run(argc - 1, argv + 1));
         }
     }
     fprintf(stderr, "gonio: unknown verb '%s'; `gonio --help` lists them\n", argv[1]);

@@ -1,2 +1,2 @@
 // The verbs, one X(name) each, defined in cmd_<name>.c as `const cli_verb cmd_<name>`.
-#define CLI_VERBS(X) X(render)
+#define CLI_VERBS(X) X(fit) X(eval) X(compare) X(convert) X(render)

@@ -1,0 +1,192 @@
+// gonio eval: a model's values at the directions of a CSV.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/text.h"
+#include "gonio/io.h"
+#include "gonio/output.h"
+#include "host/cli/input.h"
+
+// The rows as they were written, for echoing, and as angles.
+typedef struct directions {
+    char *data;
+    char **lines;
+    gonio_pair *pairs;
+    size_t n, capacity;
+} directions;
+
+static void release(directions *d) {
+    free(d->data);
+    free(d->lines);
+    free(d->pairs);
+}
+
+static gonio_status append(directions *d, char *line, const gonio_pair *pair, gonio_error *error) {
+    if (d->n == d->capacity) {
+        const size_t larger = d->capacity * 2 + 1024;
+        char **lines = realloc(d->lines, larger * sizeof *lines);
+        d->lines = lines != NULL ? lines : d->lines;
+        gonio_pair *pairs = realloc(d->pairs, larger * sizeof *pairs);
+        d->pairs = pairs != NULL ? pairs : d->pairs;
+        if (lines == NULL || pairs == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu directions", larger);
+        }
+        d->capacity = larger;
+    }
+    d->lines[d->n] = line;
+    d->pairs[d->n++] = *pair;
+    return GONIO_OK;
+}
+
+// Four fields of a row; the text itself stays whole for the echo.
+static gonio_status parse_row(const gonio_text *text, const char *line, char *copy, size_t size, char **fields,
+                              gonio_error *error) {
+    if (strlen(line) >= size) {
+        return gonio_text_fail(text, error, "the line is longer than %zu characters", size - 1);
+    }
+    strcpy(copy, line);
+    const int n = gonio_text_split(copy, ',', fields, 4);
+    return n == 4 ? GONIO_OK
+                  : gonio_text_fail(text, error, "expected the 4 columns " GONIO_PAIR_HEADER ", found %d", n);
+}
+
+static gonio_status read_directions(const char *path, directions *d, gonio_error *error) {
+    size_t size;
+    gonio_status status = gonio_file_read(path, 0, &d->data, &size, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_text text = gonio_text_begin(path, d->data, size);
+    char copy[1024], *fields[4];
+    char *line = gonio_text_content(&text);
+    if (line == NULL) {
+        return gonio_text_fail(&text, error, "nothing in it; expected the header " GONIO_PAIR_HEADER);
+    }
+    status = parse_row(&text, line, copy, sizeof copy, fields, error);
+    if (status == GONIO_OK && !gonio_text_is_pair_header(fields, 4)) {
+        status = gonio_text_fail(&text, error, "expected the header " GONIO_PAIR_HEADER ", found '%.80s'", line);
+    }
+    while (status == GONIO_OK && (line = gonio_text_content(&text)) != NULL) {
+        gonio_pair pair;
+        status = parse_row(&text, line, copy, sizeof copy, fields, error);
+        if (status == GONIO_OK) {
+            status = gonio_text_pair(&text, fields, &pair, error);
+        }
+        if (status == GONIO_OK) {
+            status = append(d, line, &pair, error);
+        }
+    }
+    return status;
+}
+
+static void put_csv(FILE *stream, const directions *d, const gonio_samples *s, bool sigma) {
+    fputs(GONIO_PAIR_HEADER, stream);
+    for (int c = 0; c < s->channels; c++) {
+        fprintf(stream, ",%s", s->channel_names[c]);
+    }
+    for (int c = 0; c < s->channels && sigma; c++) {
+        fprintf(stream, ",sigma_%s", s->channel_names[c]);
+    }
+    fputc('\n', stream);
+    for (size_t i = 0; i < d->n && !ferror(stream); i++) {
+        char text[32];
+        fputs(d->lines[i], stream);
+        for (int c = 0; c < s->channels; c++) {
+            gonio_text_shortest(s->values[i * (size_t)s->channels + (size_t)c], text);
+            fprintf(stream, ",%s", text);
+        }
+        for (int c = 0; c < s->channels && sigma; c++) {
+            gonio_text_shortest(gonio_samples_sigma(s, i, c), text);
+            fprintf(stream, ",%s", text);
+        }
+        fputc('\n', stream);
+    }
+}
+
+static json_t *to_json(const char *model, const gonio_samples *s, bool sigma) {
+    json_t *channels = json_array(), *rows = json_array();
+    for (int c = 0; c < s->channels; c++) {
+        json_array_append_new(channels, json_string(s->channel_names[c]));
+    }
+    for (size_t i = 0; i < s->n; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        json_t *values = json_array(), *sigmas = json_array();
+        for (int c = 0; c < s->channels; c++) {
+            json_array_append_new(values, cli_json_real(s->values[i * (size_t)s->channels + (size_t)c]));
+            json_array_append_new(sigmas, cli_json_real(gonio_samples_sigma(s, i, c)));
+        }
+        json_t *row =
+            json_pack("{s:f,s:f,s:f,s:f,s:o}", "theta_i", gonio_degrees(p->theta_i), "phi_i", gonio_degrees(p->phi_i),
+                      "theta_o", gonio_degrees(p->theta_o), "phi_o", gonio_degrees(p->phi_o), "values", values);
+        if (sigma) {
+            json_object_set(row, "sigma", sigmas);
+        }
+        json_decref(sigmas);
+        json_array_append_new(rows, row);
+    }
+    return json_pack("{s:s,s:o,s:o}", "model", model, "channels", channels, "rows", rows);
+}
+
+static gonio_status write_csv(const char *path, const directions *d, const gonio_samples *s, bool sigma,
+                              gonio_error *error) {
+    if (path == NULL) {
+        put_csv(stdout, d, s, sigma);
+        return GONIO_OK; // main() checks the stream when all is written
+    }
+    gonio_output *output;
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    put_csv(gonio_output_stream(output), d, s, sigma);
+    return gonio_output_commit(output, error);
+}
+
+static int run(int argc, char **argv) {
+    const char *output = NULL, *names[2] = {NULL, "-"};
+    bool sigma = false;
+    const cli_option options[] = {
+        {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "where to write (standard output)"},
+        {"sigma", 0, CLI_FLAG, &sigma, NULL, NULL, "add sigma_<channel>, the standard uncertainty"},
+        {0}};
+    extern const cli_verb cmd_eval;
+    int count;
+    cli_common common;
+    if (!cli_parse(&cmd_eval, options, argc, argv, names, 1, 2, &count, &common)) {
+        return 2;
+    }
+    if (count < 2) {
+        names[1] = "-";
+    }
+    cli_use_threads(&common);
+    gonio_error error = {.line = -1, .byte = -1};
+    directions d = {0};
+    gonio_model *model = NULL;
+    gonio_samples *values = NULL;
+    gonio_status status = gonio_model_resolve(names[0], &model, &error);
+    if (status == GONIO_OK && sigma && model->ops->sigma == NULL) {
+        status = gonio_fail(&error, GONIO_E_UNSUPPORTED, "%s carries no uncertainty", names[0]);
+    }
+    if (status == GONIO_OK) {
+        status = read_directions(names[1], &d, &error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_samples_of_model(model, d.pairs, d.n, &values, &error);
+    }
+    if (status == GONIO_OK && common.json && output == NULL) {
+        cli_json(to_json(names[0], values, sigma));
+    } else if (status == GONIO_OK) {
+        status = write_csv(output, &d, values, sigma, &error);
+        if (status == GONIO_OK && common.json) {
+            cli_json(json_pack("{s:s,s:s,s:I}", "model", names[0], "output", output, "rows", (json_int_t)d.n));
+        }
+    }
+    gonio_samples_free(values);
+    gonio_model_free(model);
+    release(&d);
+    return status == GONIO_OK ? 0 : cli_fail(&common, &error);
+}
+
+const cli_verb cmd_eval = {"eval", "MODEL [DIRECTIONS.csv] [options]",
+                           "values of a model (or spec:SPEC) at directions, from a CSV or standard input", run};
