@@ -234,7 +234,12 @@ static gonio_status wait_frame(camera *c, int64_t since_ns, gonio_deadline deadl
                                gonio_error *error) {
     int bad = 0;
     for (;;) {
-        const gonio_status status = gonio_v4l2_take(c->v4l2, gonio_deadline_left_ms(deadline), buffer, error);
+        gonio_status status =
+            c->config.trigger != NULL ? c->config.trigger(c->config.trigger_context, error) : GONIO_OK;
+        if (status != GONIO_OK) {
+            return status;
+        }
+        status = gonio_v4l2_take(c->v4l2, gonio_deadline_left_ms(deadline), buffer, error);
         if (status != GONIO_OK) {
             c->counts.timeouts += status == GONIO_E_TIMEOUT;
             return status;

@@ -19,6 +19,9 @@ typedef struct gonio_camera_v4l2_config {
     double gain_unit_db;       // decibels a step of the gain control; 0: gain is never touched but set to its minimum
     double replug_s;           // wait this long for an unplugged camera; 10
     double exposure_tolerance; // relative; a coarser step of the control than this is refused; 0.2
+    // A camera that exposes on a pulse: called before each frame. NULL: it runs freely.
+    gonio_status (*trigger)(void *context, gonio_error *error);
+    void *trigger_context;
     // Geometry, read-out and names: copied to gonio_camera_info, which calibration fills.
     gonio_camera_info info;
 } gonio_camera_v4l2_config;

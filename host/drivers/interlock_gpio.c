@@ -1,0 +1,129 @@
+#include "host/drivers/interlock_gpio.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct contact {
+    gonio_contact_config config;
+    void *handle;
+    gonio_debounce filter;
+} contact;
+
+typedef struct interlock {
+    const gonio_gpio_io *io;
+    void *state;
+    contact contacts[GONIO_CONTACTS_MAX];
+    int n;
+} interlock;
+
+void gonio_interlock_gpio_defaults(gonio_interlock_gpio_config *config) {
+    *config = (gonio_interlock_gpio_config){
+        .contacts = {{.name = "emergency stop", .normally_closed = true}, {.name = "door", .normally_closed = true}},
+        .debounce_s = 0.005};
+    for (int i = 0; i < GONIO_CONTACTS_MAX; i++) {
+        config->contacts[i].bias = GONIO_GPIO_PULL_UP;
+    }
+}
+
+// A normally closed contact to ground: high means open, active. A normally open one: low means closed, active.
+static bool is_active(const contact *c, bool level) { return level == c->config.normally_closed; }
+
+static gonio_status look(interlock *device, contact *c, gonio_error *error) {
+    gonio_gpio_edge edge;
+    int got;
+    while ((got = device->io->next_edge(device->state, c->handle, &edge)) > 0) {
+        gonio_debounce_edge(&c->filter, is_active(c, edge.rising), edge.time_ns);
+    }
+    // The time before the level: an edge in between is then only seen as early, never as lost.
+    const int64_t now_ns = device->io->now_ns(device->state);
+    const int level = got < 0 ? got : device->io->get(device->state, c->handle);
+    if (level < 0) {
+        return gonio_gpio_fail(level, c->config.line, "cannot be read", error);
+    }
+    // An edge that came after the queue was emptied explains a level that differs from the last one seen.
+    while (is_active(c, level) != c->filter.raw && device->io->next_edge(device->state, c->handle, &edge) > 0) {
+        gonio_debounce_edge(&c->filter, is_active(c, edge.rising), edge.time_ns);
+    }
+    gonio_debounce_level(&c->filter, is_active(c, level), now_ns);
+    return GONIO_OK;
+}
+
+static gonio_status interlock_check(void *opaque, gonio_error *error) {
+    interlock *device = opaque;
+    char told[256] = "";
+    for (int i = 0; i < device->n; i++) {
+        contact *c = &device->contacts[i];
+        const gonio_status status = look(device, c, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (c->filter.tripped) {
+            const size_t length = strlen(told);
+            snprintf(told + length, sizeof told - length, "%s%s %s", length > 0 ? ", " : "", c->config.name,
+                     c->filter.stable || c->filter.raw ? "is active" : "was active");
+        }
+        gonio_debounce_clear(&c->filter);
+    }
+    return told[0] == 0 ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "interlock: %s", told);
+}
+
+static void interlock_close(void *opaque) {
+    interlock *device = opaque;
+    for (int i = 0; i < device->n; i++) {
+        device->io->close(device->state, device->contacts[i].handle);
+    }
+    free(device);
+}
+
+const gonio_interlock_ops gonio_interlock_gpio = {
+    .api_version = GONIO_RIG_API_VERSION, .name = "gpio", .check = interlock_check, .close = interlock_close};
+
+static gonio_status open_contact(interlock *device, const gonio_contact_config *config, int64_t hold_ns,
+                                 gonio_error *error) {
+    contact *c = &device->contacts[device->n];
+    c->config = *config;
+    int code = device->io->open_input(device->state, config->line, config->bias, &c->handle);
+    if (code != 0) {
+        return gonio_gpio_fail(code, config->line, "cannot be opened", error);
+    }
+    device->n++;
+    code = device->io->get(device->state, c->handle);
+    if (code < 0) {
+        return gonio_gpio_fail(code, config->line, "cannot be read", error);
+    }
+    gonio_debounce_start(&c->filter, is_active(c, code), device->io->now_ns(device->state), hold_ns);
+    return GONIO_OK;
+}
+
+gonio_status gonio_interlock_gpio_open(const gonio_interlock_gpio_config *config, const gonio_gpio_io *io, void *state,
+                                       void **out, gonio_error *error) {
+    interlock *device = calloc(1, sizeof *device);
+    if (device == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for an interlock");
+    }
+    device->io = io;
+    device->state = state;
+    for (int i = 0; i < GONIO_CONTACTS_MAX; i++) {
+        if (config->contacts[i].line[0] == 0) {
+            continue;
+        }
+        const gonio_status status =
+            open_contact(device, &config->contacts[i], (int64_t)(config->debounce_s * 1e9), error);
+        if (status != GONIO_OK) {
+            interlock_close(device);
+            return status;
+        }
+    }
+    *out = device;
+    return GONIO_OK;
+}
+
+const gonio_debounce *gonio_interlock_gpio_contact(const void *opaque, int index, const char **name) {
+    const interlock *device = opaque;
+    if (index < 0 || index >= device->n) {
+        return NULL;
+    }
+    *name = device->contacts[index].config.name;
+    return &device->contacts[index].filter;
+}
