@@ -35,8 +35,9 @@ static inline bool scan_ok(sim_scan *scan, gonio_status status, const char *what
     return status == GONIO_OK;
 }
 
-// settings: "section.key=value" texts, NULL-terminated. window: width 0 for the default one.
-static inline bool scan_open(sim_scan *scan, const char *spec, uint64_t seed, const char *const *settings) {
+// settings: "section.key=value" texts, NULL-terminated. side: of the read-out window, centred; 0 for 160 x 128 (the
+// whole frame for a sphere).
+static inline bool scan_open(sim_scan *scan, const char *spec, uint64_t seed, const char *const *settings, int side) {
     *scan = (sim_scan){.exposure_s = 0.01, .dark_frames = 8, .reference_frames = 16};
     if (!scan_ok(scan, gonio_sim_new(spec, seed, &scan->sim, &scan->error), "sim")) {
         return false;
@@ -53,8 +54,9 @@ static inline bool scan_open(sim_scan *scan, const char *spec, uint64_t seed, co
         !scan_ok(scan, scan->rig.stage->home(scan->rig.stage_device, 1e6, &scan->error), "home")) {
         return false;
     }
-    const int width = scan->rig.facts.sphere ? scan->camera.width : 160;
-    const int height = scan->rig.facts.sphere ? scan->camera.height : 128;
+    const bool whole = scan->rig.facts.sphere;
+    const int width = side > 0 ? side : whole ? scan->camera.width : 160;
+    const int height = side > 0 ? side : whole ? scan->camera.height : 128;
     scan->window =
         (gonio_window){(scan->camera.width - width) / 2 & ~1, (scan->camera.height - height) / 2 & ~1, width, height};
     scan->pixels = malloc(SCAN_EXPOSURES * (size_t)width * (size_t)height * sizeof *scan->pixels);
@@ -126,7 +128,7 @@ static inline bool scan_reference(sim_scan *scan) {
     const int taken = scan->n;
     for (int i = 0; ok && i < scan->reference_frames + 1; i++) {
         if (i >= taken) { // the repeats, and a saturated one at the end
-            ok = scan_capture(scan, SCAN_EXPOSURES - 1, scan->exposure_s * (i < scan->reference_frames ? 1 : 3));
+            ok = scan_capture(scan, SCAN_EXPOSURES - 1, scan->exposure_s * (i < scan->reference_frames ? 1 : 8));
         }
         ok = ok && scan_ok(scan,
                            gonio_calib_add_reference(

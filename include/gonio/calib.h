@@ -9,7 +9,8 @@
 //   dark       >= 4 frames (better 16) at the shortest exposure that the scan may use and as many at the longest
 //   reference  gonio_calib_bracket until it is done (it works before gonio_calib_prepare too), then the last exposure
 //              again, 16 frames or more in all: the repeats give the gain and average the flat field's noise; and one
-//              frame of about three times that exposure, so that the saturation level is measured, not assumed
+//              frame of eight times that exposure (which may fill a seventh of the range only), so that the saturation
+//              level is measured, not assumed
 #ifndef GONIO_CALIB_H
 #define GONIO_CALIB_H
 

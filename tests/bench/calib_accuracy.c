@@ -69,7 +69,7 @@ int main(void) {
     gonio_fit_report fit;
     gonio_calib_report found;
     gonio_error error = {0};
-    if (!scan_open(&scan, SPEC, 1, NULL) || !scan_prepare(&scan) ||
+    if (!scan_open(&scan, SPEC, 1, NULL, 0) || !scan_prepare(&scan) ||
         gonio_plan_make("nusselt:1400", 1, &plan, &error) != GONIO_OK ||
         gonio_samples_new(1, true, &samples, &error) != GONIO_OK) {
         return 1;
