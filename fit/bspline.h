@@ -38,10 +38,12 @@ static inline uint32_t gonio_bspline_fix(double x) {
     return scaled >= 4294967295.0 ? UINT32_MAX : scaled > 0 ? (uint32_t)scaled : 0;
 }
 
-static inline uint32_t gonio_bspline_cell(uint32_t fixed, int level) { return level > 0 ? fixed >> (32 - level) : 0; }
+// Two shifts, since one by 32 (level 0) is undefined.
+static inline uint32_t gonio_bspline_cell(uint32_t fixed, int level) { return fixed >> 1 >> (31 - level); }
 
+// In [0, 1), by 31 bits: signed integers convert to double in one instruction everywhere.
 static inline double gonio_bspline_place(uint32_t fixed, int level) {
-    return (double)(uint32_t)(fixed << level) * (1.0 / 4294967296.0);
+    return (double)(int32_t)(fixed << level >> 1) * 0x1p-31;
 }
 
 #endif

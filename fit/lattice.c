@@ -138,6 +138,12 @@ void gonio_lattice_eval(const gonio_lattice *lattice, const double *x, double *v
     }
 }
 
+double gonio_lattice_eval_channel(const gonio_lattice *lattice, const double *x, int channel) {
+    double w[GONIO_DIMS_MAX][4], place[GONIO_DIMS_MAX];
+    const size_t first = locate(lattice, x, w, place);
+    return sum_rows(lattice, first, w, channel);
+}
+
 double gonio_lattice_gradient(const gonio_lattice *lattice, const double *x, int channel, double *gradient) {
     double w[GONIO_DIMS_MAX][4], place[GONIO_DIMS_MAX], kept[4];
     const size_t first = locate(lattice, x, w, place);

@@ -27,6 +27,7 @@ void gonio_lattice_fill(gonio_lattice *lattice, const double *values);
 gonio_status gonio_lattice_refine(gonio_lattice *lattice, gonio_error *error);
 // The spline of every channel at x (clamped to [0, 1]): plain and in double; the reference for the fast kernels.
 void gonio_lattice_eval(const gonio_lattice *lattice, const double *x, double *values);
+double gonio_lattice_eval_channel(const gonio_lattice *lattice, const double *x, int channel);
 // One channel and its derivatives with respect to x.
 double gonio_lattice_gradient(const gonio_lattice *lattice, const double *x, int channel, double *gradient);
 

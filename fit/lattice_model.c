@@ -3,9 +3,11 @@
 // Section: 64 bytes of description, the transforms, the control points, each part aligned (fit/model_file.h).
 #include "fit/lattice_model.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/lattice_eval.h"
 #include "fit/model_file.h"
 
 typedef struct lattice_model {
@@ -24,21 +26,103 @@ typedef struct description {
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
+// Nusselt coordinates are on every renderer's inner loop, so they are computed here without calls; a square root of a
+// sum of squares, not hypot: unit vectors neither overflow nor, where it matters, underflow.
+static void locate_nusselt(gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
+    const double s = sqrt(wi.x * wi.x + wi.y * wi.y);
+    const double c = s > 0 ? wi.x / s : 1, d = s > 0 ? wi.y / s : 0;
+    x[0] = 0.5 * s + 0.5;
+    x[1] = 0.5 * (wo.x * c + wo.y * d) + 0.5;
+    x[2] = 0.5 * (wo.y * c - wo.x * d) + 0.5;
+}
+
 static void locate(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
-    if (m->lattice.dims == 3) {
-        gonio_coordinates_isotropic(m->coordinates, wi, wo, x);
-    } else {
+    if (m->lattice.dims == 4) {
         gonio_coordinates_anisotropic(m->coordinates, wi, wo, x);
+    } else if (m->coordinates == GONIO_NUSSELT) {
+        locate_nusselt(wi, wo, x);
+    } else {
+        gonio_coordinates_isotropic(m->coordinates, wi, wo, x);
     }
+}
+
+static gonio_position position_of(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo) {
+    double x[4];
+    locate(m, wi, wo, x);
+    return gonio_position_of(x, m->lattice.dims);
 }
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const lattice_model *m = (const lattice_model *)model;
+    const gonio_position position = position_of(m, wi, wo);
+    float v[model->channels];
+    gonio_lattice_eval_positions(&m->lattice, 1, &position, v);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = gonio_transform_invert(m->kind, &m->transforms[c], (double)v[c]);
+    }
+}
+
+static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    const lattice_model *m = (const lattice_model *)model;
+    const gonio_position position = position_of(m, wi, wo);
+    gonio_lattice_eval_positions(&m->lattice, 1, &position, values);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = (float)gonio_transform_invert(m->kind, &m->transforms[c], (double)values[c]);
+    }
+}
+
+static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
+    const lattice_model *m = (const lattice_model *)model;
     double x[4];
     locate(m, wi, wo, x);
-    gonio_lattice_eval(&m->lattice, x, values);
-    for (int c = 0; c < model->channels; c++) {
-        values[c] = gonio_transform_invert(m->kind, &m->transforms[c], values[c]);
+    return gonio_transform_invert(m->kind, &m->transforms[channel],
+                                  gonio_lattice_eval_channel(&m->lattice, x, channel));
+}
+
+#define BATCH 128 // positions at a time: their values stay in the first-level cache
+
+static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, double *values) {
+    const lattice_model *m = (const lattice_model *)model;
+    const size_t channels = (size_t)model->channels, batch = channels > BATCH ? 1 : BATCH / channels;
+    gonio_position positions[BATCH];
+    float v[channels > BATCH ? channels : BATCH];
+    for (size_t begin = 0; begin < n; begin += batch) {
+        const size_t count = n - begin < batch ? n - begin : batch;
+        for (size_t i = 0; i < count; i++) {
+            positions[i] = position_of(m, wi[begin + i], wo[begin + i]);
+        }
+        gonio_lattice_eval_positions(&m->lattice, count, positions, v);
+        double *out = values + begin * channels;
+        for (size_t i = 0; i < count; i++) {
+            for (size_t c = 0; c < channels; c++) {
+                *out++ = gonio_transform_invert(m->kind, &m->transforms[c], (double)v[i * channels + c]);
+            }
+        }
+    }
+}
+
+// Exact through the lattice; the coordinates' own derivatives are central differences in double (their maps are smooth
+// and have no rounding to speak of, so a step of 1e-6 leaves 1e-10), one-sided at the edges of the hemisphere.
+static void gradient(const gonio_model *model, const gonio_pair *pair, int channel, double out[4]) {
+    const lattice_model *m = (const lattice_model *)model;
+    const double angles[4] = {pair->theta_i, pair->phi_i, pair->theta_o, pair->phi_o}, step = 1e-6;
+    double x[4], slope[4];
+    locate(m, gonio_direction(angles[0], angles[1]), gonio_direction(angles[2], angles[3]), x);
+    const double v = gonio_lattice_gradient(&m->lattice, x, channel, slope);
+    const double outer = gonio_transform_slope(m->kind, &m->transforms[channel], v);
+    for (int k = 0; k < 4; k++) {
+        double low[4], high[4], a[4], b[4];
+        memcpy(low, angles, sizeof low);
+        memcpy(high, angles, sizeof high);
+        low[k] = k % 2 == 0 ? fmax(angles[k] - step, 0) : angles[k] - step;
+        high[k] = k % 2 == 0 ? fmin(angles[k] + step, GONIO_PI / 2) : angles[k] + step;
+        locate(m, gonio_direction(low[0], low[1]), gonio_direction(low[2], low[3]), a);
+        locate(m, gonio_direction(high[0], high[1]), gonio_direction(high[2], high[3]), b);
+        double sum = 0;
+        for (int d = 0; d < m->lattice.dims; d++) {
+            sum += slope[d] * (b[d] - a[d]) / (high[k] - low[k]);
+        }
+        out[k] = outer * sum;
     }
 }
 
@@ -72,6 +156,10 @@ static const gonio_model_ops lattice_ops = {
     .api_version = GONIO_MODEL_API_VERSION,
     .kind = "lattice",
     .eval = eval,
+    .eval_f32 = eval_f32,
+    .eval_channel = eval_channel,
+    .eval_many = eval_many,
+    .gradient = gradient,
     .save = save,
     .free = release,
 };

@@ -64,6 +64,10 @@ void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 
 #define GRADIENT_STEP 2e-3
 
 void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]) {
+    if (model->ops->gradient != NULL) {
+        model->ops->gradient(model, pair, channel, gradient);
+        return;
+    }
     for (int k = 0; k < 4; k++) {
         double low[4] = {pair->theta_i, pair->phi_i, pair->theta_o, pair->phi_o}, high[4];
         memcpy(high, low, sizeof high);

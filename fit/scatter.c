@@ -123,7 +123,8 @@ static gonio_status choose_transforms(gonio_scatter *scatter, const gonio_sample
 
 static gonio_status allocate(gonio_scatter *scatter, bool weighted, gonio_error *error) {
     const size_t c = (size_t)scatter->channels;
-    scatter->positions = malloc(scatter->n * (size_t)scatter->dims * sizeof *scatter->positions);
+    // One more: kernels read positions four at a time.
+    scatter->positions = calloc(scatter->n * (size_t)scatter->dims + 1, sizeof *scatter->positions);
     scatter->values = malloc(scatter->n * c * sizeof *scatter->values);
     scatter->weights = weighted ? malloc(scatter->n * sizeof *scatter->weights) : NULL;
     scatter->transforms = malloc(c * sizeof *scatter->transforms);
@@ -243,5 +244,9 @@ gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *sam
         repeat_values(scatter, samples->n);
     }
     fill_mean(scatter);
-    return GONIO_OK;
+    status = gonio_scatter_sort(scatter, error);
+    if (status != GONIO_OK) {
+        gonio_scatter_release(scatter);
+    }
+    return status;
 }

@@ -22,7 +22,7 @@ typedef struct gonio_scatter_options {
 typedef struct gonio_scatter {
     size_t n;
     int dims, channels;
-    uint32_t *positions; // n x dims, fixed-point (fit/bspline.h)
+    uint32_t *positions; // n x dims and one more that is never used, fixed-point (fit/bspline.h)
     float *values;       // n x channels: transformed
     float *weights;      // n, the largest 1; NULL: all 1
     gonio_coordinates coordinates;
@@ -37,6 +37,9 @@ typedef struct gonio_scatter {
 gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *samples,
                                 const gonio_scatter_options *options, gonio_error *error);
 void gonio_scatter_release(gonio_scatter *scatter);
+// Sort each block of GONIO_SCATTER_BLOCK samples by cell; gonio_scatter_init has done it.
+#define GONIO_SCATTER_BLOCK ((size_t)1 << 20)
+gonio_status gonio_scatter_sort(gonio_scatter *scatter, gonio_error *error);
 // The coordinates of one pair; x[dims].
 void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_pair *pair, double x[GONIO_DIMS_MAX]);
 // The axes that phi -> -phi flips.

@@ -31,6 +31,8 @@ typedef struct gonio_model_ops {
     double (*eval_channel)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel);
     // Optional: n pairs, values n x channels; may reorder its work inside. NULL: eval in turn.
     void (*eval_many)(const gonio_model *model, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, double *values);
+    // Optional, as eval: derivatives of one channel by (theta_i, phi_i, theta_o, phi_o). NULL: by differences of eval.
+    void (*gradient)(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
     // Optional: standard uncertainty of every channel. NULL: the model carries none.
     void (*sigma)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
     // Required: write the model's own section of a model file; see docs/formats.md. NULL: cannot be saved.
