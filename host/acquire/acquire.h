@@ -1,0 +1,138 @@
+// The acquisition: plan -> steps -> frames -> samples -> model, journalled as it happens.
+//
+// gonio_scan_* drive a rig; gonio_process_* are plain functions of what the session holds, so that a replay runs the
+// same code on the same frames and gets the same bits.
+#ifndef GONIO_ACQUIRE_H
+#define GONIO_ACQUIRE_H
+
+#include "gonio/fit.h"
+#include "gonio/session.h"
+
+// How to scan. gonio_scan_options_default() first.
+typedef struct gonio_scan_options {
+    int dark_frames;                 // at the shortest exposure, and as many at the longest
+    int reference_frames;            // at each reference step
+    double settle_s;                 // after every move
+    double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
+    int window_width, window_height; // read-out window; 0: around the sample; -1: the full frame
+    bool hands;                      // targets are put on the table by hand even where a sample changer is there
+} gonio_scan_options;
+
+// All that a resume or a replay must know; journalled at the start.
+typedef struct gonio_setup {
+    gonio_camera_info camera; // exposure_max_s already limited by the scan's options
+    gonio_rig_facts facts;
+    gonio_scan_options scan;
+    gonio_window window;
+    gonio_fit_options fit; // its method stands in fit_method: gonio_setup_fit joins them
+    char fit_method[32];   // empty: the default one
+} gonio_setup;
+
+void gonio_scan_options_default(gonio_scan_options *options);
+// Ask the rig what it is and fix the read-out window; fit stays untouched.
+gonio_status gonio_setup_of_rig(const gonio_rig *rig, const gonio_scan_options *scan, gonio_setup *setup,
+                                gonio_error *error);
+gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error);
+gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_error *error);
+// The fit's options; the method's name is borrowed from the setup.
+gonio_fit_options gonio_setup_fit(const gonio_setup *setup);
+
+// The window around the sample as the camera sees it; see gonio_scan_options.
+gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_facts *facts,
+                               const gonio_scan_options *options, gonio_window *window, gonio_error *error);
+
+// The steps of a plan: dark frames, the white reference, the poses in an order of short moves, the reference again.
+// The caller frees *steps.
+gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_plan *plan, gonio_step **steps, size_t *n,
+                              gonio_error *error);
+// The axes' targets of a pose.
+void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]);
+// The time that moves and settling take, from the stage's limits.
+double gonio_scan_travel_s(const gonio_rig *rig, const gonio_step *steps, size_t n, double settle_s);
+
+// ---- expose.c: the frames of one step ----
+typedef struct gonio_exposures {
+    gonio_exposure *items;
+    int n, capacity;
+    double clock_s; // nominal; moves on with every frame
+    double end_s;   // the exposure to begin the next step of this kind with
+} gonio_exposures;
+// Take the frames that the step's kind asks for, from out->clock_s on, at the pose where the rig stands. first_s: the
+// exposure to begin with; 0: calibration proposes one. What was taken is in out, also on failure; the caller frees
+// out->items with gonio_exposures_free.
+gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
+                               const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error);
+
+// ---- process.c: from frames to samples ----
+typedef struct gonio_process {
+    gonio_setup setup;
+    gonio_calib *calib;
+    gonio_step *steps;
+    size_t n;
+    size_t first_sample; // steps before it calibrate; those after the last sample bound the drift
+} gonio_process;
+
+// Read the setup and the steps; the calibration is new and empty. Release with gonio_process_end, also on failure.
+gonio_status gonio_process_begin(gonio_session *session, gonio_process *process, gonio_error *error);
+void gonio_process_end(gonio_process *process);
+// Give a dark or reference step's frames to the calibration.
+gonio_status gonio_process_calibrate(gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
+                                     int n, gonio_error *error);
+// The done steps before the first sample step, from their stored frames; when all are done, prepare the calibration and
+// set *ready.
+gonio_status gonio_process_prepare(gonio_session *session, gonio_process *process, bool *ready, gonio_error *error);
+// A new set of the session's channels; the caller frees it.
+gonio_status gonio_process_new_samples(const gonio_process *process, gonio_samples **out, gonio_error *error);
+// A pose's samples, none where the pose has no valid exposure (then why says what was wrong). The caller frees *out.
+gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
+                                int n, gonio_samples **out, char why[256], gonio_error *error);
+// The same from stored frames, for every done sample step at once: out[i] belongs to steps[i], NULL where it is not a
+// done sample step (only_missing: nor where the journal holds its samples). Equal bits for any thread count. The caller
+// frees with gonio_sets_free.
+gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
+                                   gonio_progress_fn progress, void *context, gonio_samples ***out, gonio_error *error);
+void gonio_sets_free(gonio_samples **sets, size_t n);
+
+// ---- scan.c: drive the rig through the session's steps ----
+typedef struct gonio_scan gonio_scan;
+typedef struct gonio_scan_hooks {
+    void *context;
+    // The operator puts the target on the table; returns when it lies there. NULL where there are no hands.
+    gonio_status (*mount)(void *context, gonio_target target, gonio_error *error);
+    // Something that the scan survives and the operator should know. May be NULL.
+    void (*note)(void *context, const char *text);
+} gonio_scan_hooks;
+
+// Prepare to go on with the session's first undone step: what was calibrated is calibrated again from its frames, the
+// axes are homed, the lamp is warm. rig, session and hooks are borrowed until gonio_scan_free.
+gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const gonio_scan_hooks *hooks,
+                            gonio_scan **out, gonio_error *error);
+bool gonio_scan_done(const gonio_scan *scan);
+// Do the next undone step as a whole and journal it. *samples (borrowed until the next call): what it yielded, NULL for
+// a calibration step. On failure the axes are stopped, the shutter closed, the fault journalled; the step is undone.
+gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error);
+// The setup, calibration and steps (up to date with what was done), borrowed.
+gonio_process *gonio_scan_process(gonio_scan *scan);
+// Stop the axes and close the shutter; callable at any time.
+void gonio_scan_halt(gonio_scan *scan);
+void gonio_scan_free(gonio_scan *scan); // NULL is allowed
+
+// ---- finish.c: all samples -> final samples and model ----
+typedef struct gonio_outcome {
+    gonio_samples *samples; // final
+    gonio_model *model;
+    gonio_fit_report fit;
+    double drift_ratio; // responsivity at the end / at the start; NaN: not known
+    size_t poses, frames;
+    char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
+} gonio_outcome;
+
+// Join the steps' samples, correct drift, fit, add the pointing term, fit again, save the model to model_path and hash.
+// stream (may be NULL): a stream that was given exactly these samples and stands in for the first fit. Release the
+// outcome with gonio_outcome_free.
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples *const *sets,
+                          gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
+                          gonio_error *error);
+void gonio_outcome_free(gonio_outcome *outcome);
+
+#endif

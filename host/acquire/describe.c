@@ -1,0 +1,212 @@
+// The setup as JSON texts in the journal: people read them, and a replay needs nothing else.
+//
+// One table a struct names every member once; writing and reading both follow it.
+#include <jansson.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/acquire/acquire.h"
+
+typedef enum kind { REAL, REAL3, INTEGER, BOOLEAN, TEXT, SEED } kind;
+
+typedef struct member {
+    const char *name;
+    kind kind;
+    size_t offset, size; // size: of a text's array
+} member;
+
+#define M(type, name, kind) {#name, kind, offsetof(type, name), sizeof(((type *)0)->name)}
+
+static const member camera_members[] = {
+    M(gonio_camera_info, name, TEXT),
+    M(gonio_camera_info, serial, TEXT),
+    M(gonio_camera_info, width, INTEGER),
+    M(gonio_camera_info, height, INTEGER),
+    M(gonio_camera_info, bits, INTEGER),
+    M(gonio_camera_info, pattern, INTEGER),
+    M(gonio_camera_info, exposure_min_s, REAL),
+    M(gonio_camera_info, exposure_max_s, REAL),
+    M(gonio_camera_info, fx, REAL),
+    M(gonio_camera_info, fy, REAL),
+    M(gonio_camera_info, cx, REAL),
+    M(gonio_camera_info, cy, REAL),
+    M(gonio_camera_info, k1, REAL),
+    M(gonio_camera_info, k2, REAL),
+    M(gonio_camera_info, p1, REAL),
+    M(gonio_camera_info, p2, REAL),
+    M(gonio_camera_info, k3, REAL),
+    M(gonio_camera_info, read_out_s, REAL),
+    {0},
+};
+static const member facts_members[] = {
+    M(gonio_rig_facts, light_distance_mm, REAL),
+    M(gonio_rig_facts, camera_distance_mm, REAL),
+    M(gonio_rig_facts, pointing_random_deg, REAL),
+    M(gonio_rig_facts, pointing_systematic_deg, REAL),
+    M(gonio_rig_facts, reference_reflectance, REAL3),
+    M(gonio_rig_facts, reference_relative_sigma, REAL),
+    M(gonio_rig_facts, lamp_drift_per_h, REAL),
+    M(gonio_rig_facts, sphere, BOOLEAN),
+    M(gonio_rig_facts, sphere_radius_mm, REAL),
+    M(gonio_rig_facts, region_radius_mm, REAL),
+    M(gonio_rig_facts, response_path, TEXT),
+    M(gonio_rig_facts, operator_name, TEXT),
+    M(gonio_rig_facts, notes, TEXT),
+    M(gonio_rig_facts, sample_id, TEXT),
+    M(gonio_rig_facts, serials, TEXT),
+    {0},
+};
+static const member scan_members[] = {
+    M(gonio_scan_options, dark_frames, INTEGER),
+    M(gonio_scan_options, reference_frames, INTEGER),
+    M(gonio_scan_options, settle_s, REAL),
+    M(gonio_scan_options, exposure_max_s, REAL),
+    M(gonio_scan_options, window_width, INTEGER),
+    M(gonio_scan_options, window_height, INTEGER),
+    M(gonio_scan_options, hands, BOOLEAN),
+    {0},
+};
+static const member window_members[] = {
+    M(gonio_window, x, INTEGER),
+    M(gonio_window, y, INTEGER),
+    M(gonio_window, width, INTEGER),
+    M(gonio_window, height, INTEGER),
+    {0},
+};
+static const member fit_members[] = {
+    M(gonio_setup, fit_method, TEXT),
+    M(gonio_setup, fit.level, INTEGER),
+    M(gonio_setup, fit.tolerance, REAL),
+    M(gonio_setup, fit.hold_out, REAL),
+    M(gonio_setup, fit.seed, SEED),
+    {0},
+};
+
+// Every part of the setup: its key in the journal, its members, where it stands in gonio_setup.
+static const struct part {
+    const char *key;
+    const member *members;
+    size_t offset;
+} parts[] = {
+    {"camera", camera_members, offsetof(gonio_setup, camera)}, {"facts", facts_members, offsetof(gonio_setup, facts)},
+    {"scan", scan_members, offsetof(gonio_setup, scan)},       {"window", window_members, offsetof(gonio_setup, window)},
+    {"fit", fit_members, 0},
+};
+#define PARTS (sizeof parts / sizeof *parts)
+
+static json_t *value_of(const member *m, const void *at) {
+    switch (m->kind) {
+    case REAL:
+        return json_real(*(const double *)at);
+    case REAL3: {
+        const double *v = at;
+        return json_pack("[f,f,f]", v[0], v[1], v[2]);
+    }
+    case INTEGER:
+        return json_integer(*(const int *)at);
+    case BOOLEAN:
+        return json_boolean(*(const bool *)at);
+    case TEXT:
+        return json_string(at);
+    case SEED: {
+        // JSON's integers are signed; a seed is not.
+        char text[24];
+        snprintf(text, sizeof text, "%llu", (unsigned long long)*(const uint64_t *)at);
+        return json_string(text);
+    }
+    }
+    return NULL;
+}
+
+static bool take(const member *m, const json_t *value, void *at) {
+    switch (m->kind) {
+    case REAL:
+        *(double *)at = json_number_value(value);
+        return json_is_number(value);
+    case REAL3:
+        for (size_t k = 0; k < 3; k++) {
+            ((double *)at)[k] = json_number_value(json_array_get(value, k));
+        }
+        return json_array_size(value) == 3;
+    case INTEGER:
+        *(int *)at = (int)json_integer_value(value);
+        return json_is_integer(value);
+    case BOOLEAN:
+        *(bool *)at = json_is_true(value);
+        return json_is_boolean(value);
+    case TEXT:
+        if (!json_is_string(value) || json_string_length(value) >= m->size) {
+            return false;
+        }
+        strcpy(at, json_string_value(value));
+        return true;
+    case SEED:
+        *(uint64_t *)at = json_is_string(value) ? strtoull(json_string_value(value), NULL, 10) : 0;
+        return json_is_string(value);
+    }
+    return false;
+}
+
+static gonio_status put(gonio_session *session, const struct part *part, const gonio_setup *setup,
+                        gonio_error *error) {
+    json_t *object = json_object();
+    bool good = object != NULL;
+    for (const member *m = part->members; good && m->name != NULL; m++) {
+        good = json_object_set_new(object, m->name, value_of(m, (const char *)setup + part->offset + m->offset)) == 0;
+    }
+    char *text = good ? json_dumps(object, JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17) | JSON_COMPACT) : NULL;
+    json_decref(object);
+    if (text == NULL) {
+        return gonio_fail(error, GONIO_E_INPUT, "cannot journal '%s': a text that is not UTF-8, or an infinite number",
+                          part->key);
+    }
+    const gonio_status status = gonio_session_put(session, part->key, text, error);
+    free(text);
+    return status;
+}
+
+static gonio_status get(gonio_session *session, const struct part *part, gonio_setup *setup, gonio_error *error) {
+    char *text;
+    gonio_status status = gonio_session_get(session, part->key, &text, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    json_t *object = json_loads(text, 0, NULL);
+    free(text);
+    for (const member *m = part->members; status == GONIO_OK && m->name != NULL; m++) {
+        if (!take(m, json_object_get(object, m->name), (char *)setup + part->offset + m->offset)) {
+            status = gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(session), -1,
+                                     "setting '%s' has no sound value of '%s'", part->key, m->name);
+        }
+    }
+    json_decref(object);
+    return status;
+}
+
+gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error) {
+    char bits[16];
+    snprintf(bits, sizeof bits, "%d", setup->camera.bits);
+    gonio_status status = gonio_session_put(session, "camera.bits", bits, error);
+    for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
+        status = put(session, &parts[i], setup, error);
+    }
+    return status;
+}
+
+gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_error *error) {
+    *setup = (gonio_setup){0};
+    gonio_fit_options_default(&setup->fit);
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
+        status = get(session, &parts[i], setup, error);
+    }
+    return status;
+}
+
+gonio_fit_options gonio_setup_fit(const gonio_setup *setup) {
+    gonio_fit_options options = setup->fit;
+    options.method = setup->fit_method[0] != 0 ? setup->fit_method : NULL;
+    return options;
+}

@@ -1,0 +1,120 @@
+// Plan -> steps, in an order of short moves.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/acquire/acquire.h"
+
+// The next pose is the nearest in travel time among this many candidates. Plans up to this size get the full
+// nearest-neighbour tour; larger ones a tour within a window that slides along a serpentine order, so that the cost
+// stays linear.
+#define CANDIDATES 2000
+#define CELL_DEG 10.0 // of the serpentine
+
+void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]) {
+    target_rad[GONIO_LIGHT_THETA] = pose->theta_i;
+    target_rad[GONIO_LIGHT_PHI] = pose->phi_i;
+    target_rad[GONIO_CAMERA_THETA] = pose->theta_o;
+    target_rad[GONIO_CAMERA_PHI] = pose->phi_o;
+}
+
+static double travel_s(const gonio_rig *rig, const gonio_pair *from, const gonio_pair *to) {
+    double a[GONIO_AXES], b[GONIO_AXES];
+    gonio_scan_target(from, a);
+    gonio_scan_target(to, b);
+    return rig->stage->duration_s(rig->stage_device, a, b);
+}
+
+typedef struct keyed {
+    long cell[4];
+    gonio_pair pose;
+    size_t index;
+} keyed;
+
+// Serpentine: within odd cells the next coordinate runs backward, so that neighbours in the order are neighbours.
+static int compare(const void *a, const void *b) {
+    const keyed *x = a, *y = b;
+    bool backward = false;
+    for (int k = 0; k < 4; k++) {
+        if (x->cell[k] != y->cell[k]) {
+            return (x->cell[k] < y->cell[k]) != backward ? -1 : 1;
+        }
+        backward ^= (x->cell[k] & 1) != 0;
+    }
+    return x->index < y->index ? -1 : 1;
+}
+
+static keyed *serpentine(const gonio_plan *plan) {
+    keyed *order = malloc((plan->n + 1) * sizeof *order);
+    for (size_t i = 0; order != NULL && i < plan->n; i++) {
+        const gonio_pair *p = &plan->poses[i];
+        const double angles[4] = {p->theta_i, p->phi_i, p->theta_o, p->phi_o};
+        order[i].pose = (gonio_pair){gonio_angle_canonical(p->theta_i), gonio_angle_canonical(p->phi_i),
+                                     gonio_angle_canonical(p->theta_o), gonio_angle_canonical(p->phi_o)};
+        order[i].index = i;
+        for (int k = 0; k < 4; k++) {
+            order[i].cell[k] = lround(floor(gonio_degrees(angles[k]) / CELL_DEG));
+        }
+    }
+    if (order != NULL) {
+        qsort(order, plan->n, sizeof *order, compare);
+    }
+    return order;
+}
+
+// Greedy: the candidate that is reached soonest; ties go to the earlier one. Removing keeps the candidates' order.
+static void tour(const gonio_rig *rig, const gonio_pair *start, keyed *order, size_t n, gonio_step *steps) {
+    gonio_pair here = *start;
+    for (size_t i = 0; i < n; i++) {
+        const size_t end = n - i < CANDIDATES ? n : i + CANDIDATES;
+        size_t best = i;
+        double best_s = INFINITY;
+        for (size_t j = i; j < end; j++) {
+            const double s = travel_s(rig, &here, &order[j].pose);
+            if (s < best_s) {
+                best_s = s;
+                best = j;
+            }
+        }
+        const keyed chosen = order[best];
+        memmove(order + i + 1, order + i, (best - i) * sizeof *order);
+        order[i] = chosen;
+        here = chosen.pose;
+        steps[i].kind = GONIO_STEP_SAMPLE;
+        steps[i].pose = here;
+    }
+}
+
+gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_plan *plan, gonio_step **steps, size_t *n,
+                              gonio_error *error) {
+    *n = plan->n + 3;
+    *steps = calloc(*n, sizeof **steps);
+    keyed *order = serpentine(plan);
+    if (*steps == NULL || order == NULL) {
+        free(*steps);
+        free(order);
+        *steps = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu steps", *n);
+    }
+    const gonio_pair reference = {gonio_radians(GONIO_REFERENCE_THETA_I_DEG), 0, 0, 0};
+    gonio_step *s = *steps;
+    s[0] = (gonio_step){.kind = GONIO_STEP_DARK, .pose = reference};
+    s[1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    tour(rig, &reference, order, plan->n, s + 2);
+    s[*n - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    for (size_t i = 0; i < *n; i++) {
+        s[i].index = (int64_t)i;
+    }
+    free(order);
+    return GONIO_OK;
+}
+
+double gonio_scan_travel_s(const gonio_rig *rig, const gonio_step *steps, size_t n, double settle_s) {
+    gonio_pair here = {0, 0, 0, 0};
+    double total = 0;
+    for (size_t i = 0; i < n; i++) {
+        total += travel_s(rig, &here, &steps[i].pose) + settle_s;
+        here = steps[i].pose;
+    }
+    return total;
+}
