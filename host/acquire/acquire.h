@@ -70,22 +70,25 @@ typedef struct gonio_process {
     gonio_step *steps;
     size_t n;
     size_t first_sample; // steps before it calibrate; those after the last sample bound the drift
+    bool isotropic;      // the plan never turns the sample
 } gonio_process;
 
 // Read the setup and the steps; the calibration is new and empty. Release with gonio_process_end, also on failure.
 gonio_status gonio_process_begin(gonio_session *session, gonio_process *process, gonio_error *error);
 void gonio_process_end(gonio_process *process);
-// Give a dark or reference step's frames to the calibration.
-gonio_status gonio_process_calibrate(gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
-                                     int n, gonio_error *error);
-// The done steps before the first sample step, from their stored frames; when all are done, prepare the calibration and
-// set *ready.
-gonio_status gonio_process_prepare(gonio_session *session, gonio_process *process, bool *ready, gonio_error *error);
+// Calibrate anew from the steps before the first sample step, in their order: from stored frames where they are done,
+// from fresh's exposures where one has just been taken and is not stored yet (NULL: none). Stops at the first that is
+// neither; where all are there, the calibration is prepared and *ready set.
+gonio_status gonio_process_prepare(gonio_session *session, gonio_process *process, const gonio_step *fresh,
+                                   const gonio_exposure *exposures, int n, bool *ready, gonio_error *error);
+// Add the done reference steps after the samples, from their stored frames; *any: there were some.
+gonio_status gonio_process_late_references(gonio_session *session, gonio_process *process, bool *any,
+                                           gonio_error *error);
 // A new set of the session's channels; the caller frees it.
 gonio_status gonio_process_new_samples(const gonio_process *process, gonio_samples **out, gonio_error *error);
 // A pose's samples, none where the pose has no valid exposure (then why says what was wrong). The caller frees *out.
 gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
-                                int n, gonio_samples **out, char why[256], gonio_error *error);
+                                int n, gonio_samples **out, char why[512], gonio_error *error);
 // The same from stored frames, for every done sample step at once: out[i] belongs to steps[i], NULL where it is not a
 // done sample step (only_missing: nor where the journal holds its samples). Equal bits for any thread count. The caller
 // frees with gonio_sets_free.
@@ -134,5 +137,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_
                           gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
                           gonio_error *error);
 void gonio_outcome_free(gonio_outcome *outcome);
+// Store the final samples and the results' checksums ("result.samples_sha256" ...), in one transaction.
+gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error);
 
 #endif

@@ -17,7 +17,8 @@ typedef struct member {
     size_t offset, size; // size: of a text's array
 } member;
 
-#define M(type, name, kind) {#name, kind, offsetof(type, name), sizeof(((type *)0)->name)}
+#define M(type, name, kind)                                                                                            \
+    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name) }
 
 static const member camera_members[] = {
     M(gonio_camera_info, name, TEXT),
@@ -59,14 +60,10 @@ static const member facts_members[] = {
     {0},
 };
 static const member scan_members[] = {
-    M(gonio_scan_options, dark_frames, INTEGER),
-    M(gonio_scan_options, reference_frames, INTEGER),
-    M(gonio_scan_options, settle_s, REAL),
-    M(gonio_scan_options, exposure_max_s, REAL),
-    M(gonio_scan_options, window_width, INTEGER),
-    M(gonio_scan_options, window_height, INTEGER),
-    M(gonio_scan_options, hands, BOOLEAN),
-    {0},
+    M(gonio_scan_options, dark_frames, INTEGER),  M(gonio_scan_options, reference_frames, INTEGER),
+    M(gonio_scan_options, settle_s, REAL),        M(gonio_scan_options, exposure_max_s, REAL),
+    M(gonio_scan_options, window_width, INTEGER), M(gonio_scan_options, window_height, INTEGER),
+    M(gonio_scan_options, hands, BOOLEAN),        {0},
 };
 static const member window_members[] = {
     M(gonio_window, x, INTEGER),
@@ -76,12 +73,8 @@ static const member window_members[] = {
     {0},
 };
 static const member fit_members[] = {
-    M(gonio_setup, fit_method, TEXT),
-    M(gonio_setup, fit.level, INTEGER),
-    M(gonio_setup, fit.tolerance, REAL),
-    M(gonio_setup, fit.hold_out, REAL),
-    M(gonio_setup, fit.seed, SEED),
-    {0},
+    M(gonio_setup, fit_method, TEXT),   M(gonio_setup, fit.level, INTEGER), M(gonio_setup, fit.tolerance, REAL),
+    M(gonio_setup, fit.hold_out, REAL), M(gonio_setup, fit.seed, SEED),     {0},
 };
 
 // Every part of the setup: its key in the journal, its members, where it stands in gonio_setup.
@@ -90,8 +83,10 @@ static const struct part {
     const member *members;
     size_t offset;
 } parts[] = {
-    {"camera", camera_members, offsetof(gonio_setup, camera)}, {"facts", facts_members, offsetof(gonio_setup, facts)},
-    {"scan", scan_members, offsetof(gonio_setup, scan)},       {"window", window_members, offsetof(gonio_setup, window)},
+    {"camera", camera_members, offsetof(gonio_setup, camera)},
+    {"facts", facts_members, offsetof(gonio_setup, facts)},
+    {"scan", scan_members, offsetof(gonio_setup, scan)},
+    {"window", window_members, offsetof(gonio_setup, window)},
     {"fit", fit_members, 0},
 };
 #define PARTS (sizeof parts / sizeof *parts)
@@ -149,8 +144,7 @@ static bool take(const member *m, const json_t *value, void *at) {
     return false;
 }
 
-static gonio_status put(gonio_session *session, const struct part *part, const gonio_setup *setup,
-                        gonio_error *error) {
+static gonio_status put(gonio_session *session, const struct part *part, const gonio_setup *setup, gonio_error *error) {
     json_t *object = json_object();
     bool good = object != NULL;
     for (const member *m = part->members; good && m->name != NULL; m++) {

@@ -1,0 +1,117 @@
+// The frames of one step: fixed exposures for dark frames, bracketing for everything else.
+#include <math.h>
+#include <stdlib.h>
+
+#include "host/acquire/acquire.h"
+
+// gonio_calib_bracket ends by itself; this bound holds should it not.
+#define BRACKET_MAX 16
+#define CAPTURE_MARGIN_S 10 // beyond the exposure itself
+// One frame of the reference this much longer saturates, so that the saturation level is measured, not assumed.
+#define SATURATING 3
+
+static gonio_status grow(gonio_exposures *out, gonio_error *error) {
+    if (out->n < out->capacity) {
+        return GONIO_OK;
+    }
+    const int capacity = out->capacity + 32;
+    gonio_exposure *larger = realloc(out->items, (size_t)capacity * sizeof *larger);
+    if (larger == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", capacity);
+    }
+    out->items = larger;
+    out->capacity = capacity;
+    return GONIO_OK;
+}
+
+// The lamp's monitor during the frame; NaN without a meter.
+static gonio_status read_monitor(const gonio_rig *rig, gonio_exposure *exposure, gonio_error *error) {
+    exposure->monitor = exposure->monitor_sigma = NAN;
+    if (rig->meter == NULL) {
+        return GONIO_OK;
+    }
+    double value, sigma;
+    const gonio_status status =
+        rig->meter->read(rig->meter_device, &exposure->frame.stamp, exposure->frame.exposure_s, &value, &sigma, error);
+    if (status == GONIO_OK) {
+        exposure->monitor = value;
+        exposure->monitor_sigma = sigma / fabs(value);
+    }
+    return status;
+}
+
+static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const gonio_step *step, double exposure_s,
+                         gonio_exposures *out, gonio_error *error) {
+    gonio_status status = grow(out, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const gonio_stamp stamp = {step->index, out->n, out->clock_s};
+    gonio_exposure *exposure = &out->items[out->n];
+    *exposure = (gonio_exposure){.frame = {setup->window, exposure_s, 0, stamp, NULL}, NAN, NAN};
+    const size_t pixels = (size_t)setup->window.width * (size_t)setup->window.height;
+    exposure->frame.pixels = malloc(pixels * sizeof *exposure->frame.pixels);
+    if (exposure->frame.pixels == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a frame");
+    }
+    out->n++;
+    status = rig->camera->capture(rig->camera_device, &setup->window, exposure_s, 0, &stamp,
+                                  exposure_s + CAPTURE_MARGIN_S, &exposure->frame, error);
+    // Behind a closed shutter the monitor tells nothing that a frame needs.
+    if (status == GONIO_OK && step->kind != GONIO_STEP_DARK) {
+        status = read_monitor(rig, exposure, error);
+    }
+    out->clock_s += exposure_s + setup->camera.read_out_s;
+    return status;
+}
+
+static gonio_status expose_dark(const gonio_rig *rig, const gonio_setup *setup, const gonio_step *step,
+                                gonio_exposures *out, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int i = 0; status == GONIO_OK && i < 2 * setup->scan.dark_frames; i++) {
+        out->end_s = i < setup->scan.dark_frames ? setup->camera.exposure_min_s : setup->camera.exposure_max_s;
+        status = take(rig, setup, step, out->end_s, out, error);
+    }
+    return status;
+}
+
+static gonio_status bracket(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
+                            const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error) {
+    double next_s = first_s;
+    if (!(first_s > 0)) {
+        gonio_calib_bracket(calib, &step->pose, 0, NULL, &next_s);
+    }
+    gonio_status status = GONIO_OK;
+    gonio_exposure_verdict verdict = GONIO_EXPOSURE_MORE;
+    while (status == GONIO_OK && verdict == GONIO_EXPOSURE_MORE && out->n < BRACKET_MAX) {
+        out->end_s = next_s;
+        status = take(rig, setup, step, next_s, out, error);
+        if (status == GONIO_OK) {
+            verdict = gonio_calib_bracket(calib, &step->pose, out->n, out->items, &next_s);
+        }
+    }
+    return status;
+}
+
+static gonio_status expose_reference(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
+                                     const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error) {
+    gonio_status status = bracket(rig, setup, calib, step, first_s, out, error);
+    for (int i = 1; status == GONIO_OK && i < setup->scan.reference_frames; i++) {
+        status = take(rig, setup, step, out->end_s, out, error);
+    }
+    const double long_s = fmin(SATURATING * out->end_s, setup->camera.exposure_max_s);
+    return status == GONIO_OK ? take(rig, setup, step, long_s, out, error) : status;
+}
+
+gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
+                               const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error) {
+    switch (step->kind) {
+    case GONIO_STEP_DARK:
+        return expose_dark(rig, setup, step, out, error);
+    case GONIO_STEP_REFERENCE:
+        return expose_reference(rig, setup, calib, step, first_s, out, error);
+    case GONIO_STEP_SAMPLE:
+        break;
+    }
+    return bracket(rig, setup, calib, step, first_s, out, error);
+}

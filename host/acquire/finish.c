@@ -1,0 +1,141 @@
+// All samples -> final samples and model.
+//
+// The pointing term of a sample's uncertainty needs the BRDF's slope there, and the slope needs a fit: so a first fit
+// gives the slopes, and the model that is saved is fitted to the samples with their full uncertainty.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/acquire/acquire.h"
+
+static gonio_status join(const gonio_process *process, gonio_samples *const *sets, gonio_samples *all, double **clock_s,
+                         gonio_error *error) {
+    size_t total = 0, at = 0;
+    for (size_t i = 0; i < process->n; i++) {
+        total += sets[i] != NULL ? sets[i]->n : 0;
+    }
+    gonio_status status = gonio_samples_reserve(all, total, error);
+    *clock_s = malloc((total + 1) * sizeof **clock_s);
+    if (status == GONIO_OK && *clock_s == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", total);
+    }
+    for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
+        const gonio_samples *set = sets[i];
+        for (size_t k = 0; status == GONIO_OK && set != NULL && k < set->n; k++) {
+            const size_t c = k * (size_t)set->channels;
+            (*clock_s)[at++] = process->steps[i].clock_end_s;
+            status = gonio_samples_add(all, &set->pairs[k], set->values + c, set->sigma_random + c,
+                                       set->sigma_systematic + c, error);
+        }
+    }
+    return status;
+}
+
+// Correct what the second reference tells. *changed: the values are others than those that were streamed.
+static gonio_status correct_drift(gonio_session *session, gonio_process *process, const double *clock_s,
+                                  gonio_outcome *out, bool *changed, gonio_error *error) {
+    *changed = false;
+    out->drift_ratio = NAN;
+    bool any;
+    gonio_status status = gonio_process_late_references(session, process, &any, error);
+    if (status != GONIO_OK || !any) {
+        return status;
+    }
+    const size_t bytes = out->samples->n * (size_t)out->samples->channels * sizeof(double);
+    double *before = malloc(bytes + 1);
+    if (before == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", out->samples->n);
+    }
+    memcpy(before, out->samples->values, bytes);
+    status = gonio_calib_drift(process->calib, clock_s, out->samples, &out->drift_ratio, error);
+    *changed = memcmp(before, out->samples->values, bytes) != 0;
+    free(before);
+    return status;
+}
+
+static gonio_status fit_twice(const gonio_process *process, gonio_fit_stream *stream, const gonio_fit_options *options,
+                              gonio_outcome *out, gonio_error *error) {
+    gonio_model *first;
+    gonio_status status = stream != NULL ? gonio_fit_stream_finish(stream, &first, &out->fit, error)
+                                         : gonio_fit(out->samples, options, &first, &out->fit, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_calib_pointing(&process->setup.facts, first, out->samples, error);
+    gonio_model_free(first);
+    return status == GONIO_OK ? gonio_fit(out->samples, options, &out->model, &out->fit, error) : status;
+}
+
+static void count(const gonio_process *process, gonio_outcome *out) {
+    for (size_t i = 0; i < process->n; i++) {
+        out->poses += process->steps[i].kind == GONIO_STEP_SAMPLE && process->steps[i].done;
+        out->frames += (size_t)process->steps[i].frames;
+    }
+}
+
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples *const *sets,
+                          gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
+                          gonio_error *error) {
+    *out = (gonio_outcome){.drift_ratio = NAN};
+    double *clock_s = NULL;
+    bool changed = false;
+    count(process, out);
+    gonio_status status = gonio_process_new_samples(process, &out->samples, error);
+    if (status == GONIO_OK) {
+        status = join(process, sets, out->samples, &clock_s, error);
+    }
+    if (status == GONIO_OK) {
+        status = correct_drift(session, process, clock_s, out, &changed, error);
+    }
+    free(clock_s);
+    if (status == GONIO_OK) {
+        gonio_fit_options options = gonio_setup_fit(&process->setup);
+        options.threads = threads;
+        status = fit_twice(process, changed ? NULL : stream, &options, out, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_model_save(out->model, model_path, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_sha256_file(model_path, out->model_sha256, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_sha256_samples(out->samples, out->samples_sha256, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_outcome_free(out);
+    }
+    return status;
+}
+
+void gonio_outcome_free(gonio_outcome *outcome) {
+    gonio_samples_free(outcome->samples);
+    gonio_model_free(outcome->model);
+    outcome->samples = NULL;
+    outcome->model = NULL;
+}
+
+static gonio_status put_results(gonio_session *session, const gonio_outcome *outcome, gonio_error *error) {
+    gonio_status status = gonio_session_put_final(session, outcome->samples, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_put(session, "result.samples_sha256", outcome->samples_sha256, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_put(session, "result.model_sha256", outcome->model_sha256, error);
+    }
+    return status == GONIO_OK ? gonio_session_event(session, "finished", outcome->samples_sha256, error) : status;
+}
+
+gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error) {
+    gonio_status status = gonio_session_begin(session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = put_results(session, outcome, error);
+    if (status == GONIO_OK) {
+        return gonio_session_commit(session, error);
+    }
+    gonio_session_rollback(session);
+    return status;
+}

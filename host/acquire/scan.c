@@ -1,0 +1,279 @@
+// The scan loop: move, settle, expose, calibrate, store; one step at a time, as a whole or not at all.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "host/acquire/acquire.h"
+
+#define HOME_TIMEOUT_S 300
+#define WARM_UP_TIMEOUT_S 7200
+// A move may take this much longer than the stage's own estimate before it counts as stuck.
+#define MOVE_SLACK 5
+#define MOVE_MARGIN_S 30
+
+enum { TARGET_UNKNOWN = -1 };
+
+struct gonio_scan {
+    gonio_session *session;
+    const gonio_rig *rig;
+    gonio_scan_hooks hooks;
+    gonio_process process;
+    size_t next;            // first undone step
+    bool ready;             // the calibration is prepared
+    int target;             // what lies on the table
+    double waited_s;        // for the lamp, before the first step of this run
+    gonio_samples *samples; // of the last step
+};
+
+static void to_next(gonio_scan *scan) {
+    while (scan->next < scan->process.n && scan->process.steps[scan->next].done) {
+        scan->next++;
+    }
+}
+
+static void note(gonio_scan *scan, const char *kind, const char *text) {
+    gonio_session_event(scan->session, kind, text, NULL);
+    if (scan->hooks.note != NULL) {
+        scan->hooks.note(scan->hooks.context, text);
+    }
+}
+
+void gonio_scan_halt(gonio_scan *scan) {
+    const gonio_rig *rig = scan->rig;
+    rig->stage->stop(rig->stage_device, NULL);
+    rig->lamp->set_shutter(rig->lamp_device, false, NULL);
+}
+
+static double clock_before(const gonio_scan *scan, size_t step) {
+    return step > 0 ? scan->process.steps[step - 1].clock_end_s : 0;
+}
+
+static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    gonio_status status = GONIO_OK;
+    if (rig->interlock != NULL) {
+        status = rig->interlock->check(rig->interlock_device, error);
+    }
+    if (status == GONIO_OK) {
+        status = rig->lamp->set_level(rig->lamp_device, 1, error);
+    }
+    if (status == GONIO_OK) {
+        status = rig->stage->home(rig->stage_device, HOME_TIMEOUT_S, error);
+    }
+    if (status == GONIO_OK) {
+        const gonio_stamp stamp = {(int64_t)scan->next, 0, clock_before(scan, scan->next)};
+        status = rig->lamp->wait_ready(rig->lamp_device, &stamp, WARM_UP_TIMEOUT_S, &scan->waited_s, error);
+    }
+    return status;
+}
+
+// Samples that the journal lacks although their frames are there: the calibration they stood on was measured again, or
+// the doctor dropped them.
+static gonio_status restore_samples(gonio_scan *scan, gonio_error *error) {
+    gonio_samples **sets;
+    gonio_status status = gonio_process_samples(scan->session, &scan->process, true, 0, NULL, NULL, &sets, error);
+    int restored = 0;
+    for (size_t i = 0; status == GONIO_OK && i < scan->process.n; i++) {
+        if (sets[i] != NULL) {
+            status = gonio_session_put_step_samples(scan->session, (int64_t)i, sets[i], error);
+            restored++;
+        }
+    }
+    gonio_sets_free(sets, scan->process.n);
+    if (status == GONIO_OK && restored > 0) {
+        char text[64];
+        snprintf(text, sizeof text, "samples of %d steps were computed anew", restored);
+        note(scan, "restored", text);
+    }
+    return status;
+}
+
+gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const gonio_scan_hooks *hooks,
+                            gonio_scan **out, gonio_error *error) {
+    *out = NULL;
+    gonio_scan *scan = calloc(1, sizeof *scan);
+    if (scan == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a scan");
+    }
+    scan->session = session;
+    scan->rig = rig;
+    scan->hooks = *hooks;
+    scan->target = TARGET_UNKNOWN;
+    gonio_status status = gonio_session_sweep(session, NULL, error);
+    if (status == GONIO_OK) {
+        status = gonio_process_begin(session, &scan->process, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_process_prepare(session, &scan->process, NULL, NULL, 0, &scan->ready, error);
+    }
+    if (status == GONIO_OK && scan->ready) {
+        status = restore_samples(scan, error);
+    }
+    to_next(scan);
+    if (status == GONIO_OK && !gonio_scan_done(scan)) {
+        status = start_rig(scan, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_session_event(session, "fault", error != NULL ? error->message : gonio_status_text(status), NULL);
+        gonio_scan_free(scan);
+        return status;
+    }
+    *out = scan;
+    return GONIO_OK;
+}
+
+void gonio_scan_free(gonio_scan *scan) {
+    if (scan != NULL) {
+        gonio_scan_halt(scan);
+        gonio_process_end(&scan->process);
+        gonio_samples_free(scan->samples);
+        free(scan);
+    }
+}
+
+bool gonio_scan_done(const gonio_scan *scan) { return scan->next == scan->process.n; }
+
+gonio_process *gonio_scan_process(gonio_scan *scan) { return &scan->process; }
+
+// ---- one step ----
+
+static gonio_status mount(gonio_scan *scan, gonio_step_kind kind, gonio_error *error) {
+    const int target = kind == GONIO_STEP_REFERENCE ? GONIO_TARGET_REFERENCE : GONIO_TARGET_SAMPLE;
+    if (kind == GONIO_STEP_DARK || scan->target == target) {
+        return GONIO_OK; // dark frames do not see the table
+    }
+    gonio_status status = GONIO_OK;
+    if (scan->process.setup.scan.hands || scan->rig->mount == NULL) {
+        status = scan->hooks.mount != NULL
+                     ? scan->hooks.mount(scan->hooks.context, (gonio_target)target, error)
+                     : gonio_fail(error, GONIO_E_DEVICE, "no sample changer, and nobody to change the sample");
+    }
+    if (status == GONIO_OK && scan->rig->mount != NULL) {
+        status = scan->rig->mount->mount(scan->rig->mount_device, (gonio_target)target, error);
+    }
+    scan->target = status == GONIO_OK ? target : TARGET_UNKNOWN;
+    return status;
+}
+
+static gonio_status move(gonio_scan *scan, const gonio_step *step, double *clock_s, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    double from[GONIO_AXES] = {0}, to[GONIO_AXES];
+    if (step->index > 0) {
+        gonio_scan_target(&scan->process.steps[step->index - 1].pose, from);
+    }
+    gonio_scan_target(&step->pose, to);
+    const double takes_s = rig->stage->duration_s(rig->stage_device, from, to);
+    const gonio_stamp stamp = {step->index, 0, *clock_s};
+    // After a resume the arms start from elsewhere; the nominal clock knows only the nominal way.
+    const gonio_status status = rig->stage->move(rig->stage_device, to, (uint32_t)(step->index + 1), &stamp,
+                                                 MOVE_SLACK * takes_s + HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
+    *clock_s += takes_s + scan->process.setup.scan.settle_s;
+    return status;
+}
+
+// The exposure that the last step of this kind ended with; 0: there was none.
+static double first_exposure(const gonio_scan *scan, const gonio_step *step) {
+    for (int64_t i = step->index - 1; i >= 0; i--) {
+        if (scan->process.steps[i].kind == step->kind) {
+            return scan->process.steps[i].exposure_end_s;
+        }
+    }
+    return 0;
+}
+
+static gonio_status approach(gonio_scan *scan, const gonio_step *step, double *clock_s, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    *clock_s = clock_before(scan, scan->next) + scan->waited_s;
+    gonio_status status = mount(scan, step->kind, error);
+    if (status == GONIO_OK && rig->interlock != NULL) {
+        status = rig->interlock->check(rig->interlock_device, error);
+    }
+    if (status == GONIO_OK) {
+        status = rig->lamp->set_shutter(rig->lamp_device, step->kind != GONIO_STEP_DARK, error);
+    }
+    return status == GONIO_OK ? move(scan, step, clock_s, error) : status;
+}
+
+// Calibrate with the new frames before they are stored: what is no calibration (a dark frame that is not dark) must not
+// count as done. The fault may be in the steps before it, so they are all taken again.
+static gonio_status evaluate_calibration(gonio_scan *scan, const gonio_step *step, const gonio_exposures *exposures,
+                                         gonio_error *error) {
+    if (scan->next > scan->process.first_sample) {
+        return GONIO_OK; // the reference after the samples: gonio_finish reads it from the session
+    }
+    const gonio_status status =
+        gonio_process_prepare(scan->session, &scan->process, step, exposures->items, exposures->n, &scan->ready, error);
+    for (size_t i = 0; status != GONIO_OK && i < scan->process.first_sample; i++) {
+        if (scan->process.steps[i].done) {
+            gonio_session_undo_step(scan->session, (int64_t)i, "the calibration failed", NULL);
+        }
+    }
+    return status;
+}
+
+static gonio_status evaluate(gonio_scan *scan, const gonio_step *step, const gonio_exposures *exposures,
+                             gonio_error *error) {
+    if (step->kind != GONIO_STEP_SAMPLE) {
+        return evaluate_calibration(scan, step, exposures, error);
+    }
+    char why[512], text[600];
+    const gonio_status status =
+        gonio_process_pose(&scan->process, step, exposures->items, exposures->n, &scan->samples, why, error);
+    if (status == GONIO_OK && why[0] != 0) {
+        snprintf(text, sizeof text, "step %lld gives no sample: %s", (long long)step->index, why);
+        note(scan, "no sample", text);
+    }
+    return status;
+}
+
+static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_error *error) {
+    gonio_step *step = &scan->process.steps[scan->next];
+    gonio_status status = approach(scan, step, &exposures->clock_s, error);
+    if (status == GONIO_OK) {
+        status = gonio_expose_step(scan->rig, &scan->process.setup, scan->process.calib, step,
+                                   first_exposure(scan, step), exposures, error);
+    }
+    if (status == GONIO_OK) {
+        status = evaluate(scan, step, exposures, error);
+    }
+    gonio_step finished = *step;
+    finished.done = true;
+    finished.frames = exposures->n;
+    finished.clock_end_s = exposures->clock_s;
+    finished.exposure_end_s = exposures->end_s;
+    if (status == GONIO_OK) {
+        status =
+            gonio_session_finish_step(scan->session, &finished, exposures->items, exposures->n, scan->samples, error);
+    }
+    if (status == GONIO_OK) {
+        *step = finished;
+    }
+    return status;
+}
+
+gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error) {
+    gonio_samples_free(scan->samples);
+    scan->samples = NULL;
+    *samples = NULL;
+    gonio_error own = {.line = -1, .byte = -1};
+    gonio_exposures exposures = {0};
+    gonio_status status = do_step(scan, &exposures, &own);
+    gonio_exposures_free(exposures.items, exposures.n);
+    if (status == GONIO_OK && scan->ready && scan->next < scan->process.first_sample) {
+        status = restore_samples(scan, &own);
+    }
+    if (status != GONIO_OK) {
+        char text[600];
+        gonio_scan_halt(scan);
+        snprintf(text, sizeof text, "step %zu: %s", scan->next, own.message);
+        gonio_session_event(scan->session, "fault", text, NULL);
+        if (error != NULL) {
+            *error = own;
+        }
+        return status;
+    }
+    scan->waited_s = 0;
+    to_next(scan);
+    *samples = scan->samples;
+    return GONIO_OK;
+}
