@@ -94,6 +94,9 @@ gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *
 // frees with gonio_sets_free.
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
                                    gonio_progress_fn progress, void *context, gonio_samples ***out, gonio_error *error);
+// The journalled samples in the same form.
+gonio_status gonio_process_stored(gonio_session *session, const gonio_process *process, gonio_samples ***out,
+                                  gonio_error *error);
 void gonio_sets_free(gonio_samples **sets, size_t n);
 
 // ---- scan.c: drive the rig through the session's steps ----

@@ -79,6 +79,14 @@ static bool store(const cli_option *option, const char *text) {
     case CLI_TEXT:
         *(const char **)option->value = text;
         return true;
+    case CLI_LIST: {
+        cli_list *list = option->value;
+        const bool room = list->n < (int)(sizeof list->items / sizeof *list->items);
+        if (room) {
+            list->items[list->n++] = text;
+        }
+        return room;
+    }
     }
     return false;
 }

@@ -1,2 +1,14 @@
 // The verbs, one X(name) each, defined in cmd_<name>.c as `const cli_verb cmd_<name>`.
-#define CLI_VERBS(X) X(fit) X(eval) X(compare) X(convert) X(render)
+#define CLI_VERBS(X)                                                                                                   \
+    X(measure)                                                                                                         \
+    X(resume)                                                                                                          \
+    X(replay)                                                                                                          \
+    X(samples)                                                                                                         \
+    X(doctor)                                                                                                          \
+    X(plan)                                                                                                            \
+    X(rig)                                                                                                             \
+    X(fit)                                                                                                             \
+    X(eval)                                                                                                            \
+    X(compare)                                                                                                         \
+    X(convert)                                                                                                         \
+    X(render)

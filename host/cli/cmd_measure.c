@@ -1,0 +1,140 @@
+// gonio measure: a plan on a rig, into a session.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "host/cli/measuring.h"
+
+typedef struct request {
+    cli_rig_options rig;
+    const char *plan, *method;
+    gonio_fit_options fit;
+    cli_measuring measuring;
+} request;
+
+static gonio_status journal(gonio_session *session, const request *r, const cli_rig *rig, const gonio_setup *setup,
+                            const gonio_step *steps, size_t n, gonio_error *error) {
+    gonio_status status = gonio_session_begin(session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const char *const texts[][2] = {{"gonio.version", GONIO_VERSION}, {"plan", r->plan}};
+    for (size_t i = 0; status == GONIO_OK && i < sizeof texts / sizeof *texts; i++) {
+        status = gonio_session_put(session, texts[i][0], texts[i][1], error);
+    }
+    if (status == GONIO_OK) {
+        status = cli_rig_put(session, &r->rig, rig, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_setup_put(session, setup, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_put_steps(session, steps, n, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_event(session, "begun", r->plan, error);
+    }
+    if (status == GONIO_OK) {
+        return gonio_session_commit(session, error);
+    }
+    gonio_session_rollback(session);
+    return status;
+}
+
+// Everything that can be wrong with the request is found before the session's folder exists.
+static gonio_status prepare(request *r, const cli_rig *rig, gonio_setup *setup, gonio_step **steps, size_t *n,
+                            gonio_error *error) {
+    *setup = (gonio_setup){.fit = r->fit};
+    if (r->method != NULL) {
+        const char *const *names = gonio_fit_methods();
+        while (*names != NULL && strcmp(*names, r->method) != 0) {
+            names++;
+        }
+        if (*names == NULL || strlen(r->method) >= sizeof setup->fit_method) {
+            return gonio_fail(error, GONIO_E_USAGE, "--method: unknown method '%s'", r->method);
+        }
+        strcpy(setup->fit_method, r->method);
+    }
+    gonio_plan *plan;
+    gonio_status status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
+    if (status == GONIO_OK) {
+        status = gonio_plan_make(r->plan, r->rig.seed, &plan, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, plan, steps, n, error)
+                         : gonio_fail(error, GONIO_E_INPUT, "plan '%s' has no poses", r->plan);
+    gonio_plan_free(plan);
+    return status;
+}
+
+static int run_request(request *r, const char *path) {
+    gonio_error error = {.line = -1, .byte = -1};
+    cli_rig rig = {0};
+    gonio_setup setup;
+    gonio_step *steps = NULL;
+    size_t n = 0;
+    gonio_session *session = NULL;
+    int exit_status = 2;
+    gonio_status status = cli_rig_open(&r->rig, &rig, &error);
+    if (status == GONIO_OK) {
+        status = prepare(r, &rig, &setup, &steps, &n, &error);
+    }
+    if (status == GONIO_OK && !cli_measuring_hands(&r->measuring, &rig.rig, setup.scan.hands)) {
+        goto out;
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_create(path, &session, &error);
+    }
+    if (status == GONIO_OK) {
+        status = journal(session, r, &rig, &setup, steps, n, &error);
+    }
+    exit_status = status == GONIO_OK ? cli_measuring_run(&r->measuring, session, &rig.rig)
+                                     : cli_fail(r->measuring.common, &error);
+out:
+    gonio_session_close(session);
+    free(steps);
+    cli_rig_close(&rig);
+    return exit_status;
+}
+
+static int run(int argc, char **argv) {
+    request r = {.plan = "nusselt:1400"};
+    gonio_fit_options_default(&r.fit);
+    double hold_out = NAN;
+    cli_common common;
+    const cli_option options[] = {
+        CLI_RIG_OPTIONS(r.rig),
+        {"plan", 0, CLI_TEXT, &r.plan, NULL, "PLAN", "uniform:STEP, nusselt:N (nusselt:1400) or a CSV of poses"},
+        {"model", 0, CLI_TEXT, &r.measuring.model, NULL, "OUT", "where the model goes (SESSION/model.gonio)"},
+        {"method", 0, CLI_TEXT, &r.method, NULL, "NAME", "fit method"},
+        {"level", 0, CLI_INT, &r.fit.level, NULL, "N", "fit level (chosen by held-out error)"},
+        {"hold-out", 0, CLI_DOUBLE, &hold_out, NULL, "FRACTION", "of the geometries, to measure the fit's error (0.2)"},
+        {"operator", 0, CLI_TEXT, &r.rig.operator_name, NULL, "NAME", "stored in the session"},
+        {"sample-id", 0, CLI_TEXT, &r.rig.sample_id, NULL, "TEXT", "stored in the session"},
+        {"notes", 0, CLI_TEXT, &r.rig.notes, NULL, "TEXT", "stored in the session"},
+        {"yes", 'y', CLI_FLAG, &r.measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
+        {0}};
+    const char *session;
+    int count;
+    if (!cli_parse(&cmd_measure, options, argc, argv, &session, 1, 1, &count, &common)) {
+        return 2;
+    }
+    if (r.fit.level != GONIO_LEVEL_AUTO && (r.fit.level < 0 || r.fit.level > GONIO_LEVEL_MAX)) {
+        return cli_usage(&common, "measure: --level: expected 0 to %d, found %d", GONIO_LEVEL_MAX, r.fit.level);
+    }
+    r.fit.hold_out = isnan(hold_out) ? 0.2 : hold_out;
+    if (!(r.fit.hold_out >= 0 && r.fit.hold_out < 1)) {
+        return cli_usage(&common, "measure: --hold-out: expected 0 to below 1, found %g", r.fit.hold_out);
+    }
+    r.fit.seed = r.rig.seed = common.seed;
+    r.rig.threads = common.threads;
+    r.measuring.common = &common;
+    return run_request(&r, session);
+}
+
+const cli_verb cmd_measure = {"measure", "[--rig sim|RIG.ini] [--sample SPEC] [--plan PLAN] SESSION",
+                              "measure a sample into a session and fit it", run};

@@ -1,0 +1,24 @@
+// What measure and resume share: drive the scan to its end, fit, journal, report.
+#ifndef GONIO_CLI_MEASURING_H
+#define GONIO_CLI_MEASURING_H
+
+#include "host/cli/rig_file.h"
+
+typedef struct cli_measuring {
+    const cli_common *common;
+    const char *model; // NULL: model.gonio in the session
+    bool yes;          // steps that need hands do not wait
+    bool resumed;
+    bool quiet;
+} cli_measuring;
+
+// Nobody can be asked: wrong usage, said before anything moves.
+bool cli_measuring_hands(const cli_measuring *measuring, const gonio_rig *rig, bool hands);
+// Returns the exit status; session and rig stay the caller's.
+int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, const gonio_rig *rig);
+
+// What a finished session yielded, for people; the JSON that measure and replay share. The caller adds to the object.
+void cli_outcome_print(const gonio_outcome *outcome);
+json_t *cli_outcome_json(const char *session, const gonio_outcome *outcome);
+
+#endif

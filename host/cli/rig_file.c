@@ -1,0 +1,353 @@
+// Rig files (INI, by libinih) and --set overrides -> an open rig.
+#include "host/cli/rig_file.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <ini.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/cli/rig_keys.h"
+#include "host/drivers/null.h"
+
+#define FILE_MAX_BYTES (1 << 20)
+
+typedef struct builder {
+    rig_keys keys;
+    gonio_sim *sim;
+    int file_lines;   // lines beyond come from the command line
+    bool driver_pass; // only [rig] driver and [sample] spec, which decide what the other keys mean
+    gonio_error error;
+} builder;
+
+static gonio_status set_key(builder *b, const char *section, const char *key, const char *value, gonio_error *error) {
+    const bool first = (strcmp(section, "rig") == 0 && strcmp(key, "driver") == 0) ||
+                       (strcmp(section, "sample") == 0 && strcmp(key, "spec") == 0);
+    if (first != b->driver_pass) {
+        return GONIO_OK;
+    }
+    bool known;
+    const gonio_status status = rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
+    if (known) {
+        return status;
+    }
+    if (b->sim != NULL) {
+        return gonio_sim_set(b->sim, section, key, value, error);
+    }
+    char list[1024];
+    rig_keys_list(false, list, sizeof list);
+    return gonio_fail(error, GONIO_E_INPUT, "unknown key %s.%s; known are%.400s", section, key, list);
+}
+
+static int on_key(void *user, const char *section, const char *key, const char *value) {
+    builder *b = user;
+    if (b->error.status != GONIO_OK) {
+        return 1; // inih goes on after an error; the first one counts
+    }
+    const gonio_status status = set_key(b, section, key, value, &b->error);
+    b->error.status = status;
+    return status == GONIO_OK;
+}
+
+// inih cuts lines at its buffer without a word, so longer ones are refused before.
+static gonio_status check_lines(const char *text, const char *name, gonio_error *error) {
+    long long line = 1;
+    while (*text != 0) {
+        const size_t length = strcspn(text, "\n");
+        if (length > INI_MAX_LINE - 3) {
+            return gonio_fail_line(error, GONIO_E_INPUT, name, line, "a line of %zu bytes; at most %d are possible",
+                                   length, INI_MAX_LINE - 3);
+        }
+        text += length + (text[length] == '\n');
+        line++;
+    }
+    return GONIO_OK;
+}
+
+static gonio_status apply_text(builder *b, const char *text, const char *name, gonio_error *error) {
+    b->error = (gonio_error){.line = -1, .byte = -1};
+    const int line = ini_parse_string(text, on_key, b);
+    if (line == 0) {
+        return GONIO_OK;
+    }
+    if (line < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", name);
+    }
+    if (line > b->file_lines) {
+        return gonio_fail(error, GONIO_E_USAGE, "--set: %s",
+                          b->error.status != GONIO_OK ? b->error.message : "expected SECTION.KEY=VALUE");
+    }
+    if (b->error.status == GONIO_OK) {
+        return gonio_fail_line(error, GONIO_E_INPUT, name, line, "expected [section], key = value, or a comment");
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, name, line, "%s", b->error.message);
+}
+
+// Read the text twice: the driver first, then, with the driver there, everything else.
+static gonio_status build(builder *b, const char *text, const char *name, const char *sample, uint64_t seed,
+                          gonio_error *error) {
+    rig_keys_default(&b->keys);
+    gonio_status status = check_lines(text, name, error);
+    b->driver_pass = true;
+    if (status == GONIO_OK) {
+        status = apply_text(b, text, name, error);
+    }
+    b->driver_pass = false;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (sample != NULL && strlen(sample) >= sizeof b->keys.sample) {
+        return gonio_fail(error, GONIO_E_USAGE, "--sample: more than %zu bytes", sizeof b->keys.sample - 1);
+    }
+    if (sample != NULL) {
+        strcpy(b->keys.sample, sample);
+    }
+    if (strcmp(b->keys.driver, "sim") == 0) {
+        if (b->keys.sample[0] == 0) {
+            return gonio_fail(error, GONIO_E_USAGE,
+                              "the simulated rig needs a sample: --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15");
+        }
+        status = gonio_sim_new(b->keys.sample, seed, &b->sim, error);
+    } else if (strcmp(b->keys.driver, "null") != 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, name, -1, "[rig] driver: found '%s', expected sim or null",
+                               b->keys.driver);
+    } else if (sample != NULL) {
+        return gonio_fail(error, GONIO_E_USAGE, "--sample: only the simulated rig makes its sample from a SPEC");
+    }
+    return status == GONIO_OK ? apply_text(b, text, name, error) : status;
+}
+
+static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
+    memcpy(to->operator_name, from->operator_name, sizeof to->operator_name);
+    memcpy(to->notes, from->notes, sizeof to->notes);
+    memcpy(to->sample_id, from->sample_id, sizeof to->sample_id);
+    if (from->serials[0] != 0) {
+        memcpy(to->serials, from->serials, sizeof to->serials);
+    }
+}
+
+static gonio_status open_devices(builder *b, int threads, cli_rig *rig, gonio_error *error) {
+    gonio_status status;
+    if (b->sim != NULL) {
+        status = gonio_sim_open(b->sim, threads, &rig->rig, error);
+        if (status == GONIO_OK) {
+            copy_texts(&b->keys.facts, &rig->rig.facts);
+        }
+    } else {
+        status = gonio_null_rig_open(&rig->rig, error);
+        rig->rig.facts = b->keys.facts;
+    }
+    rig->sim = b->sim;
+    rig->scan = b->keys.scan;
+    snprintf(rig->driver, sizeof rig->driver, "%s", b->keys.driver);
+    snprintf(rig->spec, sizeof rig->spec, "%s", b->keys.sample);
+    return status;
+}
+
+// ---- texts ----
+
+static gonio_status read_file(const char *path, char **text, gonio_error *error) {
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read the rig file: %s", strerror(errno));
+    }
+    *text = malloc(FILE_MAX_BYTES + 1);
+    const size_t size = *text != NULL ? fread(*text, 1, FILE_MAX_BYTES, file) : 0;
+    const bool failed = ferror(file) || !feof(file);
+    fclose(file);
+    if (*text == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", path);
+    }
+    (*text)[size] = 0;
+    if (failed || strlen(*text) != size) {
+        free(*text);
+        *text = NULL;
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
+                               "not a rig file: a text of less than %d bytes is expected", FILE_MAX_BYTES);
+    }
+    return GONIO_OK;
+}
+
+// Where the next section.key= begins after a comma; values may hold commas themselves.
+static const char *next_setting(const char *text) {
+    for (const char *comma = strchr(text, ','); comma != NULL; comma = strchr(comma + 1, ',')) {
+        const char *c = comma + 1;
+        const char *dot = NULL;
+        while (isalnum((unsigned char)*c) || *c == '_' || *c == ' ' || *c == '.') {
+            dot = *c == '.' ? c : dot;
+            c++;
+        }
+        if (*c == '=' && dot != NULL) {
+            return comma;
+        }
+    }
+    return text + strlen(text);
+}
+
+static gonio_status append_setting(FILE *stream, const char *setting, size_t length, gonio_error *error) {
+    const char *equals = memchr(setting, '=', length);
+    const char *dot = equals;
+    while (dot != NULL && dot > setting && *dot != '.') {
+        dot--;
+    }
+    if (equals == NULL || dot == setting || memchr(setting, '\n', length) != NULL) {
+        return gonio_fail(error, GONIO_E_USAGE, "--set: found '%.*s', expected SECTION.KEY=VALUE", (int)length, setting);
+    }
+    fprintf(stream, "[%.*s]\n%.*s = %.*s\n", (int)(dot - setting), setting, (int)(equals - dot - 1), dot + 1,
+            (int)(setting + length - equals - 1), equals + 1);
+    return GONIO_OK;
+}
+
+// The overrides as the text of a rig file.
+static gonio_status overrides(const cli_rig_options *options, char **text, gonio_error *error) {
+    size_t size;
+    FILE *stream = open_memstream(text, &size);
+    if (stream == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    const struct {
+        const char *section, *key, *value;
+    } own[] = {{"rig", "operator", options->operator_name},
+               {"sample", "id", options->sample_id},
+               {"rig", "notes", options->notes}};
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
+        if (own[i].value != NULL) {
+            fprintf(stream, "[%s]\n%s = %s\n", own[i].section, own[i].key, own[i].value);
+        }
+    }
+    gonio_status status = GONIO_OK;
+    for (int i = 0; status == GONIO_OK && i < options->set.n; i++) {
+        const char *setting = options->set.items[i];
+        while (status == GONIO_OK && *setting != 0) {
+            const char *end = next_setting(setting);
+            status = append_setting(stream, setting, (size_t)(end - setting), error);
+            setting = *end == ',' ? end + 1 : end;
+        }
+    }
+    fclose(stream);
+    return status;
+}
+
+static int count_lines(const char *text) {
+    int lines = text != NULL ? 1 : 0;
+    for (; text != NULL && *text != 0; text++) {
+        lines += *text == '\n';
+    }
+    return lines;
+}
+
+gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error) {
+    *rig = (cli_rig){0};
+    const bool is_sim = options->rig == NULL || strcmp(options->rig, "sim") == 0;
+    char *file = NULL, *extra = NULL;
+    gonio_status status = overrides(options, &extra, error);
+    if (status == GONIO_OK) {
+        status = is_sim ? GONIO_OK : read_file(options->rig, &file, error);
+    }
+    if (status == GONIO_OK && asprintf(&rig->text, "%s%s%s", file != NULL ? file : "", file != NULL ? "\n" : "", extra) < 0) {
+        rig->text = NULL;
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    builder b = {.file_lines = count_lines(file)};
+    free(file);
+    free(extra);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = build(&b, rig->text, is_sim ? "--set" : options->rig, options->sample, options->seed, error);
+    rig->sim = b.sim;
+    return status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
+}
+
+void cli_rig_close(cli_rig *rig) {
+    gonio_rig_close(&rig->rig);
+    gonio_sim_free(rig->sim);
+    free(rig->text);
+    *rig = (cli_rig){0};
+}
+
+// ---- the journal ----
+
+gonio_status cli_rig_put(gonio_session *session, const cli_rig_options *options, const cli_rig *rig,
+                         gonio_error *error) {
+    gonio_status status = gonio_session_put(session, "rig.driver", rig->driver, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_put(session, "rig.ini", rig->text, error);
+    }
+    if (status != GONIO_OK || rig->sim == NULL) {
+        return status;
+    }
+    // Every setting of the simulator with its value, so that later defaults cannot change what a resume simulates.
+    char seed[24];
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)options->seed);
+    char *settings = gonio_sim_settings(rig->sim);
+    status = settings != NULL ? gonio_session_put(session, "sim.settings", settings, error)
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    free(settings);
+    if (status == GONIO_OK) {
+        status = gonio_session_put(session, "sim.seed", seed, error);
+    }
+    return status == GONIO_OK ? gonio_session_put(session, "sim.spec", rig->spec, error) : status;
+}
+
+static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    char *rest = text;
+    const char *line;
+    while (status == GONIO_OK && (line = strsep(&rest, "\n")) != NULL) {
+        char *equals = strchr(line, '=');
+        if (equals == NULL) {
+            continue;
+        }
+        *equals = 0;
+        char *dot = strrchr(line, '.');
+        if (dot != NULL) {
+            *dot = 0;
+            status = gonio_sim_set(sim, line, dot + 1, equals + 1, error);
+        }
+    }
+    return status;
+}
+
+static gonio_status reopen_sim(gonio_session *session, int threads, cli_rig *rig, gonio_error *error) {
+    char *spec = NULL, *seed = NULL, *settings = NULL;
+    gonio_status status = gonio_session_get(session, "sim.spec", &spec, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_get(session, "sim.seed", &seed, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_get(session, "sim.settings", &settings, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_sim_new(spec, strtoull(seed, NULL, 10), &rig->sim, error);
+    }
+    if (status == GONIO_OK) {
+        status = apply_sim_settings(rig->sim, settings, error);
+    }
+    free(spec);
+    free(seed);
+    free(settings);
+    return status == GONIO_OK ? gonio_sim_open(rig->sim, threads, &rig->rig, error) : status;
+}
+
+gonio_status cli_rig_reopen(gonio_session *session, int threads, cli_rig *rig, gonio_error *error) {
+    *rig = (cli_rig){0};
+    char *driver;
+    gonio_status status = gonio_session_get(session, "rig.driver", &driver, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    snprintf(rig->driver, sizeof rig->driver, "%s", driver);
+    free(driver);
+    if (strcmp(rig->driver, "sim") == 0) {
+        return reopen_sim(session, threads, rig, error);
+    }
+    status = gonio_session_get(session, "rig.ini", &rig->text, error);
+    builder b = {.file_lines = INT_MAX};
+    if (status == GONIO_OK) {
+        status = build(&b, rig->text, "the journalled rig file", NULL, 1, error);
+    }
+    return status == GONIO_OK ? open_devices(&b, threads, rig, error) : status;
+}

@@ -1,0 +1,45 @@
+// The rig of a measurement: from a rig file, --set and --rig to open devices, and from the journal back.
+#ifndef GONIO_CLI_RIG_FILE_H
+#define GONIO_CLI_RIG_FILE_H
+
+#include "gonio/sim.h"
+#include "host/acquire/acquire.h"
+#include "host/cli/cli.h"
+
+// What the command line says of the rig.
+typedef struct cli_rig_options {
+    const char *rig;    // "sim" or the path of a rig file
+    const char *sample; // SPEC of the simulated sample
+    cli_list set;       // section.key=value, also several behind commas
+    const char *operator_name, *sample_id, *notes;
+    uint64_t seed;
+    int threads;
+} cli_rig_options;
+
+// The options of every verb that opens a rig: put them into its table. `o` is a cli_rig_options.
+#define CLI_RIG_OPTIONS(o)                                                                                             \
+    {"rig", 0, CLI_TEXT, &(o).rig, NULL, "sim|RIG.ini", "the rig: the simulator (default) or a rig file"},             \
+        {"sample", 0, CLI_TEXT, &(o).sample, NULL, "SPEC", "the simulated sample, e.g. ward:rho_d=0.3,shape=sphere"},  \
+    {                                                                                                                  \
+        "set", 0, CLI_LIST, &(o).set, NULL, "SECTION.KEY=VALUE", "override the rig file; repeat it or use commas"      \
+    }
+
+typedef struct cli_rig {
+    gonio_rig rig;
+    gonio_sim *sim; // NULL: not the simulator
+    gonio_scan_options scan;
+    char driver[16];
+    char spec[256]; // of the simulated sample
+    char *text; // the rig file as read, every override appended; owned
+} cli_rig;
+
+// Read and check everything, open the devices. Release with cli_rig_close, also on failure.
+gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);
+// Journal what cli_rig_reopen needs.
+gonio_status cli_rig_put(gonio_session *session, const cli_rig_options *options, const cli_rig *rig,
+                         gonio_error *error);
+// The rig that the session was begun with.
+gonio_status cli_rig_reopen(gonio_session *session, int threads, cli_rig *rig, gonio_error *error);
+void cli_rig_close(cli_rig *rig);
+
+#endif

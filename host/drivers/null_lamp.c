@@ -1,0 +1,38 @@
+// A lamp that is always warm and a shutter that always obeys.
+#include <stdlib.h>
+
+#include "host/drivers/null.h"
+
+static gonio_status set_level(void *device, double level, gonio_error *error) {
+    (void)device;
+    return level >= 0 && level <= 1 ? GONIO_OK
+                                    : gonio_fail(error, GONIO_E_RANGE, "lamp level %g; 0 to 1 is possible", level);
+}
+
+static gonio_status set_shutter(void *device, bool open, gonio_error *error) {
+    (void)device, (void)open, (void)error;
+    return GONIO_OK;
+}
+
+static gonio_status wait_ready(void *device, const gonio_stamp *stamp, double timeout_s, double *waited_s,
+                               gonio_error *error) {
+    (void)device, (void)stamp, (void)timeout_s, (void)error;
+    *waited_s = 0;
+    return GONIO_OK;
+}
+
+static void nothing_to_close(void *device) { (void)device; }
+
+static const gonio_lamp_ops ops = {.api_version = GONIO_RIG_API_VERSION,
+                                   .name = "null lamp",
+                                   .set_level = set_level,
+                                   .set_shutter = set_shutter,
+                                   .wait_ready = wait_ready,
+                                   .close = nothing_to_close};
+
+gonio_status gonio_null_lamp_open(gonio_rig *rig, gonio_error *error) {
+    (void)error;
+    rig->lamp = &ops;
+    rig->lamp_device = NULL;
+    return GONIO_OK;
+}

@@ -1,0 +1,57 @@
+// A stage that is wherever it was told to be.
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/drivers/null.h"
+
+typedef struct null_stage {
+    double position_rad[GONIO_AXES];
+} null_stage;
+
+static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
+    (void)timeout_s, (void)error;
+    *(null_stage *)device = (null_stage){0};
+    return GONIO_OK;
+}
+
+static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
+                               double timeout_s, gonio_error *error) {
+    (void)id, (void)stamp, (void)timeout_s, (void)error;
+    memcpy(((null_stage *)device)->position_rad, target_rad, sizeof(double[GONIO_AXES]));
+    return GONIO_OK;
+}
+
+static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
+    (void)error;
+    memcpy(position_rad, ((null_stage *)device)->position_rad, sizeof(double[GONIO_AXES]));
+    return GONIO_OK;
+}
+
+static gonio_status stage_stop(void *device, gonio_error *error) {
+    (void)device, (void)error;
+    return GONIO_OK;
+}
+
+static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES]) {
+    (void)device, (void)from_rad, (void)to_rad;
+    return 0;
+}
+
+static const gonio_stage_ops ops = {.api_version = GONIO_RIG_API_VERSION,
+                                    .name = "null stage",
+                                    .home = stage_home,
+                                    .move = stage_move,
+                                    .position = stage_position,
+                                    .stop = stage_stop,
+                                    .duration_s = stage_duration_s,
+                                    .close = free};
+
+gonio_status gonio_null_stage_open(gonio_rig *rig, gonio_error *error) {
+    null_stage *stage = calloc(1, sizeof *stage);
+    if (stage == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a null stage");
+    }
+    rig->stage = &ops;
+    rig->stage_device = stage;
+    return GONIO_OK;
+}

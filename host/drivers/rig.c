@@ -1,0 +1,40 @@
+// A rig as a whole.
+#include "host/drivers/null.h"
+
+void gonio_rig_close(gonio_rig *rig) {
+    // The lamp last: nothing moves in the dark, and a shutter is closed by its own device.
+    if (rig->mount != NULL && rig->mount->close != NULL) {
+        rig->mount->close(rig->mount_device);
+    }
+    if (rig->camera != NULL && rig->camera->close != NULL) {
+        rig->camera->close(rig->camera_device);
+    }
+    if (rig->meter != NULL && rig->meter->close != NULL) {
+        rig->meter->close(rig->meter_device);
+    }
+    if (rig->stage != NULL && rig->stage->close != NULL) {
+        rig->stage->close(rig->stage_device);
+    }
+    if (rig->interlock != NULL && rig->interlock->close != NULL) {
+        rig->interlock->close(rig->interlock_device);
+    }
+    if (rig->lamp != NULL && rig->lamp->close != NULL) {
+        rig->lamp->close(rig->lamp_device);
+    }
+    *rig = (gonio_rig){0};
+}
+
+gonio_status gonio_null_rig_open(gonio_rig *rig, gonio_error *error) {
+    *rig = (gonio_rig){0};
+    gonio_status (*const openers[])(gonio_rig *, gonio_error *) = {gonio_null_stage_open,     gonio_null_lamp_open,
+                                                                   gonio_null_camera_open,    gonio_null_meter_open,
+                                                                   gonio_null_interlock_open, gonio_null_mount_open};
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; status == GONIO_OK && i < sizeof openers / sizeof *openers; i++) {
+        status = openers[i](rig, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_rig_close(rig);
+    }
+    return status;
+}
