@@ -101,6 +101,11 @@ out:
     return exit_status;
 }
 
+static int run(int argc, char **argv);
+
+const cli_verb cmd_measure = {"measure", "[--rig sim|RIG.ini] [--sample SPEC] [--plan PLAN] SESSION",
+                              "measure a sample into a session and fit it", run};
+
 static int run(int argc, char **argv) {
     request r = {.plan = "nusselt:1400"};
     gonio_fit_options_default(&r.fit);
@@ -135,6 +140,3 @@ static int run(int argc, char **argv) {
     r.measuring.common = &common;
     return run_request(&r, session);
 }
-
-const cli_verb cmd_measure = {"measure", "[--rig sim|RIG.ini] [--sample SPEC] [--plan PLAN] SESSION",
-                              "measure a sample into a session and fit it", run};

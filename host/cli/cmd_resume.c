@@ -26,6 +26,10 @@ static gonio_status check(gonio_session *session, gonio_setup *setup, gonio_erro
     return gonio_setup_get(session, setup, error);
 }
 
+static int run(int argc, char **argv);
+
+const cli_verb cmd_resume = {"resume", "SESSION", "go on with a session that was stopped, killed or powered off", run};
+
 static int run(int argc, char **argv) {
     cli_common common;
     cli_measuring measuring = {.common = &common, .resumed = true};
@@ -63,5 +67,3 @@ static int run(int argc, char **argv) {
     gonio_session_close(session);
     return exit_status;
 }
-
-const cli_verb cmd_resume = {"resume", "SESSION", "go on with a session that was stopped, killed or powered off", run};

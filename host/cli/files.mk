@@ -3,3 +3,7 @@ pkgs-y += jansson
 deps-y += build-essential pkg-config libjansson-dev libcmocka-dev
 cli-y  += host/cli/cmd_render.c
 cli-y  += host/cli/input.c host/cli/cmd_fit.c host/cli/cmd_eval.c host/cli/cmd_compare.c host/cli/cmd_convert.c
+cli-y  += host/cli/cmd_measure.c host/cli/cmd_resume.c host/cli/cmd_replay.c host/cli/cmd_samples.c host/cli/cmd_doctor.c
+cli-y  += host/cli/cmd_plan.c host/cli/cmd_rig.c host/cli/measuring.c host/cli/rig_file.c host/cli/rig_keys.c
+pkgs-y += inih
+deps-y += libinih-dev

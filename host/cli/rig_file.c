@@ -193,7 +193,8 @@ static gonio_status append_setting(FILE *stream, const char *setting, size_t len
         dot--;
     }
     if (equals == NULL || dot == setting || memchr(setting, '\n', length) != NULL) {
-        return gonio_fail(error, GONIO_E_USAGE, "--set: found '%.*s', expected SECTION.KEY=VALUE", (int)length, setting);
+        return gonio_fail(error, GONIO_E_USAGE, "--set: found '%.*s', expected SECTION.KEY=VALUE", (int)length,
+                          setting);
     }
     fprintf(stream, "[%.*s]\n%.*s = %.*s\n", (int)(dot - setting), setting, (int)(equals - dot - 1), dot + 1,
             (int)(setting + length - equals - 1), equals + 1);
@@ -246,7 +247,8 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
     if (status == GONIO_OK) {
         status = is_sim ? GONIO_OK : read_file(options->rig, &file, error);
     }
-    if (status == GONIO_OK && asprintf(&rig->text, "%s%s%s", file != NULL ? file : "", file != NULL ? "\n" : "", extra) < 0) {
+    if (status == GONIO_OK &&
+        asprintf(&rig->text, "%s%s%s", file != NULL ? file : "", file != NULL ? "\n" : "", extra) < 0) {
         rig->text = NULL;
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }

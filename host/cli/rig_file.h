@@ -30,7 +30,7 @@ typedef struct cli_rig {
     gonio_scan_options scan;
     char driver[16];
     char spec[256]; // of the simulated sample
-    char *text; // the rig file as read, every override appended; owned
+    char *text;     // the rig file as read, every override appended; owned
 } cli_rig;
 
 // Read and check everything, open the devices. Release with cli_rig_close, also on failure.

@@ -1,4 +1,6 @@
 // An interlock that is always closed.
+#include <stddef.h>
+
 #include "host/drivers/null.h"
 
 static gonio_status check(void *device, gonio_error *error) {

@@ -1,4 +1,6 @@
 // A lamp that is always warm and a shutter that always obeys.
+#include <stddef.h>
+
 #include <stdlib.h>
 
 #include "host/drivers/null.h"

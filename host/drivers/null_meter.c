@@ -1,4 +1,6 @@
 // A lamp monitor that sees a constant lamp.
+#include <stddef.h>
+
 #include "host/drivers/null.h"
 
 static gonio_status read_value(void *device, const gonio_stamp *stamp, double integration_s, double *value,

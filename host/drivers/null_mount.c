@@ -1,4 +1,6 @@
 // A sample changer without samples.
+#include <stddef.h>
+
 #include "host/drivers/null.h"
 
 static gonio_status mount(void *device, gonio_target target, gonio_error *error) {

@@ -1,4 +1,6 @@
 // A rig as a whole.
+#include <stddef.h>
+
 #include "host/drivers/null.h"
 
 void gonio_rig_close(gonio_rig *rig) {

@@ -1,0 +1,120 @@
+// gonio plan: the poses of a plan in the order they would be measured, and what that takes.
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "gonio/output.h"
+#include "host/cli/rig_file.h"
+
+static int run(int argc, char **argv);
+const cli_verb cmd_plan = {"plan", "PLAN [--rig sim|RIG.ini] [-o CSV]",
+                           "a plan's poses in measuring order, travel, time and storage; nothing moves", run};
+
+// Typical frames a pose; what bracketing really needs depends on the sample.
+#define FRAMES_A_POSE 2.5
+
+typedef struct estimate {
+    size_t poses;
+    double travel_s, total_s, storage_bytes;
+} estimate;
+
+static gonio_status write_poses(const gonio_step *steps, size_t n, FILE *stream) {
+    fputs("theta_i,phi_i,theta_o,phi_o\n", stream);
+    for (size_t i = 0; i < n; i++) {
+        if (steps[i].kind == GONIO_STEP_SAMPLE) {
+            const gonio_pair *p = &steps[i].pose;
+            fprintf(stream, "%.17g,%.17g,%.17g,%.17g\n", gonio_degrees(p->theta_i), gonio_degrees(p->phi_i),
+                    gonio_degrees(p->theta_o), gonio_degrees(p->phi_o));
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_status save(const gonio_step *steps, size_t n, const char *path, gonio_error *error) {
+    gonio_output *output;
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    write_poses(steps, n, gonio_output_stream(output));
+    return gonio_output_commit(output, error);
+}
+
+static void fill(const cli_rig *rig, const gonio_setup *setup, const gonio_step *steps, size_t n, estimate *e) {
+    const size_t pixels = (size_t)setup->window.width * (size_t)setup->window.height;
+    const double frames =
+        FRAMES_A_POSE * (double)(n - 3) + 2 * setup->scan.dark_frames + 2 * (double)setup->scan.reference_frames;
+    e->poses = n - 3;
+    e->travel_s = gonio_scan_travel_s(&rig->rig, steps, n, setup->scan.settle_s);
+    e->total_s = e->travel_s + frames * setup->camera.read_out_s +
+                 setup->scan.dark_frames * (setup->camera.exposure_min_s + setup->camera.exposure_max_s);
+    e->storage_bytes = frames * (double)pixels * setup->camera.bits / 8.0;
+}
+
+static gonio_status plan(const cli_rig_options *options, const char *text, cli_rig *rig, gonio_setup *setup,
+                         gonio_step **steps, size_t *n, gonio_error *error) {
+    gonio_plan *poses;
+    gonio_status status = cli_rig_open(options, rig, error);
+    if (status == GONIO_OK) {
+        status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_plan_make(text, options->seed, &poses, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_scan_steps(&rig->rig, poses, steps, n, error);
+        gonio_plan_free(poses);
+    }
+    return status;
+}
+
+static int report(const cli_common *common, const char *text, const char *path, const estimate *e) {
+    if (common->json) {
+        return cli_json(json_pack("{s:s,s:I,s:f,s:f,s:f,s:o}", "plan", text, "poses", (json_int_t)e->poses, "travel_s",
+                                  e->travel_s, "total_s", e->total_s, "storage_bytes", e->storage_bytes, "output",
+                                  path != NULL ? json_string(path) : json_null()));
+    }
+    FILE *to = path != NULL ? stdout : stderr; // the poses themselves went to stdout
+    fprintf(to,
+            "%zu poses; moving and settling %.0f s, with dark frames and read-out %.0f s and the exposures; about "
+            "%.3g MB of frames\n",
+            e->poses, e->travel_s, e->total_s, e->storage_bytes / 1e6);
+    return 0;
+}
+
+static int run(int argc, char **argv) {
+    cli_common common;
+    cli_rig_options rig_options = {0};
+    const char *output = NULL, *text;
+    const cli_option options[] = {
+        CLI_RIG_OPTIONS(rig_options),
+        {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "write the poses there (standard output)"},
+        {0},
+    };
+    int count;
+    if (!cli_parse(&cmd_plan, options, argc, argv, &text, 1, 1, &count, &common)) {
+        return 2;
+    }
+    rig_options.seed = common.seed;
+    if (rig_options.sample == NULL && (rig_options.rig == NULL)) {
+        rig_options.sample = "lambert:rho=0.5"; // a plan does not depend on the sample
+    }
+    gonio_error error = {.line = -1, .byte = -1};
+    cli_rig rig = {0};
+    gonio_setup setup = {0};
+    gonio_step *steps = NULL;
+    size_t n = 0;
+    estimate e = {0};
+    gonio_status status = plan(&rig_options, text, &rig, &setup, &steps, &n, &error);
+    if (status == GONIO_OK) {
+        fill(&rig, &setup, steps, n, &e);
+        if (output != NULL) {
+            status = save(steps, n, output, &error);
+        } else if (!common.json) {
+            write_poses(steps, n, stdout);
+        }
+    }
+    const int exit_status = status == GONIO_OK ? report(&common, text, output, &e) : cli_fail(&common, &error);
+    free(steps);
+    cli_rig_close(&rig);
+    return exit_status;
+}
