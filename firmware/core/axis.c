@@ -1,0 +1,231 @@
+#include "firmware/core/axis.h"
+
+#include "firmware/contract/pin.h"
+#include "firmware/contract/tick.h"
+#include "firmware/core/core.h"
+
+static uint64_t magnitude(int64_t x) { return x < 0 ? 0 - (uint64_t)x : (uint64_t)x; }
+
+static double least(double a, double b) { return a < b ? a : b; }
+
+// The limits of the common ramp: each axis' own, divided by its way; and the step interrupt's, by the sum of the ways.
+static struct fw_ramp_limits limits_of(const struct fw_core *core, const uint32_t distance[FW_AXES],
+                                       const uint32_t speed[FW_AXES]) {
+    struct fw_ramp_limits limits = {1.0e9, 1.0e9, 0.0};
+    double sum = 0.0;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        if (distance[i] == 0)
+            continue;
+        const double d = distance[i], jerk = core->registers.jerk[i];
+        const uint32_t v = speed[i] < core->registers.speed_max[i] ? speed[i] : core->registers.speed_max[i];
+        limits.speed = least(limits.speed, v / d);
+        limits.acceleration = least(limits.acceleration, core->registers.acceleration[i] / d);
+        if (jerk > 0.0)
+            limits.jerk = limits.jerk > 0.0 ? least(limits.jerk, jerk / d) : jerk / d;
+        sum += d;
+    }
+    limits.speed = least(limits.speed, core->registers.step_rate_max[0] / sum);
+    return limits;
+}
+
+static uint32_t energise(struct fw_core *core, uint8_t axes) {
+    const uint8_t before = core->axis.energised;
+    core->axis.energised = before | axes;
+    if (core->axis.energised == before)
+        return 0;
+    fw_board_motors(core, core->axis.energised);
+    return core->registers.energise[0] * 1000u;
+}
+
+bool fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]) {
+    const uint32_t lead = 200; // ticks: directions must stand before the first step, and the timer be armed
+    uint32_t distance[FW_AXES];
+    uint8_t up = 0, down = 0;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        distance[i] = (uint32_t)magnitude(way[i]);
+        if (way[i] > 0)
+            up |= (uint8_t)(1u << i);
+        else if (way[i] < 0)
+            down |= (uint8_t)(1u << i);
+    }
+    struct fw_ramp *ramp = &core->axis.ramp[core->axis.current];
+    if ((up | down) != 0) {
+        const struct fw_ramp_limits limits = limits_of(core, distance, speed);
+        if (!fw_ramp_plan(ramp, &limits))
+            return false;
+    }
+    core->axis.under_way = true;
+    if ((up | down) == 0)
+        return true; // comes to rest with the next poll
+    const uint32_t wait = energise(core, up | down);
+    fw_board_directions(core, (uint8_t)(up ^ core->registers.direction_invert[0]));
+    fw_board_lock(core);
+    fw_stepgen_prepare(&core->step, ramp, distance, down, (uint8_t)core->registers.pulse[0]);
+    core->axis.up = up;
+    core->axis.down = down;
+    fw_stepgen_start(&core->step, fw_board_now(core) + wait + lead);
+    fw_board_step_arm(core);
+    fw_board_unlock(core);
+    if (core->interlock.estop) // pressed, and perhaps let go, since the command was checked
+        fw_axis_halt(core, true);
+    fw_board_inputs_pend(core); // a limit switch may be active already
+    return true;
+}
+
+static bool onto_limit(const struct fw_core *core, unsigned axis, int64_t way) {
+    const unsigned active = core->interlock.active;
+    if (way > 0)
+        return (active >> (FW_CONTACT_limit_max_0 + axis) & 1) != 0;
+    return way < 0 && (active >> (FW_CONTACT_limit_min_0 + axis) & 1) != 0;
+}
+
+// The leg before the final approach ends here; the target itself where there is no overshoot.
+static int64_t approach_point(const struct fw_core *core, unsigned axis, int64_t from, int64_t target) {
+    const int64_t backlash = core->registers.backlash[axis];
+    if ((backlash > 0 && target < from) || (backlash < 0 && target > from))
+        return target - backlash;
+    return target;
+}
+
+static enum fw_refusal check(const struct fw_core *core, unsigned axis, int64_t from) {
+    const int64_t target = core->registers.target[axis], low = core->registers.soft_min[axis],
+                  high = core->registers.soft_max[axis];
+    if ((core->known >> axis & 1) == 0)
+        return FW_REFUSAL_NOT_HOMED;
+    if (target < low || target > high)
+        return FW_REFUSAL_SOFT_LIMIT;
+    const int64_t over = approach_point(core, axis, from, target);
+    if (over < low || over > high)
+        return FW_REFUSAL_SOFT_LIMIT;
+    // Unsigned: the way between any two 64-bit positions fits.
+    const uint64_t way = over > from ? (uint64_t)over - (uint64_t)from : (uint64_t)from - (uint64_t)over;
+    if (way >= 0x80000000u)
+        return FW_REFUSAL_TOO_FAR;
+    return onto_limit(core, axis, over - from) ? FW_REFUSAL_HARD_LIMIT : FW_REFUSAL_NONE;
+}
+
+// Start the next leg of the standing MOVE; false: it would take too long.
+static bool begin_leg(struct fw_core *core, bool final) {
+    int64_t position[FW_AXES], way[FW_AXES] = {0};
+    uint32_t speed[FW_AXES];
+    fw_axis_positions(core, position);
+    bool overshoots = false;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        speed[i] = (uint32_t)(((uint64_t)core->registers.speed_max[i] * core->axis.permille + 999) / 1000);
+        if ((core->axis.axes >> i & 1) == 0)
+            continue;
+        const int64_t target = core->axis.target[i];
+        const int64_t to = final ? target : approach_point(core, i, position[i], target);
+        overshoots = overshoots || to != target;
+        way[i] = to - position[i];
+    }
+    core->axis.final_leg = final || !overshoots;
+    return fw_axis_begin(core, way, speed);
+}
+
+enum fw_refusal fw_axis_move(struct fw_core *core) {
+    int64_t position[FW_AXES];
+    fw_axis_positions(core, position);
+    const unsigned axes = core->registers.command_axes[0];
+    if (axes == 0)
+        return FW_REFUSAL_NO_AXIS;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        const enum fw_refusal refusal = (axes >> i & 1) != 0 ? check(core, i, position[i]) : FW_REFUSAL_NONE;
+        if (refusal != FW_REFUSAL_NONE)
+            return refusal;
+    }
+    for (unsigned i = 0; i < FW_AXES; i++)
+        core->axis.target[i] = core->registers.target[i];
+    core->axis.axes = (uint16_t)axes;
+    core->axis.permille = core->registers.command_speed[0];
+    core->axis.settling = false;
+    if (!begin_leg(core, false))
+        return FW_REFUSAL_TOO_FAR;
+    core->state = FW_STATE_MOVING;
+    return FW_REFUSAL_NONE;
+}
+
+void fw_axis_continue(struct fw_core *core, bool came_to_rest) {
+    if (came_to_rest) {
+        if (!core->axis.final_leg) {
+            begin_leg(core, true); // no further than the leg before: it cannot take too long
+            return;
+        }
+        core->axis.settling = true;
+        core->axis.at_rest_since = core->ms;
+    }
+    if (!core->axis.settling || core->ms - core->axis.at_rest_since < core->registers.settle[0])
+        return;
+    core->axis.settling = false;
+    core->state = FW_STATE_IDLE;
+    core->registers.finished_id[0] = core->registers.accepted_id[0];
+    if (core->registers.trigger_auto[0] != 0)
+        fw_lamp_trigger(core);
+}
+
+void fw_axis_stop(struct fw_core *core) {
+    struct fw_axis *axis = &core->axis;
+    struct fw_stepgen *g = &core->step;
+    if (!g->running)
+        return;
+    struct fw_ramp *spare = &axis->ramp[axis->current ^ 1];
+    // Planning takes a while, in which the producer goes on: aim some segments ahead, further if that was too few.
+    for (uint32_t ahead = 4;; ahead *= 2) {
+        const uint32_t cut = (g->time + ahead) & ~1u;
+        fw_ramp_cut(spare, &axis->ramp[axis->current], cut);
+        fw_board_lock(core);
+        const bool in_time = g->time <= cut;
+        if (in_time)
+            g->ramp = spare;
+        fw_board_unlock(core);
+        if (in_time)
+            break;
+    }
+    axis->current ^= 1;
+}
+
+void fw_axis_halt(struct fw_core *core, bool lost) {
+    if (!core->step.running)
+        return;
+    core->step.running = false;
+    fw_board_halt_steps(core);
+    core->axis.lost = core->axis.lost || lost;
+    core->axis.halted = true;
+}
+
+bool fw_axis_poll(struct fw_core *core) {
+    struct fw_axis *axis = &core->axis;
+    if (!axis->under_way || core->step.running)
+        return false;
+    if (core->step.underrun) {
+        core->step.underrun = false;
+        axis->halted = axis->lost = true;
+        fw_interlock_alarm(core, FW_ALARM_UNDERRUN, FW_NO_AXIS, true);
+    }
+    fw_board_lock(core);
+    if (axis->halted) {
+        fw_board_halt_steps(core); // the step interrupt may have been in the middle of it
+        fw_stepgen_abort(&core->step);
+        if (axis->lost)
+            core->known &= (uint16_t) ~(unsigned)(axis->up | axis->down);
+    }
+    fw_stepgen_book(&core->step);
+    fw_board_unlock(core);
+    axis->halted = axis->lost = false;
+    axis->up = axis->down = 0;
+    axis->under_way = false;
+    return true;
+}
+
+void fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]) {
+    fw_board_lock(core);
+    for (unsigned i = 0; i < FW_AXES; i++)
+        position[i] = core->step.position[i];
+    fw_board_unlock(core);
+}
+
+void fw_axis_release(struct fw_core *core, uint8_t axes) {
+    core->axis.energised &= (uint8_t)~axes;
+    core->known &= (uint16_t) ~(unsigned)axes;
+    fw_board_motors(core, core->axis.energised);
+}

@@ -1,0 +1,48 @@
+// Axes: coordinated moves of all axes with limits, backlash take-up, stop and halt.
+#ifndef FW_AXIS_H
+#define FW_AXIS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "firmware/core/enums.h"
+#include "firmware/core/ramp.h"
+#include "firmware/core/stepgen.h"
+
+struct fw_core;
+
+struct fw_axis {
+    struct fw_ramp ramp[2];    // the one followed, and the one that cuts it short
+    uint8_t current;           // of ramp
+    uint8_t energised;         // axis bits
+    bool under_way;            // between fw_axis_begin and the end seen by fw_axis_poll
+    volatile uint8_t up, down; // axes that move, by direction; for the input interrupt
+    volatile bool halted;      // by fw_axis_halt, not yet accounted for
+    volatile bool lost;        // that halt leaves positions unknown
+    int64_t target[FW_AXES];   // of the standing MOVE, as it was when accepted
+    uint16_t axes, permille;   // of it
+    bool final_leg;            // of a move with backlash take-up
+    bool settling;
+    uint32_t at_rest_since; // ms
+};
+
+// Begin a straight move by `way` steps at the given speeds (steps/s); at rest only. Ways must be below 2^31.
+// False: it would take more than 38 hours; nothing happens.
+bool fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]);
+// The MOVE command, checked; begins it.
+enum fw_refusal fw_axis_move(struct fw_core *core);
+// Decelerate to rest; nothing when at rest.
+void fw_axis_stop(struct fw_core *core);
+// Stop at once. lost: the motors may have slipped, so that the positions of the moving axes become unknown. Callable
+// in interrupts.
+void fw_axis_halt(struct fw_core *core, bool lost);
+// Bookkeeping after moves and halts; main loop. Returns true when a movement just came to rest.
+bool fw_axis_poll(struct fw_core *core);
+// Go on with a MOVE that came to rest: second leg, settling, done. Main loop, in state MOVING.
+void fw_axis_continue(struct fw_core *core, bool came_to_rest);
+// Current positions, booked up to the last segment left. Main loop.
+void fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
+// Switch motors off; their positions become unknown. Callable in interrupts.
+void fw_axis_release(struct fw_core *core, uint8_t axes);
+
+#endif

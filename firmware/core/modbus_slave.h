@@ -1,0 +1,56 @@
+// Modbus RTU slave: framing by silence and the function codes, as the two specifications have them:
+// "MODBUS Application Protocol Specification V1.1b3" (AP) and "MODBUS over Serial Line Specification and
+// Implementation Guide V1.02" (SL).
+#ifndef FW_MODBUS_SLAVE_H
+#define FW_MODBUS_SLAVE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+struct fw_core;
+
+enum { FW_ADU_MAX = 256, FW_PDU_MAX = 253 }; // SL 2.5.1.2, AP 4.1
+
+// The counters of function 8 (AP 6.8), by sub-function 11 to 18.
+enum fw_modbus_counter {
+    FW_COUNT_MESSAGES,   // frames with a right CRC, for anyone
+    FW_COUNT_ERRORS,     // wrong CRC, length or gap
+    FW_COUNT_EXCEPTIONS, // exception replies
+    FW_COUNT_OWN,        // requests for this slave or for all
+    FW_COUNT_SILENT,     // of these, not answered
+    FW_COUNT_NAK,
+    FW_COUNT_BUSY,
+    FW_COUNT_OVERRUNS,
+    FW_COUNTERS
+};
+
+struct fw_modbus {
+    // receiver, written by its interrupt
+    uint8_t frame[FW_ADU_MAX];
+    volatile uint16_t length;
+    volatile uint32_t last; // tick of the last byte
+    volatile bool bad;      // a gap of more than 1.5 characters inside, or too long
+    volatile bool taken;    // the main loop works on the frame: bytes are dropped
+    volatile uint16_t overruns;
+    uint32_t character, gap, silence; // ticks of one character, of 1.5, of 3.5
+    // sender
+    uint8_t reply[FW_ADU_MAX];
+    uint16_t reply_length, reply_sent;
+    bool sending;
+    bool listen_only;
+    uint16_t counter[FW_COUNTERS];
+    uint16_t words[125];
+};
+
+void fw_modbus_setup(struct fw_core *core, uint32_t baud);
+// A byte has come; `now` is the tick at which its stop bit ended. From the receiver's interrupt.
+void fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now);
+// Main loop.
+void fw_modbus_poll(struct fw_core *core);
+// Carry out one PDU (function code and data) and write the reply's PDU; returns its length, 0: no reply. For boards
+// that have a framing of their own (Modbus TCP). reply has room for FW_PDU_MAX bytes.
+size_t fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply);
+uint16_t fw_modbus_crc(const uint8_t *bytes, size_t length);
+
+#endif

@@ -1,0 +1,106 @@
+#include "firmware/core/parameters.h"
+
+#include <stddef.h>
+
+#include "firmware/contract/store.h"
+#include "firmware/core/core.h"
+
+// A slot: mark, sequence number, CRC of all that follows, number of payload words, payload (two 16-bit words in each).
+// The mark is programmed last: without it the slot does not count, however far the writing got.
+enum { MARK_AT, SEQUENCE_AT, CRC_AT, COUNT_AT, PAYLOAD_AT };
+#define MARK 0x474F0001u // "GO", layout 1
+#define CRC_START 0xFFFFFFFFu
+
+// CRC-32 (IEEE 802.3, reflected 0x04C11DB7) of one more word, least significant byte first.
+static uint32_t crc_word(uint32_t crc, uint32_t word) {
+    crc ^= word;
+    for (int i = 0; i < 32; i++)
+        crc = (crc & 1) != 0 ? crc >> 1 ^ 0xEDB88320u : crc >> 1;
+    return crc;
+}
+
+static uint32_t slot_crc(const uint32_t *page, uint32_t payload) {
+    uint32_t crc = crc_word(CRC_START, page[SEQUENCE_AT]);
+    for (uint32_t i = COUNT_AT; i < PAYLOAD_AT + payload; i++)
+        crc = crc_word(crc, page[i]);
+    return crc;
+}
+
+static bool valid(const uint32_t *page) {
+    return page[MARK_AT] == MARK && page[COUNT_AT] <= FW_STORE_WORDS - PAYLOAD_AT &&
+           slot_crc(page, page[COUNT_AT]) == page[CRC_AT];
+}
+
+// The slot that counts; FW_STORE_SLOTS: none. Sequence numbers wrap.
+static unsigned newest(struct fw_core *core) {
+    const uint32_t *a = fw_board_store_page(core, 0), *b = fw_board_store_page(core, 1);
+    const bool a_valid = valid(a), b_valid = valid(b);
+    if (a_valid && b_valid)
+        return (int32_t)(a[SEQUENCE_AT] - b[SEQUENCE_AT]) > 0 ? 0 : 1;
+    if (a_valid)
+        return 0;
+    return b_valid ? 1 : FW_STORE_SLOTS;
+}
+
+struct cursor {
+    struct fw_core *core;
+    const uint32_t *page;
+    unsigned slot, words; // 16-bit words so far
+    uint32_t pair;
+};
+
+static bool read_word(void *context, uint16_t *word) {
+    struct cursor *c = context;
+    const unsigned at = c->words++;
+    if (at / 2 >= c->page[COUNT_AT])
+        return false;
+    const uint32_t pair = c->page[PAYLOAD_AT + at / 2];
+    *word = (uint16_t)(at % 2 == 0 ? pair : pair >> 16);
+    return true;
+}
+
+static bool put(struct cursor *c, unsigned index, uint32_t word) {
+    return fw_board_store_program(c->core, c->slot, index, word) && c->page[index] == word;
+}
+
+static bool write_word(void *context, uint16_t *word) {
+    struct cursor *c = context;
+    const unsigned at = c->words++;
+    if (at % 2 == 0) {
+        c->pair = *word;
+        return true;
+    }
+    return put(c, PAYLOAD_AT + at / 2, c->pair | (uint32_t)*word << 16);
+}
+
+bool fw_parameters_load(struct fw_core *core) {
+    const unsigned slot = newest(core);
+    core->registers.store_slot[0] = 0;
+    if (slot == FW_STORE_SLOTS)
+        return false;
+    struct cursor c = {.core = core, .page = fw_board_store_page(core, slot), .slot = slot};
+    // A table with more parameters than the slot holds: the rest keep their initial values.
+    fw_registers_initialise(core, true);
+    fw_registers_walk(core, read_word, &c);
+    if (!fw_registers_valid(core)) { // of another table
+        fw_registers_initialise(core, true);
+        return false;
+    }
+    core->registers.store_slot[0] = (uint16_t)(slot + 1);
+    return true;
+}
+
+bool fw_parameters_save(struct fw_core *core) {
+    const unsigned old = newest(core), slot = old == 0 ? 1 : 0;
+    const uint32_t sequence = old == FW_STORE_SLOTS ? 1 : fw_board_store_page(core, old)[SEQUENCE_AT] + 1;
+    struct cursor c = {.core = core, .page = fw_board_store_page(core, slot), .slot = slot};
+    if (!fw_board_store_erase(core, slot) || !fw_registers_walk(core, write_word, &c))
+        return false;
+    if (c.words % 2 != 0 && !put(&c, PAYLOAD_AT + c.words / 2, c.pair | 0xFFFF0000u))
+        return false;
+    if (!put(&c, SEQUENCE_AT, sequence) || !put(&c, COUNT_AT, (c.words + 1) / 2) ||
+        !put(&c, CRC_AT, slot_crc(c.page, (c.words + 1) / 2)) || !put(&c, MARK_AT, MARK))
+        return false;
+    core->registers.store_slot[0] = (uint16_t)(slot + 1);
+    return true;
+}

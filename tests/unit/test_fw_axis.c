@@ -1,0 +1,243 @@
+// Moves on the simulated machine: coordination, limits, backlash, stop and halt, bookkeeping.
+#include "tests/unit/fw_rig.h"
+
+static void arrives_exactly(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    const int64_t target[FW_AXES] = {30000, -20000, 3001, 4000};
+    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, MINUTE_US));
+    for (unsigned i = 0; i < FW_AXES; i++)
+        assert_true(m->axis[i].steps == target[i]);
+    rig_check_positions(m);
+    assert_int_equal(m->core.registers.finished_id[0], m->core.registers.accepted_id[0]);
+    assert_int_equal(m->core.known, 15);
+    assert_int_equal(m->pins, 0);
+    free(m);
+}
+
+struct coordination {
+    int64_t from[FW_AXES], way[FW_AXES], steps[FW_AXES];
+    double worst;
+};
+
+// At every edge the axes lie within a step of the straight line through the leading one.
+static void watch_coordination(void *context, uint64_t now_us, uint8_t edges, uint8_t directions) {
+    struct coordination *c = context;
+    (void)now_us;
+    (void)directions;
+    for (unsigned i = 0; i < FW_AXES; i++)
+        c->steps[i] += edges >> i & 1;
+    const double part = (double)c->steps[0] / (double)c->way[0];
+    for (unsigned i = 1; i < FW_AXES; i++) {
+        const double off = part * (double)c->way[i] - (double)c->steps[i];
+        if (off > c->worst || -off > c->worst)
+            c->worst = off < 0.0 ? -off : off;
+    }
+}
+
+static void axes_keep_together(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    m->core.registers.speed_max[1] = 700; // slower than the others: it sets the pace
+    const int64_t target[FW_AXES] = {31000, 12000, 3017, 4000};
+    struct coordination c = {.way = {30000, 10000, 17, 0}};
+    m->context = &c;
+    m->on_edges = watch_coordination;
+    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(c.worst <= 1.0);
+    rig_check_positions(m);
+    free(m);
+}
+
+static void refuses_what_it_must(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    struct fw_registers *r = &m->core.registers;
+    int64_t target[FW_AXES] = {36001, 0, 0, 0};
+    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    target[0] = -36001;
+    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    assert_int_equal(machine_move(m, 0, target), FW_REFUSAL_NO_AXIS);
+    r->backlash[0] = 100;
+    target[0] = -35950; // the overshoot would pass the limit
+    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    r->soft_max[1] = INT64_MAX;
+    r->soft_min[1] = INT64_MIN;
+    target[1] = INT64_MAX;
+    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
+    target[1] = INT64_MIN;
+    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
+    target[1] = 2000 + (int64_t)INT32_MAX;
+    r->speed_max[1] = 1;
+    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR); // 68 years
+    m->core.known = 14;
+    target[0] = 0;
+    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NOT_HOMED);
+    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    assert_true(m->rising_edges == 0);
+    free(m);
+}
+
+static void backlash_arrives_from_one_side(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    m->core.registers.backlash[0] = 100;
+    m->core.registers.backlash[1] = -70;
+    const int64_t targets[][FW_AXES] = {
+        {5000, 5000, 0, 0}, {-5000, -5000, 0, 0}, {4999, 4999, 0, 0}, {4990, 5001, 0, 0}};
+    for (unsigned i = 0; i < 4; i++) {
+        assert_int_equal(machine_move(m, 3, targets[i]), FW_REFUSAL_NONE);
+        uint8_t last = 0;
+        while (m->core.state == FW_STATE_MOVING) {
+            if (m->core.axis.under_way)
+                last = (uint8_t)(m->core.axis.up | m->core.axis.down << 4);
+            machine_run(m, 100);
+        }
+        assert_int_equal(last & 0x12, 0); // axis 0 came moving up, axis 1 down
+        assert_true(m->axis[0].steps == targets[i][0] && m->axis[1].steps == targets[i][1]);
+    }
+    rig_check_positions(m);
+    free(m);
+}
+
+// Writing the target registers while a two-legged move is under way must not change where it ends.
+static void target_is_latched(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    m->core.registers.backlash[0] = 500;
+    const int64_t target[FW_AXES] = {-1000, 0, 0, 0};
+    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NONE);
+    machine_run(m, 10000);
+    m->core.registers.target[0] = 30000;
+    m->core.registers.command_axes[0] = 15;
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(m->axis[0].steps == -1000);
+    rig_check_positions(m);
+    free(m);
+}
+
+static void stop_decelerates_and_knows(void **state) {
+    (void)state;
+    for (uint64_t after = 0; after < 1800000; after += 37000) {
+        struct machine *m = rig_homed();
+        const int64_t target[FW_AXES] = {31000, -28000, 3000, 4000};
+        assert_int_equal(machine_move(m, 3, target), FW_REFUSAL_NONE);
+        machine_run(m, after);
+        const int64_t at = m->axis[0].steps;
+        const bool moving = m->core.axis.under_way;
+        assert_int_equal(machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
+        assert_true(machine_settle(m, MINUTE_US));
+        assert_int_equal(m->core.state, FW_STATE_IDLE);
+        assert_int_equal(m->core.known, 15);
+        rig_check_positions(m);
+        // v^2/2a + v a/2j = 1000 + 100 steps, and the milliseconds until it begins
+        assert_true(m->axis[0].steps - at <= 1100 + 100 && m->axis[0].steps <= 31000);
+        if (moving && m->axis[0].steps < 31000)
+            assert_true(m->core.registers.finished_id[0] != m->core.registers.accepted_id[0]);
+        free(m);
+    }
+}
+
+static void halt_stops_at_once_and_forgets(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    const int64_t target[FW_AXES] = {31000, -28000, 3000, 4000};
+    assert_int_equal(machine_move(m, 3, target), FW_REFUSAL_NONE);
+    machine_run(m, 300000);
+    const uint64_t edges = m->rising_edges;
+    assert_true(edges > 0);
+    assert_int_equal(machine_command(m, FW_COMMAND_HALT, 0), FW_REFUSAL_NONE);
+    machine_run(m, 100000);
+    assert_true(m->rising_edges == edges);
+    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    assert_int_equal(m->core.known, 12); // axes 2 and 3 stood
+    assert_int_equal(m->pins, 0);
+    rig_check_positions(m); // counted right all the same
+    free(m);
+}
+
+static void limit_switch_halts_all(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    m->axis[1].limit_max_at = 20000;
+    const int64_t target[FW_AXES] = {30000, 30000, 30000, 30000};
+    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.state, FW_STATE_ALARM);
+    assert_int_equal(m->core.registers.alarm[0], FW_ALARM_LIMIT_MAX);
+    assert_int_equal(m->core.registers.alarm_axis[0], 1);
+    assert_true(m->axis[1].steps == 20000); // not a step further
+    assert_int_equal(m->core.known, 0);
+    rig_check_positions(m);
+    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    m->core.known = 15;
+    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_HARD_LIMIT);
+    const int64_t back[FW_AXES] = {0, 0, 0, 0};
+    assert_int_equal(machine_move(m, 2, back), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(m->axis[1].steps == 0);
+    free(m);
+}
+
+// The controller slows a move down rather than ask more of the step interrupt than it can do.
+static void step_rate_is_bounded(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        m->core.registers.speed_max[i] = 62500;
+        m->core.registers.acceleration[i] = 4000000;
+        m->core.registers.jerk[i] = 0;
+    }
+    m->core.registers.step_rate_max[0] = 100000;
+    const int64_t target[FW_AXES] = {-30000, -30000, -30000, -30000};
+    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
+    machine_run(m, 300000);
+    const uint64_t edges = m->rising_edges;
+    machine_run(m, 100000);
+    assert_in_range(m->rising_edges - edges, 9950, 10004);
+    free(m);
+}
+
+static void random_moves_do_not_drift(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    uint64_t random = 1;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        m->core.registers.speed_max[i] = 40000 + 5000 * i;
+        m->core.registers.acceleration[i] = 2000000;
+        m->core.registers.jerk[i] = 4000000000u;
+        m->core.registers.backlash[i] = (int32_t)i * 5 - 5;
+    }
+    for (unsigned n = 0; n < 60; n++) {
+        int64_t target[FW_AXES];
+        for (unsigned i = 0; i < FW_AXES; i++) {
+            random = random * 6364136223846793005u + 1442695040888963407u;
+            target[i] = (int64_t)(random >> 33) % 35000 * ((random >> 32 & 1) != 0 ? 1 : -1);
+        }
+        assert_int_equal(machine_move(m, (uint16_t)(random >> 40 & 15) | 1, target), FW_REFUSAL_NONE);
+        if (n % 3 == 0) {
+            machine_run(m, random >> 44);
+            machine_command(m, FW_COMMAND_STOP, 0);
+        }
+        assert_true(machine_settle(m, MINUTE_US));
+        rig_check_positions(m);
+    }
+    assert_true(m->rising_edges > 2000000);
+    free(m);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(arrives_exactly),
+                                       cmocka_unit_test(axes_keep_together),
+                                       cmocka_unit_test(refuses_what_it_must),
+                                       cmocka_unit_test(backlash_arrives_from_one_side),
+                                       cmocka_unit_test(target_is_latched),
+                                       cmocka_unit_test(stop_decelerates_and_knows),
+                                       cmocka_unit_test(halt_stops_at_once_and_forgets),
+                                       cmocka_unit_test(limit_switch_halts_all),
+                                       cmocka_unit_test(step_rate_is_bounded),
+                                       cmocka_unit_test(random_moves_do_not_drift)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,198 @@
+// Homing on the simulated machine: where it ends, how well it repeats, and what it says of a bad switch.
+#include "tests/unit/fw_rig.h"
+
+static void home(struct machine *m, uint16_t axes) {
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, axes), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, 5ull * MINUTE_US));
+}
+
+static void finds_the_switch(void **state) {
+    (void)state;
+    for (unsigned up = 0; up < 2; up++) {
+        struct machine *m = rig_new();
+        for (unsigned i = 0; i < FW_AXES; i++) {
+            m->core.registers.home_up[i] = (uint16_t)up;
+            m->core.registers.home_position[i] = -37000 + (int64_t)i;
+            m->axis[i].home_at = (up != 0 ? 1 : -1) * (37000 - 100 * (int64_t)i);
+        }
+        home(m, 15);
+        assert_int_equal(m->core.state, FW_STATE_IDLE);
+        assert_int_equal(m->core.known, 15);
+        for (unsigned i = 0; i < FW_AXES; i++) {
+            // In true steps and in the controller's, from the switch; which is active from home_at on.
+            const int64_t true_way = m->axis[i].steps - m->axis[i].home_at;
+            const int64_t told_way = m->core.step.position[i] - m->core.registers.home_position[i];
+            assert_true(true_way == told_way);
+            assert_true(told_way == (up != 0 ? -200 : 200));
+            assert_int_equal(m->core.registers.home_difference[i], 0);
+        }
+        assert_int_equal(m->core.registers.finished_id[0], m->core.registers.accepted_id[0]);
+        free(m);
+    }
+}
+
+// The reported difference is `wanted`, give or take a step.
+static void check_difference(const struct machine *m, int32_t wanted) {
+    assert_in_range(m->core.registers.home_difference[0] - wanted + 1, 0, 2);
+}
+
+static void repeats_and_reports_the_difference(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.home_slow[0] = 4000;
+    m->core.registers.home_position[0] = -37000;
+    home(m, 15);
+    for (unsigned n = 0; n < 10; n++) {
+        const int64_t target[FW_AXES] = {-20000 + 777 * (int64_t)n, 0, 0, 0};
+        assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NONE);
+        assert_true(machine_settle(m, MINUTE_US));
+        home(m, 1);
+        check_difference(m, 0);
+    }
+    m->axis[0].steps += 123; // somebody turned it by hand
+    home(m, 1);
+    check_difference(m, -123);
+    home(m, 1);
+    check_difference(m, 0);
+    free(m);
+}
+
+static void follows_the_order(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    const uint16_t order[FW_AXES] = {3, 1, 4, 2};
+    for (unsigned i = 0; i < FW_AXES; i++)
+        m->core.registers.home_order[i] = order[i];
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+    uint16_t before = 0;
+    unsigned n = 0;
+    while (m->core.state == FW_STATE_HOMING) {
+        machine_run(m, 1000);
+        if (m->core.known == before)
+            continue;
+        static const uint16_t after[] = {2, 2 | 8, 2 | 8 | 1, 15};
+        assert_int_equal(m->core.known, after[n++]);
+        before = m->core.known;
+    }
+    assert_int_equal(n, 4);
+    free(m);
+}
+
+static void takes_an_axis_without_switch_as_it_stands(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.home_order[2] = 0;
+    m->core.registers.home_position[2] = 4711;
+    home(m, 4);
+    assert_int_equal(m->core.known, 4);
+    assert_true(m->core.step.position[2] == 4711);
+    assert_true(m->rising_edges == 0);
+    free(m);
+}
+
+static void expect_alarm(struct machine *m, unsigned alarm) {
+    home(m, 15);
+    assert_int_equal(m->core.state, FW_STATE_ALARM);
+    assert_int_equal(m->core.registers.alarm[0], alarm);
+    assert_int_equal(m->core.registers.alarm_axis[0], 1);
+    assert_int_equal(m->core.known, 1); // axis 0 came before it; nothing after it moved
+    assert_true(m->axis[2].steps == 3000 && m->axis[3].steps == 4000);
+    assert_true(m->core.registers.finished_id[0] != m->core.registers.accepted_id[0]);
+    free(m);
+}
+
+static void missing_switch(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
+    m->core.registers.home_travel[1] = 30000;
+    expect_alarm(m, FW_ALARM_HOME_MISSING);
+}
+
+static void missing_switch_ends_on_the_limit(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
+    expect_alarm(m, FW_ALARM_LIMIT_MIN);
+}
+
+static void stuck_switch(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_STUCK;
+    expect_alarm(m, FW_ALARM_HOME_STUCK);
+}
+
+static void pressed_switch(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_PRESSED;
+    expect_alarm(m, FW_ALARM_HOME_PRESSED);
+    m = rig_new();
+    m->core.registers.home_pressed[0] = 1; // tried, in vain
+    m->core.registers.home_travel[1] = 30000;
+    m->axis[1].home_switch = MACHINE_SWITCH_PRESSED;
+    expect_alarm(m, FW_ALARM_HOME_PRESSED);
+}
+
+static void pressed_switch_lets_go(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.home_pressed[0] = 1;
+    m->axis[0].steps = -38000;
+    machine_run(m, 2000);
+    home(m, 1);
+    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    assert_true(m->axis[0].steps == -37000 + 200);
+    free(m);
+}
+
+static void bouncing_switch(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_BOUNCING;
+    m->axis[1].bounce_us = 20000;
+    expect_alarm(m, FW_ALARM_HOME_BOUNCE);
+}
+
+static void a_little_bounce_is_borne(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->axis[1].home_switch = MACHINE_SWITCH_BOUNCING;
+    m->axis[1].bounce_us = 700;
+    home(m, 15);
+    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    assert_true(m->axis[1].steps == -37000 + 200);
+    free(m);
+}
+
+static void stop_ends_homing(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+    machine_run(m, 1000000);
+    assert_int_equal(machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
+    assert_int_equal(m->core.state, FW_STATE_STOPPING);
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    assert_int_equal(m->core.known, 0);
+    home(m, 15);
+    assert_int_equal(m->core.known, 15);
+    free(m);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_switch),
+                                       cmocka_unit_test(repeats_and_reports_the_difference),
+                                       cmocka_unit_test(follows_the_order),
+                                       cmocka_unit_test(takes_an_axis_without_switch_as_it_stands),
+                                       cmocka_unit_test(missing_switch),
+                                       cmocka_unit_test(missing_switch_ends_on_the_limit),
+                                       cmocka_unit_test(stuck_switch),
+                                       cmocka_unit_test(pressed_switch),
+                                       cmocka_unit_test(pressed_switch_lets_go),
+                                       cmocka_unit_test(bouncing_switch),
+                                       cmocka_unit_test(a_little_bounce_is_borne),
+                                       cmocka_unit_test(stop_ends_homing)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
