@@ -14,7 +14,7 @@
 
 // theta_h is at most 90 deg, where tan diverges, but only for retro-reflection at the very horizon. tan = 20 (87 deg)
 // bounds the lattice; beyond it the radius is held.
-#define RADIUS_MAX 5.991464547107982  // asinh(20 / STRETCH)
+#define RADIUS_MAX 5.991470797049389  // asinh(20 / STRETCH)
 #define OFFSET_MAX 3.6895038689889055 // asinh(2 / STRETCH): two projections lie at most 2 apart
 
 static double unit_interval(double x) { return fmin(fmax(x, 0), 1); }

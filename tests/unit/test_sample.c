@@ -1,0 +1,179 @@
+// Sample sets and their splits.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "gonio/sample.h"
+#include "tests/unit/near.h"
+
+static uint64_t seed = 7;
+static double uniform(void) {
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(seed >> 11) * 0x1p-53;
+}
+
+static gonio_samples *make(int channels, bool sigma) {
+    gonio_samples *s;
+    assert_int_equal(gonio_samples_new(channels, sigma, &s, NULL), GONIO_OK);
+    for (int c = 0; c < channels; c++) {
+        snprintf(s->channel_names[c], 32, "c%d", c);
+    }
+    return s;
+}
+
+static void add(gonio_samples *s, gonio_pair p, double value) {
+    double v[4], r[4], y[4];
+    for (int c = 0; c < s->channels; c++) {
+        v[c] = value + c;
+        r[c] = 3 * (c + 1);
+        y[c] = 4 * (c + 1);
+    }
+    assert_int_equal(gonio_samples_add(s, &p, v, r, y, NULL), GONIO_OK);
+}
+
+static void what_is_added_is_there(void **state) {
+    (void)state;
+    gonio_samples *s = make(3, true);
+    for (int i = 0; i < 1000; i++) {
+        add(s, (gonio_pair){i, 0, 0, 0}, i);
+    }
+    assert_int_equal(s->n, 1000);
+    assert_near(s->values[3 * 999 + 2], 1001, 0);
+    assert_near(gonio_samples_sigma(s, 999, 1), 10, 1e-15); // hypot(6, 8)
+    bool keep[1000] = {false};
+    keep[3] = keep[500] = true;
+    gonio_samples *few, *one;
+    assert_int_equal(gonio_samples_select(s, keep, &few, NULL), GONIO_OK);
+    assert_int_equal(few->n, 2);
+    assert_true(few->pairs[1].theta_i == 500 && few->values[3] == 500 && few->sigma_systematic[5] == 12);
+    assert_int_equal(gonio_samples_channel(few, 2, &one, NULL), GONIO_OK);
+    assert_true(one->channels == 1 && one->values[1] == 502 && one->sigma_random[0] == 9);
+    assert_string_equal(one->channel_names[0], "c2");
+    gonio_samples_free(one);
+    gonio_error error = {0};
+    assert_int_equal(gonio_samples_channel(few, 3, &one, &error), GONIO_E_RANGE);
+    assert_null(one);
+    gonio_samples_free(few);
+    gonio_samples_free(s);
+    s = make(1, false);
+    add(s, (gonio_pair){0}, 1);
+    assert_null(s->sigma_random);
+    assert_near(gonio_samples_sigma(s, 0, 0), 0, 0);
+    gonio_samples_free(s);
+    gonio_samples_free(NULL);
+}
+
+static void impossible_sets(void **state) {
+    (void)state;
+    gonio_samples *s;
+    gonio_error error = {0};
+    assert_int_equal(gonio_samples_new(0, false, &s, &error), GONIO_E_RANGE);
+    assert_int_equal(gonio_samples_new(GONIO_CHANNELS_MAX + 1, false, &s, &error), GONIO_E_RANGE);
+    s = make(3, true);
+    assert_int_equal(gonio_samples_reserve(s, SIZE_MAX / 8, &error), GONIO_E_MEMORY);
+    add(s, (gonio_pair){0}, 1); // still sound
+    gonio_samples_free(s);
+}
+
+static void folds_keep_equal_geometries_together(void **state) {
+    (void)state;
+    gonio_samples *s = make(1, false);
+    for (int i = 0; i < 500; i++) {
+        const gonio_pair p = {1.5 * uniform(), 3 * uniform(), 1.5 * uniform(), 6 * uniform() - 3};
+        gonio_pair turned = p;
+        turned.phi_i += 1;
+        turned.phi_o += 1;
+        add(s, p, 1);
+        add(s, p, 2);
+        add(s, gonio_pair_mirrored(p), 3);
+        add(s, turned, 4); // the same geometry of an isotropic sample
+    }
+    int fold[2000], count[5] = {0};
+    assert_int_equal(gonio_samples_folds(s, 5, 1, fold, NULL), GONIO_OK);
+    for (int i = 0; i < 2000; i++) {
+        assert_in_range(fold[i], 0, 4);
+        assert_int_equal(fold[i], fold[i / 4 * 4]);
+        count[fold[i]]++;
+    }
+    for (int k = 0; k < 5; k++) {
+        assert_int_equal(count[k], 400); // 100 geometries each
+    }
+    // Anisotropic: turning makes another geometry, mirroring still does not.
+    s->isotropic = false;
+    assert_int_equal(gonio_samples_folds(s, 5, 1, fold, NULL), GONIO_OK);
+    int apart = 0;
+    for (int i = 0; i < 2000; i += 4) {
+        assert_true(fold[i] == fold[i + 1] && fold[i] == fold[i + 2]);
+        apart += fold[i] != fold[i + 3];
+    }
+    assert_in_range(apart, 300, 490); // 4/5 of 500 are expected to differ
+    gonio_samples_free(s);
+}
+
+static void a_split_ignores_order_and_follows_the_seed(void **state) {
+    (void)state;
+    enum { N = 300 };
+    gonio_samples *a = make(1, false), *b = make(1, false);
+    gonio_pair p[N];
+    for (int i = 0; i < N; i++) {
+        p[i] = (gonio_pair){1.5 * uniform(), 0, 1.5 * uniform(), 3 * uniform()};
+        add(a, p[i], i);
+    }
+    for (int i = N; i-- > 0;) {
+        add(b, p[i], i);
+    }
+    bool held_a[N], held_b[N], other[N];
+    assert_int_equal(gonio_samples_hold_out(a, 0.2, 1, held_a, NULL), GONIO_OK);
+    assert_int_equal(gonio_samples_hold_out(b, 0.2, 1, held_b, NULL), GONIO_OK);
+    assert_int_equal(gonio_samples_hold_out(a, 0.2, 2, other, NULL), GONIO_OK);
+    int held = 0, differ = 0;
+    for (int i = 0; i < N; i++) {
+        assert_int_equal(held_a[i], held_b[N - 1 - i]);
+        held += held_a[i];
+        differ += held_a[i] != other[i];
+    }
+    assert_int_equal(held, 60);
+    assert_true(differ > 30);
+    gonio_error error = {0};
+    assert_int_equal(gonio_samples_hold_out(a, 1, 1, held_a, &error), GONIO_E_USAGE);
+    assert_int_equal(gonio_samples_hold_out(a, -0.1, 1, held_a, &error), GONIO_E_USAGE);
+    assert_int_equal(gonio_samples_hold_out(a, NAN, 1, held_a, &error), GONIO_E_USAGE);
+    int fold[N];
+    assert_int_equal(gonio_samples_folds(a, 1, 1, fold, &error), GONIO_E_USAGE);
+    gonio_samples_free(a);
+    gonio_samples_free(b);
+}
+
+// At the pole an azimuth means nothing: the same geometry.
+static void the_pole_has_no_azimuth(void **state) {
+    (void)state;
+    gonio_samples *s = make(1, false);
+    for (int i = 0; i < 10; i++) {
+        add(s, (gonio_pair){0, i, 0.5, 2 * i}, 1);
+        add(s, (gonio_pair){0.5, i, 0, 3 * i}, 1);
+    }
+    int fold[20];
+    assert_int_equal(gonio_samples_folds(s, 2, 1, fold, NULL), GONIO_OK);
+    for (int i = 2; i < 20; i++) {
+        assert_int_equal(fold[i], fold[i % 2]);
+    }
+    gonio_samples_free(s);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_added_is_there),
+        cmocka_unit_test(impossible_sets),
+        cmocka_unit_test(folds_keep_equal_geometries_together),
+        cmocka_unit_test(a_split_ignores_order_and_follows_the_seed),
+        cmocka_unit_test(the_pole_has_no_azimuth),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
