@@ -32,6 +32,7 @@ static const struct {
     gonio_model_reader read;
 } readers[] = {
     {"lattice", gonio_lattice_model_read},
+    {"lobe-spline", gonio_lobe_model_read},
 };
 
 typedef struct head {

@@ -42,5 +42,6 @@ gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset
 
 // The readers of the kinds that libgonio-eval knows.
 gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 
 #endif

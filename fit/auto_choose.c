@@ -1,0 +1,311 @@
+// The choice for small sets, in three rounds, each scored by leave-one-out on all its samples:
+//   1. coordinates and base, at a level that suits the number of samples;
+//   2. how stiff each axis is, and how far reciprocity is trusted;
+//   3. one level coarser and finer.
+// A round's forms are independent, so they run side by side; one eigendecomposition a form scores every base, channel
+// and lambda.
+#include "fit/auto_choose.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "fit/lobe_fit.h"
+
+void gonio_auto_choice_release(gonio_auto_choice *choice) {
+    for (int b = 0; b < choice->bases_n; b++) {
+        gonio_lsq_base_release(&choice->bases[b]);
+    }
+    gonio_lsq_dense_free(choice->dense);
+    free(choice->lambdas);
+    *choice = (gonio_auto_choice){0};
+}
+
+const char *gonio_auto_base_name(const gonio_lsq_base *base) {
+    if (base->lobes.lobes == 0) {
+        return "none";
+    }
+    return base->lobes.family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
+}
+
+static double now_s(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+// ---- bases ----
+
+static gonio_status fit_bases(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+                              gonio_auto_choice *choice, gonio_error *error) {
+    static const gonio_lobe_family families[2] = {GONIO_LOBE_GGX, GONIO_LOBE_COOK_TORRANCE};
+    gonio_lobe_base fitted[2];
+    bool usable[2] = {false, false};
+    // Two lobes and a diffuse term have seven numbers: below some thirty samples they follow the noise.
+    if (lobes && data->kind == GONIO_LINK_POSITIVE && data->n >= 30) {
+        const int threads = options->threads == 1 ? 1 : 2;
+#pragma omp parallel for num_threads(threads)
+        for (int f = 0; f < 2; f++) {
+            usable[f] = gonio_lobe_fit(data, families[f], 2, &fitted[f], NULL) == GONIO_OK;
+        }
+    }
+    gonio_status status = gonio_lsq_base_init(&choice->bases[choice->bases_n++], data, NULL, error);
+    for (int f = 0; f < 2; f++) {
+        if (usable[f] && status == GONIO_OK) {
+            status = gonio_lsq_base_init(&choice->bases[choice->bases_n++], data, &fitted[f], error);
+        }
+        if (usable[f]) {
+            free(fitted[f].strength);
+        }
+    }
+    return status;
+}
+
+// ---- rounds ----
+
+typedef struct round_result {
+    gonio_lsq_dense *dense;
+    gonio_lsq_score score[GONIO_AUTO_BASES];
+    double *lambdas; // bases x channels
+    gonio_status status;
+    gonio_error error;
+} round_result;
+
+static void score_form(const gonio_lsq_data *data, const gonio_auto_choice *choice, const gonio_lsq_form *form,
+                       double lambda, round_result *r) {
+    *r = (round_result){0};
+    const size_t c = (size_t)data->channels;
+    r->lambdas = malloc((size_t)choice->bases_n * c * sizeof *r->lambdas);
+    r->status = r->lambdas != NULL ? gonio_lsq_dense_new(data, form, &r->dense, &r->error)
+                                   : gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
+    for (int b = 0; b < choice->bases_n && r->status == GONIO_OK; b++) {
+        r->status = gonio_lsq_choose_lambda(r->dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
+                                            &r->score[b], &r->error);
+    }
+}
+
+static size_t model_bytes(const gonio_lsq_data *data, const gonio_lsq_form *form, const gonio_lsq_base *base) {
+    const size_t c = (size_t)data->channels;
+    return gonio_lattice_count(data->dims, form->level) * c * sizeof(float) + c * sizeof(gonio_link) +
+           (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
+}
+
+// Is trial a the better choice? Of those that meet the error asked for, the smaller one; else the lower score.
+static bool better(const gonio_auto_trial *a, const gonio_auto_trial *b, const gonio_fit_options *options) {
+    const bool fits_a = options->max_bytes == 0 || a->bytes <= options->max_bytes;
+    const bool fits_b = options->max_bytes == 0 || b->bytes <= options->max_bytes;
+    if (fits_a != fits_b) {
+        return fits_a;
+    }
+    if (!fits_a && a->bytes != b->bytes) {
+        return a->bytes < b->bytes;
+    }
+    if (options->max_error > 0) {
+        const bool good_a = a->score.rmse <= options->max_error, good_b = b->score.rmse <= options->max_error;
+        if (good_a != good_b) {
+            return good_a;
+        }
+        if (good_a && a->bytes != b->bytes) {
+            return a->bytes < b->bytes;
+        }
+    }
+    return a->score.score < b->score.score;
+}
+
+static void keep_best(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_auto_choice *choice,
+                      const gonio_lsq_form *form, round_result *r) {
+    const size_t c = (size_t)data->channels;
+    for (int b = 0; b < choice->bases_n; b++) {
+        gonio_auto_trial *t = &choice->trials[choice->trials_n];
+        *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b])};
+        if (choice->trials_n == 0 || better(t, &choice->trials[choice->chosen], options)) {
+            choice->chosen = choice->trials_n;
+            if (r->dense != NULL) {
+                gonio_lsq_dense_free(choice->dense);
+                choice->dense = r->dense;
+                r->dense = NULL;
+            }
+            memcpy(choice->lambdas, r->lambdas + (size_t)b * c, c * sizeof *choice->lambdas);
+        }
+        choice->trials_n++;
+    }
+}
+
+static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options,
+                              const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
+    round_result results[8];
+    const int threads = options->threads > 0 ? options->threads : omp_get_max_threads();
+#pragma omp parallel for schedule(dynamic) num_threads(threads < n ? threads : n) if (n > 1)
+    for (int f = 0; f < n; f++) {
+        score_form(data, choice, &forms[f], options->lambda, &results[f]);
+    }
+    gonio_status status = GONIO_OK;
+    for (int f = 0; f < n; f++) {
+        if (results[f].status == GONIO_OK && status == GONIO_OK &&
+            choice->trials_n + choice->bases_n <= GONIO_AUTO_TRIALS * GONIO_AUTO_BASES) {
+            keep_best(data, options, choice, &forms[f], &results[f]);
+        } else if (results[f].status != GONIO_OK && status == GONIO_OK) {
+            status = results[f].status;
+            if (error != NULL) {
+                *error = results[f].error;
+            }
+        }
+        gonio_lsq_dense_free(results[f].dense);
+        free(results[f].lambdas);
+    }
+    return status;
+}
+
+// A level at which a sample has some cells to itself and n^2 8^level stays within seconds.
+static int first_level(const gonio_lsq_data *data) {
+    const int most = data->dims == 3 ? 4 : GONIO_LSQ_DENSE_LEVEL_MAX_4D;
+    int level = 0;
+    while (level < most && ldexp(1, data->dims * level) < 2.0 * (double)data->n) {
+        level++;
+    }
+    return level;
+}
+
+static double fixed_reciprocity(const gonio_fit_options *options) {
+    return options->symmetry != GONIO_SYMMETRY_AUTO && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
+}
+
+static int coordinate_forms(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_lsq_form *forms) {
+    static const gonio_coordinates all[3] = {GONIO_HALF_VECTOR, GONIO_NUSSELT, GONIO_REFLECTED};
+    const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(data);
+    int n = 0;
+    for (int k = 0; k < 3; k++) {
+        if (!options->coordinates_set || options->coordinates == all[k]) {
+            forms[n] = gonio_lsq_form_default(all[k], level, data->mirror);
+            forms[n++].reciprocity = fixed_reciprocity(options);
+        }
+    }
+    return n;
+}
+
+// Stiffer or softer along the difference angle or the incidence; and half-vector reciprocity as a weak prior.
+static int stiffness_forms(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *best,
+                           gonio_lsq_form *forms) {
+    static const double half[][4] = {{1, 1, 1, 1}, {1, 1, 10, 10}, {0.1, 0.1, 10, 10}};
+    static const double other[][4] = {{10, 1, 1, 1}, {0.1, 1, 1, 1}};
+    const bool half_vector = best->coordinates == GONIO_HALF_VECTOR;
+    const bool open = options->symmetry == GONIO_SYMMETRY_AUTO && half_vector;
+    int n = 0;
+    for (int k = 0; k < (half_vector ? 3 : data->dims == 3 ? 2 : 0); k++) {
+        for (int weak = 0; weak <= (int)open; weak++) {
+            if (k == 0 && half_vector && weak == 0) {
+                continue; // the first round's
+            }
+            forms[n] = *best;
+            memcpy(forms[n].stretch, half_vector ? half[k] : other[k], sizeof forms[n].stretch);
+            forms[n++].reciprocity = weak ? 0.9 : best->reciprocity;
+        }
+    }
+    return n;
+}
+
+static int level_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, gonio_lsq_form *forms) {
+    const int most = data->dims == 3 ? GONIO_LSQ_DENSE_LEVEL_MAX_3D : GONIO_LSQ_DENSE_LEVEL_MAX_4D;
+    int n = 0;
+    for (int step = -1; step <= 1; step += 2) {
+        if (best->level + step >= 0 && best->level + step <= most) {
+            forms[n] = *best;
+            forms[n++].level += step;
+        }
+    }
+    return n;
+}
+
+static void tell(const gonio_fit_options *options, double fraction, const char *what, bool *stop) {
+    if (options->progress != NULL && !options->progress(options->progress_context, fraction, what, NAN)) {
+        *stop = true;
+    }
+}
+
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+                               gonio_auto_choice *choice, gonio_error *error) {
+    *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
+    gonio_lsq_form forms[8];
+    const double start = now_s();
+    bool stop = false;
+    gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
+    tell(options, 0, "lobes", &stop);
+    if (status == GONIO_OK) {
+        status = fit_bases(data, options, lobes, choice, error);
+    }
+    for (int stage = 0; stage < 3 && status == GONIO_OK && !stop; stage++) {
+        static const char *const what[] = {"coordinates", "stiffness and reciprocity", "levels"};
+        // A stage takes about as long as all before it.
+        if (stage > 0 && options->max_seconds > 0 && 2 * (now_s() - start) > options->max_seconds) {
+            break;
+        }
+        tell(options, 0.1 + 0.25 * stage, what[stage], &stop);
+        const gonio_lsq_form *best = stage > 0 ? &choice->trials[choice->chosen].form : NULL;
+        int n = 0;
+        if (stage == 0) {
+            n = coordinate_forms(data, options, forms);
+        } else if (stage == 1) {
+            n = stiffness_forms(data, options, best, forms);
+        } else if (options->level == GONIO_LEVEL_AUTO) {
+            n = level_forms(data, best, forms);
+        }
+        status = n > 0 ? run_round(data, options, forms, n, choice, error) : GONIO_OK;
+    }
+    if (stop && status == GONIO_OK) {
+        status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped while choosing");
+    }
+    if (status != GONIO_OK) {
+        gonio_auto_choice_release(choice);
+    }
+    return status;
+}
+
+// ---- telling ----
+
+static int neighbour(const gonio_auto_choice *choice, bool cheaper) {
+    const gonio_auto_trial *chosen = &choice->trials[choice->chosen];
+    int best = -1;
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_auto_trial *trial = &choice->trials[t];
+        const bool candidate =
+            cheaper ? trial->bytes < chosen->bytes : trial->score.score < chosen->score.score && t != choice->chosen;
+        if (candidate && (best < 0 || trial->score.score < choice->trials[best].score.score)) {
+            best = t;
+        }
+    }
+    return best;
+}
+
+static void describe_trial(const gonio_auto_choice *choice, int index, const char *label, char *text, size_t size) {
+    const size_t used = strlen(text);
+    if (index < 0) {
+        snprintf(text + used, size - used, "; %s: none was found", label);
+        return;
+    }
+    const gonio_auto_trial *t = &choice->trials[index];
+    const double change = 100 * (exp(t->score.score / 1.5 - choice->trials[choice->chosen].score.score / 1.5) - 1);
+    snprintf(text + used, size - used, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
+             gonio_coordinates_name(t->form.coordinates), t->form.level, gonio_auto_base_name(&choice->bases[t->base]),
+             change, (t->bytes + 512) / 1024);
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+void gonio_auto_describe(const gonio_auto_choice *choice, gonio_fit_report *report) {
+    const gonio_auto_trial *t = &choice->trials[choice->chosen];
+    double sorted[GONIO_CHANNELS_MAX];
+    memcpy(sorted, choice->lambdas, (size_t)report->channels * sizeof *sorted);
+    qsort(sorted, (size_t)report->channels, sizeof *sorted, by_value);
+    snprintf(report->options, sizeof report->options, "base=%s lambda=%.2g stiffness=%g:%g:%g reciprocity=%g",
+             gonio_auto_base_name(&choice->bases[t->base]), sorted[report->channels / 2], t->form.stretch[0],
+             t->form.stretch[1], t->form.stretch[2], t->form.reciprocity);
+    snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
+    describe_trial(choice, neighbour(choice, false), "next better", report->note, sizeof report->note);
+    describe_trial(choice, neighbour(choice, true), "next cheaper", report->note, sizeof report->note);
+}

@@ -1,0 +1,37 @@
+// What `--method auto` and an open `--method lsq` choose for small sets, by closed-form leave-one-out.
+#ifndef GONIO_FIT_AUTO_CHOOSE_H
+#define GONIO_FIT_AUTO_CHOOSE_H
+
+#include "fit/lsq_select.h"
+
+#define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
+#define GONIO_AUTO_TRIALS 24
+
+// One combination that was scored.
+typedef struct gonio_auto_trial {
+    gonio_lsq_form form;
+    int base;
+    gonio_lsq_score score;
+    size_t bytes; // of the model
+} gonio_auto_trial;
+
+typedef struct gonio_auto_choice {
+    gonio_lsq_base bases[GONIO_AUTO_BASES];
+    int bases_n;
+    gonio_auto_trial trials[GONIO_AUTO_TRIALS * GONIO_AUTO_BASES];
+    int trials_n;
+    int chosen;             // index of the trial
+    gonio_lsq_dense *dense; // of the chosen form
+    double *lambdas;        // [channels]
+} gonio_auto_choice;
+
+// lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+                               gonio_auto_choice *choice, gonio_error *error);
+void gonio_auto_choice_release(gonio_auto_choice *choice);
+// "none", "ggx", "cook-torrance".
+const char *gonio_auto_base_name(const gonio_lsq_base *base);
+// Text about the choice and its neighbours for the report.
+void gonio_auto_describe(const gonio_auto_choice *choice, gonio_fit_report *report);
+
+#endif

@@ -1,0 +1,266 @@
+// Models of kind "lobe-spline": evaluation, uncertainty, file section.
+//
+// Section: 64 bytes of description, the lobes' shapes, their strengths, the links, the control points, the sigma
+// lattice's points and the channels' sigma factors, each part aligned (fit/model_file.h).
+#include "fit/lobe_model.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/analytic.h"
+#include "fit/model_file.h"
+#include "gonio/sample.h"
+
+typedef struct lobe_model {
+    gonio_model head;
+    gonio_lobe_model_parts parts;
+    char (*names)[32];   // NULL when they lie in the file
+    gonio_mapped mapped; // base NULL: the arrays are our own
+} lobe_model;
+
+#define NO_LEVEL UINT32_MAX
+
+typedef struct description {
+    uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
+    uint32_t reserved[9];
+} description;
+_Static_assert(sizeof(description) == 64, "the description is one block");
+
+void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]) {
+    out[0] = 1;
+    if (base->lobes == 0) {
+        return;
+    }
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
+    for (int j = 0; j < base->lobes; j++) {
+        out[1 + j] = base->family == GONIO_LOBE_GGX
+                         ? gonio_lobe_ggx(&g, base->alpha[j], base->alpha[j], base->f0[j])
+                         : gonio_lobe_cook_torrance(&g, base->alpha[j], base->f0[j]);
+    }
+}
+
+static void locate(const gonio_lobe_model_parts *p, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
+    if (p->dims == 3) {
+        gonio_coordinates_isotropic(p->coordinates, wi, wo, x);
+    } else {
+        gonio_coordinates_anisotropic(p->coordinates, wi, wo, x);
+    }
+}
+
+// The link value of channel c's base; 0 without lobes, where the spline says all.
+static double base_value(const gonio_lobe_model_parts *p, const double *units, int c) {
+    if (p->base.lobes == 0) {
+        return 0;
+    }
+    const double *strength = p->base.strength + (ptrdiff_t)c * (1 + GONIO_LOBES_MAX);
+    double sum = strength[0];
+    for (int j = 0; j < p->base.lobes; j++) {
+        sum += strength[1 + j] * units[1 + j];
+    }
+    return gonio_link_apply(p->kind, &p->links[c], sum);
+}
+
+// values: f_r; slopes (may be NULL): d f_r / d link value.
+static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values, double *slopes) {
+    const gonio_lobe_model_parts *p = &((const lobe_model *)model)->parts;
+    double units[1 + GONIO_LOBES_MAX];
+    gonio_lobe_base_units(&p->base, wi, wo, units);
+    if (p->lattice.points != NULL) {
+        double x[4];
+        locate(p, wi, wo, x);
+        gonio_lattice_eval(&p->lattice, x, values);
+    } else {
+        memset(values, 0, (size_t)model->channels * sizeof *values);
+    }
+    for (int c = 0; c < model->channels; c++) {
+        const double t = values[c] + base_value(p, units, c);
+        values[c] = gonio_link_invert(p->kind, &p->links[c], t, slopes != NULL ? &slopes[c] : NULL);
+    }
+}
+
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    evaluate(model, wi, wo, values, NULL);
+}
+
+// sigma_z = dz/dt sigma_t. A sigma_t above 2 (a factor of e^2) says no more than "unknown".
+static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *out) {
+    const gonio_lobe_model_parts *p = &((const lobe_model *)model)->parts;
+    double values[GONIO_CHANNELS_MAX], x[4], ln_sigma;
+    evaluate(model, wi, wo, values, out);
+    locate(p, wi, wo, x);
+    gonio_lattice_eval(&p->sigma, x, &ln_sigma);
+    const double shape = exp(fmin(fmax(ln_sigma, -60), 60));
+    for (int c = 0; c < model->channels; c++) {
+        const double sigma_t = shape * p->sigma_factor[c];
+        out[c] *= p->kind == GONIO_LINK_LINEAR ? sigma_t : fmin(sigma_t, 2);
+    }
+}
+
+static void release(gonio_model *model) {
+    lobe_model *m = (lobe_model *)model;
+    if (m->mapped.base == NULL) {
+        gonio_lobe_model_parts_release(&m->parts);
+    }
+    gonio_mapped_release(&m->mapped);
+    free(m->names);
+    free(m);
+}
+
+static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+    const gonio_lobe_model_parts *p = &((const lobe_model *)model)->parts;
+    const description about = {.dims = (uint32_t)p->dims,
+                               .level = p->lattice.points != NULL ? (uint32_t)p->lattice.level : NO_LEVEL,
+                               .coordinates = (uint32_t)p->coordinates,
+                               .link = (uint32_t)p->kind,
+                               .lobes = (uint32_t)p->base.lobes,
+                               .family = (uint32_t)p->base.family,
+                               .sigma_level = p->sigma.points != NULL ? (uint32_t)p->sigma.level : NO_LEVEL};
+    double shapes[2 * GONIO_LOBES_MAX];
+    memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
+    memcpy(shapes + GONIO_LOBES_MAX, p->base.f0, sizeof p->base.f0);
+    const size_t c = (size_t)model->channels;
+    gonio_file_part parts[7] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
+    int n = 2;
+    if (p->base.lobes > 0) {
+        parts[n++] = (gonio_file_part){shapes, sizeof shapes};
+        parts[n++] = (gonio_file_part){p->base.strength, c * (1 + GONIO_LOBES_MAX) * sizeof(double)};
+    }
+    if (p->lattice.points != NULL) {
+        parts[n++] = (gonio_file_part){p->lattice.points, p->lattice.count * c * sizeof(float)};
+    }
+    if (p->sigma.points != NULL) {
+        parts[n++] = (gonio_file_part){p->sigma.points, p->sigma.count * sizeof(float)};
+        parts[n++] = (gonio_file_part){p->sigma_factor, c * sizeof(double)};
+    }
+    return gonio_model_file_write(model, path, parts, n, error);
+}
+
+#define OPS                                                                                                            \
+    .api_version = GONIO_MODEL_API_VERSION, .kind = "lobe-spline", .eval = eval, .save = save, .free = release
+static const gonio_model_ops ops = {OPS};
+static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
+
+static void fill_head(lobe_model *m) {
+    const gonio_lobe_model_parts *p = &m->parts;
+    const size_t c = (size_t)p->channels;
+    m->head.ops = p->sigma.points != NULL && p->channels <= GONIO_CHANNELS_MAX ? &ops_sigma : &ops;
+    m->head.channels = p->channels;
+    m->head.isotropic = p->dims == 3;
+    m->head.control_points = p->lattice.points != NULL ? p->lattice.count : 0;
+    m->head.bytes = sizeof *m + c * sizeof *p->links + (p->base.lobes > 0 ? c * 3 * sizeof(double) : 0) +
+                    m->head.control_points * c * sizeof(float);
+}
+
+void gonio_lobe_model_parts_release(gonio_lobe_model_parts *parts) {
+    free(parts->links);
+    free(parts->base.strength);
+    free(parts->sigma_factor);
+    gonio_lattice_release(&parts->lattice);
+    gonio_lattice_release(&parts->sigma);
+    *parts = (gonio_lobe_model_parts){0};
+}
+
+gonio_status gonio_lobe_model_new(gonio_lobe_model_parts *parts, gonio_model **out, gonio_error *error) {
+    *out = NULL;
+    const size_t c = (size_t)parts->channels;
+    lobe_model *m = calloc(1, sizeof *m);
+    if (m == NULL || (m->names = malloc(c * sizeof *m->names)) == NULL) {
+        free(m);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    }
+    memcpy(m->names, parts->channel_names, c * sizeof *m->names);
+    m->head.channel_names = (const char(*)[32])m->names;
+    m->parts = *parts;
+    m->parts.channel_names = m->head.channel_names;
+    *parts = (gonio_lobe_model_parts){0};
+    fill_head(m);
+    *out = &m->head;
+    return GONIO_OK;
+}
+
+const gonio_lobe_model_parts *gonio_lobe_model_about(const gonio_model *model) {
+    return model->ops == &ops || model->ops == &ops_sigma ? &((const lobe_model *)model)->parts : NULL;
+}
+
+// ---- from a file ----
+
+static bool level_possible(uint32_t level) { return level == NO_LEVEL || level <= 9; }
+
+static gonio_status check_description(const gonio_mapped *mapped, const description *about, gonio_error *error) {
+    if (about == NULL) {
+        return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
+    }
+    if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
+        !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED ||
+        about->link > GONIO_LINK_ASINH || about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX) {
+        return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
+    }
+    return GONIO_OK;
+}
+
+// The model never writes to what it maps; the members are not const because the fit fills the same struct.
+static void *take(const gonio_mapped *mapped, size_t *at, size_t count, size_t size, bool *complete) {
+    const void *data = size == 0 || count <= SIZE_MAX / size ? gonio_mapped_take(mapped, at, count * size) : NULL;
+    *complete = *complete && data != NULL;
+    return (void *)(uintptr_t)data;
+}
+
+static void take_lattice(const gonio_mapped *mapped, size_t *at, uint32_t level, int dims, int channels,
+                         gonio_lattice *lattice, bool *complete) {
+    if (level == NO_LEVEL) {
+        return;
+    }
+    const size_t count = gonio_lattice_count(dims, (int)level);
+    *lattice = (gonio_lattice){.dims = dims,
+                               .level = (int)level,
+                               .channels = channels,
+                               .size = gonio_bspline_size((int)level),
+                               .count = count};
+    lattice->points = take(mapped, at, count * (size_t)channels, sizeof(float), complete);
+}
+
+gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+    size_t at = 0;
+    const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
+    const gonio_status status = check_description(mapped, about, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t c = (size_t)mapped->channels;
+    const int dims = (int)about->dims;
+    bool complete = true;
+    gonio_lobe_model_parts p = {.channels = mapped->channels,
+                                .dims = dims,
+                                .coordinates = (gonio_coordinates)about->coordinates,
+                                .kind = (gonio_link_kind)about->link,
+                                .base = {.lobes = (int)about->lobes, .family = (gonio_lobe_family)about->family},
+                                .channel_names = mapped->names};
+    p.links = take(mapped, &at, c, sizeof *p.links, &complete);
+    if (p.base.lobes > 0) {
+        const double *shapes = take(mapped, &at, 2 * GONIO_LOBES_MAX, sizeof(double), &complete);
+        if (shapes != NULL) {
+            memcpy(p.base.alpha, shapes, sizeof p.base.alpha);
+            memcpy(p.base.f0, shapes + GONIO_LOBES_MAX, sizeof p.base.f0);
+        }
+        p.base.strength = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof(double), &complete);
+    }
+    take_lattice(mapped, &at, about->level, dims, mapped->channels, &p.lattice, &complete);
+    take_lattice(mapped, &at, about->sigma_level, dims, 1, &p.sigma, &complete);
+    if (about->sigma_level != NO_LEVEL) {
+        p.sigma_factor = take(mapped, &at, c, sizeof(double), &complete);
+    }
+    if (!complete) {
+        return gonio_mapped_fail(mapped, 0, "the section is shorter than its level, lobes and channels need", error);
+    }
+    lobe_model *m = calloc(1, sizeof *m);
+    if (m == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    }
+    m->parts = p;
+    m->mapped = *mapped;
+    *mapped = (gonio_mapped){0};
+    m->head.channel_names = m->mapped.names;
+    fill_head(m);
+    *out = &m->head;
+    return GONIO_OK;
+}

@@ -1,0 +1,50 @@
+// Models of kind "lobe-spline": an analytic base times what a B-spline says about its error.
+//
+// f_r = link^-1(link(base) + spline(x)), base = d + sum of strength_j lobe_j, x the coordinates of the pair. Without
+// lobes it is a plain spline; without a lattice, the lobes alone. A second, coarse lattice carries ln of the standard
+// uncertainty in units of the link.
+#ifndef GONIO_FIT_LOBE_MODEL_H
+#define GONIO_FIT_LOBE_MODEL_H
+
+#include "fit/lattice.h"
+#include "fit/lsq_link.h"
+#include "gonio/model.h"
+
+#define GONIO_LOBES_MAX 2
+
+typedef enum gonio_lobe_family {
+    GONIO_LOBE_COOK_TORRANCE = 0, // fit/analytic.h: gonio_lobe_cook_torrance
+    GONIO_LOBE_GGX = 1,           // gonio_lobe_ggx, isotropic
+} gonio_lobe_family;
+
+// The lobes' shapes are shared by the channels: roughness is geometry, only strengths depend on the wavelength.
+typedef struct gonio_lobe_base {
+    int lobes; // 0: no base
+    gonio_lobe_family family;
+    double alpha[GONIO_LOBES_MAX], f0[GONIO_LOBES_MAX];
+    double *strength; // [channels][3]: the diffuse f_r, then the lobes' strengths
+} gonio_lobe_base;
+
+// Unit-strength values of the lobes: out[0] = 1 (diffuse), out[1..lobes].
+void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]);
+
+// All a model is made of; gonio_lobe_model_new takes over every pointer in it except the names.
+typedef struct gonio_lobe_model_parts {
+    int channels, dims;
+    gonio_coordinates coordinates;
+    gonio_link_kind kind;
+    gonio_link *links; // [channels]
+    gonio_lobe_base base;
+    gonio_lattice lattice;             // points NULL: no spline
+    gonio_lattice sigma;               // one channel: ln sigma of the link value; points NULL: no uncertainty
+    double *sigma_factor;              // [channels]
+    const char (*channel_names)[32];   // copied
+} gonio_lobe_model_parts;
+
+void gonio_lobe_model_parts_release(gonio_lobe_model_parts *parts);
+// On success the parts are empty; on failure they are unchanged.
+gonio_status gonio_lobe_model_new(gonio_lobe_model_parts *parts, gonio_model **out, gonio_error *error);
+// Borrowed; NULL for a model of another kind.
+const gonio_lobe_model_parts *gonio_lobe_model_about(const gonio_model *model);
+
+#endif

@@ -1,0 +1,43 @@
+// Samples made ready for least squares: equal geometries merged, values as link values in double, weights.
+#ifndef GONIO_FIT_LSQ_DATA_H
+#define GONIO_FIT_LSQ_DATA_H
+
+#include "fit/lsq_link.h"
+#include "gonio/fit.h"
+
+typedef struct gonio_lsq_data {
+    size_t n; // unique geometries
+    int dims, channels;
+    bool mirror; // geometries are folded onto one side of the plane of incidence: f(phi) = f(-phi)
+    gonio_pair *pairs;
+    double *values;  // n x channels, f_r; equal geometries averaged
+    double *targets; // n x channels, link values
+    double *weights; // n; their mean is 1
+    gonio_link_kind kind;
+    gonio_link *links; // [channels]
+} gonio_lsq_data;
+
+typedef struct gonio_lsq_data_options {
+    bool mirror;
+    gonio_domain domain; // GONIO_LOG: the positive link, or asinh for a signed quantity
+    bool reciprocal;     // add every geometry with its directions swapped
+} gonio_lsq_data_options;
+
+// Release with gonio_lsq_data_release. GONIO_E_INPUT for no samples, and for NaN, infinities or angles outside the
+// hemisphere, with the sample's number.
+gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samples,
+                                 const gonio_lsq_data_options *options, gonio_error *error);
+void gonio_lsq_data_release(gonio_lsq_data *data);
+// Every step-th geometry from `first`, as a set of its own.
+gonio_status gonio_lsq_data_thin(const gonio_lsq_data *data, size_t count, uint64_t seed, gonio_lsq_data *out,
+                                 gonio_error *error);
+// The geometries with keep[i], as a set of its own.
+gonio_status gonio_lsq_data_select(const gonio_lsq_data *data, const bool *keep, gonio_lsq_data *out,
+                                   gonio_error *error);
+// x[n x dims] in [0, 1].
+void gonio_lsq_data_locate(const gonio_lsq_data *data, gonio_coordinates coordinates, double *x);
+// The lattice axes that phi -> -phi flips, and those that swapping the directions flips (0: swapping is no flip).
+unsigned gonio_lsq_mirror_axes(gonio_coordinates coordinates, int dims);
+unsigned gonio_lsq_swap_axes(gonio_coordinates coordinates, int dims);
+
+#endif

@@ -1,0 +1,586 @@
+// The direct least-squares solver (fit/lsq_dense.h).
+//
+// Sums over the lattice's modes run in blocks: all products of the last two axes' modes for one choice of the leading
+// axes' modes, which BLAS turns into a rank-k update. Modes of the wrong parity under the mirror are left out, which is
+// what sharing control points means here; modes that change sign when the directions are swapped are summed apart, so
+// that reciprocity is one number.
+#include "fit/lsq_dense.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/bspline.h"
+#include "fit/lsq_blas.h"
+
+struct gonio_lsq_dense {
+    const gonio_lsq_data *data;
+    gonio_lsq_form form;
+    size_t n, m; // geometries, modes an axis
+    int dims;
+    unsigned mirror_axes, swap_axes;
+    double *modes;      // m x m: mode j in column j
+    double *stiffness;  // [m]
+    bool *odd;          // [m]
+    double *feature[4]; // mode-major: feature[d][mode n + i], at the samples
+    double *root;       // [n] sqrt(weight)
+    double *kernel[2];  // n x n, lower triangle: modes even and odd under swapping; [1] NULL where there are none
+    double *vectors;    // n x n, eigenvector j in column j
+    double *values;     // [n]
+};
+
+gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror) {
+    return (gonio_lsq_form){
+        .coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
+}
+
+void gonio_lsq_dense_free(gonio_lsq_dense *dense) {
+    if (dense == NULL) {
+        return;
+    }
+    free(dense->modes);
+    free(dense->stiffness);
+    free(dense->odd);
+    for (int d = 0; d < 4; d++) {
+        free(dense->feature[d]);
+    }
+    free(dense->root);
+    free(dense->kernel[0]);
+    free(dense->kernel[1]);
+    free(dense->vectors);
+    free(dense->values);
+    free(dense);
+}
+
+const gonio_lsq_form *gonio_lsq_dense_form(const gonio_lsq_dense *dense) { return &dense->form; }
+
+// ---- the axes' modes ----
+
+static void second_differences(double *gram, size_t m) {
+    static const double stencil[3] = {1, -2, 1};
+    memset(gram, 0, m * m * sizeof *gram);
+    for (size_t r = 0; r + 2 < m; r++) {
+        for (size_t i = 0; i < 3; i++) {
+            for (size_t j = 0; j < 3; j++) {
+                gram[(r + i) * m + r + j] += stencil[i] * stencil[j];
+            }
+        }
+    }
+}
+
+// The null space (constant and linear) comes out of the eigensolver in any mixture; parity needs it pure.
+static void purify_null_space(double *modes, double *stiffness, size_t m) {
+    const double middle = 0.5 * (double)(m - 1);
+    double norm = 0;
+    for (size_t i = 0; i < m; i++) {
+        norm += ((double)i - middle) * ((double)i - middle);
+    }
+    for (size_t i = 0; i < m; i++) {
+        modes[i] = 1 / sqrt((double)m);
+        modes[m + i] = ((double)i - middle) / sqrt(norm);
+    }
+    stiffness[0] = stiffness[1] = 0;
+}
+
+static gonio_status find_modes(gonio_lsq_dense *dense, gonio_error *error) {
+    const size_t m = dense->m;
+    second_differences(dense->modes, m);
+    if (LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)m, dense->modes, (lapack_int)m, dense->stiffness) != 0) {
+        return gonio_fail(error, GONIO_E_CONVERGENCE, "the penalty's eigenvectors were not found");
+    }
+    purify_null_space(dense->modes, dense->stiffness, m);
+    for (size_t j = 0; j < m; j++) {
+        const double *v = dense->modes + j * m;
+        double symmetry = 0;
+        for (size_t i = 0; i < m; i++) {
+            symmetry += v[i] * v[m - 1 - i];
+        }
+        dense->odd[j] = symmetry < 0;
+        dense->stiffness[j] *= ldexp(1, dense->form.level);
+    }
+    return GONIO_OK;
+}
+
+// feature[mode count + i] = mode's spline at coordinate x[i * stride].
+static void fill_features(const gonio_lsq_dense *dense, size_t count, const double *x, size_t stride, double *feature) {
+    const size_t m = dense->m;
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t fixed = gonio_bspline_fix(x[i * stride]);
+        const uint32_t cell = gonio_bspline_cell(fixed, dense->form.level);
+        double w[4];
+        gonio_bspline_weights(gonio_bspline_place(fixed, dense->form.level), w);
+        for (size_t j = 0; j < m; j++) {
+            const double *v = dense->modes + j * m + cell;
+            feature[j * count + i] = w[0] * v[0] + w[1] * v[1] + w[2] * v[2] + w[3] * v[3];
+        }
+    }
+}
+
+// ---- blocks of modes ----
+
+typedef struct block {
+    size_t lead[2];      // modes of the leading axes
+    size_t count;        // columns
+    uint16_t *last[2];   // [count]: modes of the last two axes
+    double *root_prior;  // [count]: 1/sqrt of the mode's penalty
+} block;
+
+static bool odd_under(const gonio_lsq_dense *dense, unsigned axes, const size_t *mode) {
+    bool odd = false;
+    for (int d = 0; d < dense->dims; d++) {
+        odd ^= (axes >> d & 1u) != 0 && dense->odd[mode[d]];
+    }
+    return odd;
+}
+
+// Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping.
+static void fill_block(const gonio_lsq_dense *dense, size_t lead, int swap, block *b) {
+    const size_t m = dense->m, d = (size_t)dense->dims;
+    size_t mode[4];
+    b->lead[0] = mode[0] = d == 3 ? lead : lead / m;
+    b->lead[1] = mode[1] = lead % m; // 3-D: overwritten below
+    b->count = 0;
+    for (size_t p = 0; p < m; p++) {
+        for (size_t q = 0; q < m; q++) {
+            mode[d - 2] = p;
+            mode[d - 1] = q;
+            if (odd_under(dense, dense->mirror_axes, mode) || odd_under(dense, dense->swap_axes, mode) != (swap == 1)) {
+                continue;
+            }
+            double penalty = GONIO_LSQ_RIDGE;
+            for (size_t k = 0; k < d; k++) {
+                penalty += dense->form.stretch[k] * dense->stiffness[mode[k]];
+            }
+            b->last[0][b->count] = (uint16_t)p;
+            b->last[1][b->count] = (uint16_t)q;
+            b->root_prior[b->count++] = 1 / sqrt(penalty);
+        }
+    }
+}
+
+static size_t lead_count(const gonio_lsq_dense *dense) { return dense->dims == 3 ? dense->m : dense->m * dense->m; }
+
+// columns[count x points], point fastest: the block's modes at points with the given features, times scale[point].
+static void fill_columns(const gonio_lsq_dense *dense, const block *b, size_t points, double *const feature[4],
+                         const double *scale, double *columns) {
+    const int d = dense->dims;
+    const double *f0 = feature[0] + b->lead[0] * points, *f1 = d == 4 ? feature[1] + b->lead[1] * points : NULL;
+    for (size_t k = 0; k < b->count; k++) {
+        const double *p = feature[d - 2] + b->last[0][k] * points, *q = feature[d - 1] + b->last[1][k] * points;
+        double *out = columns + k * points;
+        for (size_t i = 0; i < points; i++) {
+            out[i] = b->root_prior[k] * f0[i] * p[i] * q[i];
+        }
+        for (size_t i = 0; f1 != NULL && i < points; i++) {
+            out[i] *= f1[i];
+        }
+        for (size_t i = 0; scale != NULL && i < points; i++) {
+            out[i] *= scale[i];
+        }
+    }
+}
+
+static gonio_status block_init(const gonio_lsq_dense *dense, block *b, gonio_error *error) {
+    const size_t most = dense->m * dense->m;
+    *b = (block){.last = {malloc(most * sizeof(uint16_t)), malloc(most * sizeof(uint16_t))},
+                 .root_prior = malloc(most * sizeof(double))};
+    return b->last[0] != NULL && b->last[1] != NULL && b->root_prior != NULL
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", most);
+}
+
+static void block_release(block *b) {
+    free(b->last[0]);
+    free(b->last[1]);
+    free(b->root_prior);
+}
+
+// ---- building ----
+
+static gonio_status sum_kernels(gonio_lsq_dense *dense, gonio_error *error) {
+    const size_t n = dense->n;
+    block b;
+    gonio_status status = block_init(dense, &b, error);
+    double *columns = malloc(dense->m * dense->m * n * sizeof *columns);
+    if (status == GONIO_OK && columns == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", dense->m * dense->m, n);
+    }
+    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < 2 && dense->kernel[swap] != NULL; swap++) {
+            fill_block(dense, lead, swap, &b);
+            fill_columns(dense, &b, n, dense->feature, dense->root, columns);
+            cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)b.count, 1, columns, (blasint)n,
+                        1, dense->kernel[swap], (blasint)n);
+        }
+    }
+    block_release(&b);
+    free(columns);
+    return status;
+}
+
+gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciprocity, gonio_error *error) {
+    const size_t n = dense->n;
+    dense->form.reciprocity = dense->swap_axes != 0 ? reciprocity : 0;
+    memcpy(dense->vectors, dense->kernel[0], n * n * sizeof(double));
+    if (dense->kernel[1] != NULL && dense->form.reciprocity < 1) {
+        cblas_daxpy((blasint)(n * n), 1 - dense->form.reciprocity, dense->kernel[1], 1, dense->vectors, 1);
+    }
+    gonio_lsq_blas_begin();
+    const lapack_int info = LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)n, dense->vectors, (lapack_int)n,
+                                           dense->values);
+    gonio_lsq_blas_end();
+    if (info != 0) {
+        return gonio_fail(error, GONIO_E_CONVERGENCE, "the eigenvectors of %zu samples were not found", n);
+    }
+    for (size_t j = 0; j < n; j++) {
+        dense->values[j] = fmax(dense->values[j], 0);
+    }
+    return GONIO_OK;
+}
+
+static bool allocate(gonio_lsq_dense *dense) {
+    const size_t n = dense->n, m = dense->m;
+    bool all = (dense->modes = malloc(m * m * sizeof(double))) != NULL;
+    all = (dense->stiffness = malloc(m * sizeof(double))) != NULL && all;
+    all = (dense->odd = malloc(m * sizeof(bool))) != NULL && all;
+    for (int d = 0; d < dense->dims; d++) {
+        all = (dense->feature[d] = malloc(m * n * sizeof(double))) != NULL && all;
+    }
+    all = (dense->root = malloc(n * sizeof(double))) != NULL && all;
+    all = (dense->kernel[0] = calloc(n * n, sizeof(double))) != NULL && all;
+    if (dense->swap_axes != 0) {
+        all = (dense->kernel[1] = calloc(n * n, sizeof(double))) != NULL && all;
+    }
+    all = (dense->vectors = malloc(n * n * sizeof(double))) != NULL && all;
+    return (dense->values = malloc(n * sizeof(double))) != NULL && all;
+}
+
+static gonio_status fill_sample_features(gonio_lsq_dense *dense, gonio_error *error) {
+    const size_t d = (size_t)dense->dims;
+    double *x = malloc(dense->n * d * sizeof *x);
+    if (x == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu positions", dense->n);
+    }
+    gonio_lsq_data_locate(dense->data, dense->form.coordinates, x);
+    for (size_t k = 0; k < d; k++) {
+        fill_features(dense, dense->n, x + k, d, dense->feature[k]);
+    }
+    free(x);
+    for (size_t i = 0; i < dense->n; i++) {
+        dense->root[i] = sqrt(dense->data->weights[i]);
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_form *form, gonio_lsq_dense **out,
+                                 gonio_error *error) {
+    *out = NULL;
+    gonio_lsq_dense *dense = calloc(1, sizeof *dense);
+    if (dense == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a solver");
+    }
+    dense->data = data;
+    dense->form = *form;
+    dense->n = data->n;
+    dense->dims = data->dims;
+    dense->m = gonio_bspline_size(form->level);
+    dense->mirror_axes = form->mirror ? gonio_lsq_mirror_axes(form->coordinates, data->dims) : 0;
+    dense->swap_axes = gonio_lsq_swap_axes(form->coordinates, data->dims);
+    gonio_status status = allocate(dense) ? GONIO_OK
+                                          : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)",
+                                                       data->n, 3 * 8e-9 * (double)data->n * (double)data->n);
+    gonio_lsq_blas_begin();
+    if (status == GONIO_OK) {
+        status = find_modes(dense, error);
+    }
+    if (status == GONIO_OK) {
+        status = fill_sample_features(dense, error);
+    }
+    if (status == GONIO_OK) {
+        status = sum_kernels(dense, error);
+    }
+    gonio_lsq_blas_end();
+    if (status == GONIO_OK) {
+        status = gonio_lsq_dense_reciprocity(dense, form->reciprocity, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_lsq_dense_free(dense);
+        return status;
+    }
+    *out = dense;
+    return GONIO_OK;
+}
+
+// ---- answers ----
+
+// V^T W^1/2 t: n x channels, sample fastest.
+static gonio_status project(const gonio_lsq_dense *dense, const double *targets, int channels, double **out,
+                            gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *weighted = malloc(n * c * sizeof *weighted);
+    *out = malloc(n * c * sizeof **out);
+    if (weighted == NULL || *out == NULL) {
+        free(weighted);
+        free(*out);
+        *out = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples", n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < c; k++) {
+            weighted[k * n + i] = targets[i * c + k] * dense->root[i];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                (blasint)n, weighted, (blasint)n, 0, *out, (blasint)n);
+    free(weighted);
+    return GONIO_OK;
+}
+
+// diagonal[l n + i] = sum_j V_ij^2 lambda_l / (s_j + lambda_l): of I - H.
+static void fill_diagonals(const gonio_lsq_dense *dense, int count, const double *lambdas, double *diagonal) {
+    const size_t n = dense->n;
+    memset(diagonal, 0, (size_t)count * n * sizeof *diagonal);
+    for (size_t j = 0; j < n; j++) {
+        const double *v = dense->vectors + j * n;
+        for (int l = 0; l < count; l++) {
+            const double g = lambdas[l] / (dense->values[j] + lambdas[l]);
+            double *out = diagonal + (size_t)l * n;
+            for (size_t i = 0; i < n; i++) {
+                out[i] += v[i] * v[i] * g;
+            }
+        }
+    }
+}
+
+gonio_status gonio_lsq_dense_loo(const gonio_lsq_dense *dense, const double *targets, int channels, int count,
+                                 const double *lambdas, double *const *residuals, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *projected = NULL, *damped = malloc(n * c * sizeof *damped), *residual = malloc(n * c * sizeof *residual);
+    double *diagonal = malloc((size_t)count * n * sizeof *diagonal);
+    gonio_status status = damped != NULL && residual != NULL && diagonal != NULL
+                              ? GONIO_OK
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
+    gonio_lsq_blas_begin();
+    if (status == GONIO_OK) {
+        status = project(dense, targets, channels, &projected, error);
+    }
+    if (status == GONIO_OK) {
+        fill_diagonals(dense, count, lambdas, diagonal);
+    }
+    for (int l = 0; l < count && status == GONIO_OK; l++) {
+        for (size_t k = 0; k < c; k++) {
+            for (size_t j = 0; j < n; j++) {
+                damped[k * n + j] = projected[k * n + j] * lambdas[l] / (dense->values[j] + lambdas[l]);
+            }
+        }
+        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                    (blasint)n, damped, (blasint)n, 0, residual, (blasint)n);
+        for (size_t i = 0; i < n; i++) {
+            const double own = diagonal[(size_t)l * n + i] * dense->root[i];
+            for (size_t k = 0; k < c; k++) {
+                residuals[l][i * c + k] = residual[k * n + i] / own;
+            }
+        }
+    }
+    gonio_lsq_blas_end();
+    free(projected);
+    free(damped);
+    free(residual);
+    free(diagonal);
+    return status;
+}
+
+// W^1/2 (K + lambda)^-1 W^1/2 t per channel, sample fastest: the representer weights.
+static gonio_status representers(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                 const double *lambdas, double **out, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *projected;
+    const gonio_status status = project(dense, targets, channels, &projected, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    *out = malloc(n * c * sizeof **out);
+    if (*out == NULL) {
+        free(projected);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples", n);
+    }
+    for (size_t k = 0; k < c; k++) {
+        for (size_t j = 0; j < n; j++) {
+            projected[k * n + j] /= dense->values[j] + lambdas[k];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                (blasint)n, projected, (blasint)n, 0, *out, (blasint)n);
+    free(projected);
+    return GONIO_OK;
+}
+
+// spectrum[mode of the lattice x channels], channel fastest, from the representer weights.
+static gonio_status mode_amplitudes(const gonio_lsq_dense *dense, const double *weights, size_t c, double *spectrum,
+                                    gonio_error *error) {
+    const size_t n = dense->n, m = dense->m;
+    block b;
+    gonio_status status = block_init(dense, &b, error);
+    double *columns = malloc(m * m * n * sizeof *columns), *part = malloc(m * m * c * sizeof *part);
+    if (status == GONIO_OK && (columns == NULL || part == NULL)) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", m * m, n);
+    }
+    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
+            fill_block(dense, lead, swap, &b);
+            fill_columns(dense, &b, n, dense->feature, dense->root, columns);
+            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
+            cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)b.count, (blasint)c, (blasint)n, share,
+                        columns, (blasint)n, weights, (blasint)n, 0, part, (blasint)b.count);
+            for (size_t k = 0; k < b.count; k++) {
+                const size_t at = (lead * m + b.last[0][k]) * m + b.last[1][k];
+                for (size_t j = 0; j < c; j++) {
+                    spectrum[at * c + j] = part[j * b.count + k] * b.root_prior[k];
+                }
+            }
+        }
+    }
+    block_release(&b);
+    free(columns);
+    free(part);
+    return status;
+}
+
+// Modes -> control points, axis by axis: from[outer][m][inner] -> to, with the mode matrix on the middle index.
+static void transform_axis(const double *modes, size_t m, size_t outer, size_t inner, const double *from, double *to) {
+    for (size_t o = 0; o < outer; o++) {
+        // Row-major: to (m x inner) = modes^T-as-stored ... the column-major mode matrix is its transpose by rows.
+        cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, (blasint)m, (blasint)inner, (blasint)m, 1, modes,
+                    (blasint)m, from + o * m * inner, (blasint)inner, 0, to + o * m * inner, (blasint)inner);
+    }
+}
+
+gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                   const double *lambdas, gonio_lattice *lattice, gonio_error *error) {
+    const size_t m = dense->m, c = (size_t)channels;
+    gonio_status status = gonio_lattice_init(lattice, dense->dims, dense->form.level, channels, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    double *weights = NULL, *spectrum = calloc(lattice->count * c, sizeof *spectrum);
+    double *other = malloc(lattice->count * c * sizeof *other);
+    if (spectrum == NULL || other == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", lattice->count);
+    }
+    gonio_lsq_blas_begin();
+    if (status == GONIO_OK) {
+        status = representers(dense, targets, channels, lambdas, &weights, error);
+    }
+    if (status == GONIO_OK) {
+        status = mode_amplitudes(dense, weights, c, spectrum, error);
+    }
+    size_t outer = 1, inner = lattice->count / m * c;
+    for (int d = 0; d < dense->dims && status == GONIO_OK; d++, outer *= m, inner /= m) {
+        transform_axis(dense->modes, m, outer, inner, spectrum, other);
+        double *swap = spectrum;
+        spectrum = other;
+        other = swap;
+    }
+    gonio_lsq_blas_end();
+    for (size_t i = 0; i < lattice->count * c && status == GONIO_OK; i++) {
+        lattice->points[i] = (float)spectrum[i];
+    }
+    free(weights);
+    free(spectrum);
+    free(other);
+    if (status != GONIO_OK) {
+        gonio_lattice_release(lattice);
+    }
+    return status;
+}
+
+// ---- spread ----
+
+// cross[n x m], sample fastest: the prior covariance between samples (times root weight) and m points; prior[m]: of the
+// points themselves.
+static gonio_status cross_kernel(const gonio_lsq_dense *dense, size_t points, double *const feature[4], double *cross,
+                                 double *prior, gonio_error *error) {
+    const size_t n = dense->n, m = dense->m;
+    block b;
+    gonio_status status = block_init(dense, &b, error);
+    double *mine = malloc(m * m * n * sizeof *mine), *theirs = malloc(m * m * points * sizeof *theirs);
+    if (status == GONIO_OK && (mine == NULL || theirs == NULL)) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", points);
+    }
+    memset(cross, 0, n * points * sizeof *cross);
+    memset(prior, 0, points * sizeof *prior);
+    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
+            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
+            fill_block(dense, lead, swap, &b);
+            fill_columns(dense, &b, n, dense->feature, dense->root, mine);
+            fill_columns(dense, &b, points, feature, NULL, theirs);
+            cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, (blasint)n, (blasint)points, (blasint)b.count, share,
+                        mine, (blasint)n, theirs, (blasint)points, 1, cross, (blasint)n);
+            for (size_t k = 0; k < b.count; k++) {
+                for (size_t i = 0; i < points; i++) {
+                    prior[i] += share * theirs[k * points + i] * theirs[k * points + i];
+                }
+            }
+        }
+    }
+    block_release(&b);
+    free(mine);
+    free(theirs);
+    return status;
+}
+
+// 1/sqrt of the diagonal of (K + lambda)^-1, in units of the noise's standard deviation sqrt(lambda).
+static void own_spread(const gonio_lsq_dense *dense, double lambda, double *own) {
+    const size_t n = dense->n;
+    memset(own, 0, n * sizeof *own);
+    for (size_t j = 0; j < n; j++) {
+        const double g = lambda / (dense->values[j] + lambda), *v = dense->vectors + j * n;
+        for (size_t i = 0; i < n; i++) {
+            own[i] += v[i] * v[i] * g;
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        own[i] = 1 / (sqrt(own[i]) * dense->root[i]);
+    }
+}
+
+gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, double *own, size_t m,
+                                    const double *at, double *out, gonio_error *error) {
+    const size_t n = dense->n, d = (size_t)dense->dims;
+    double *feature[4] = {NULL, NULL, NULL, NULL};
+    double *cross = malloc(n * m * sizeof *cross), *rotated = malloc(n * m * sizeof *rotated);
+    bool all = cross != NULL && rotated != NULL;
+    for (size_t k = 0; k < d; k++) {
+        all = (feature[k] = malloc(dense->m * m * sizeof(double))) != NULL && all;
+    }
+    gonio_status status = all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
+    for (size_t k = 0; k < d && status == GONIO_OK; k++) {
+        fill_features(dense, m, at + k, d, feature[k]);
+    }
+    gonio_lsq_blas_begin();
+    if (status == GONIO_OK) {
+        own_spread(dense, lambda, own);
+        status = cross_kernel(dense, m, feature, cross, out, error);
+    }
+    if (status == GONIO_OK) {
+        cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)n, (blasint)m, (blasint)n, 1, dense->vectors,
+                    (blasint)n, cross, (blasint)n, 0, rotated, (blasint)n);
+        for (size_t i = 0; i < m; i++) {
+            double known = 0;
+            for (size_t j = 0; j < n; j++) {
+                known += rotated[i * n + j] * rotated[i * n + j] / (dense->values[j] + lambda);
+            }
+            out[i] = sqrt(fmax(out[i] - known, 0) / lambda);
+        }
+    }
+    gonio_lsq_blas_end();
+    for (size_t k = 0; k < d; k++) {
+        free(feature[k]);
+    }
+    free(cross);
+    free(rotated);
+    return status;
+}

@@ -1,0 +1,42 @@
+// The direct solver of small sets: everything that depends on lambda in closed form, leave-one-out errors too.
+//
+// R is diagonal in products of the one-dimensional penalty's eigenvectors, so the smoothing prior's covariance between
+// samples, K = B R^-1 B^T, is a sum of outer products, and the fit in sample space is t = K (K + lambda I)^-1 t (for
+// the duality see Wahba 1990, "Spline models for observational data", section 1.3). One eigendecomposition of the n x n
+// K serves every lambda, channel and base.
+#ifndef GONIO_FIT_LSQ_DENSE_H
+#define GONIO_FIT_LSQ_DENSE_H
+
+#include "fit/lattice.h"
+#include "fit/lsq_form.h"
+
+typedef struct gonio_lsq_dense gonio_lsq_dense;
+
+// More geometries than this take minutes (n^3) and the iterative solver has them.
+#define GONIO_LSQ_DENSE_MAX 2000
+// The finest level that is worth its n^2 8^level here.
+#define GONIO_LSQ_DENSE_LEVEL_MAX_3D 5
+#define GONIO_LSQ_DENSE_LEVEL_MAX_4D 3
+
+// Build and decompose; data is borrowed until the solver is freed. Uses one thread, so that callers can run several at
+// once with the same bits.
+gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_form *form, gonio_lsq_dense **out,
+                                 gonio_error *error);
+// Decompose again with another reciprocity; the sums over the lattice are kept.
+gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciprocity, gonio_error *error);
+void gonio_lsq_dense_free(gonio_lsq_dense *dense); // NULL is allowed
+const gonio_lsq_form *gonio_lsq_dense_form(const gonio_lsq_dense *dense);
+
+// Leave-one-out residuals (target minus the prediction of the fit without that geometry), n x channels, for `count`
+// lambdas at once: residuals[l] is n x channels. targets: n x channels.
+gonio_status gonio_lsq_dense_loo(const gonio_lsq_dense *dense, const double *targets, int channels, int count,
+                                 const double *lambdas, double *const *residuals, gonio_error *error);
+// The fit of targets, channel c with lambdas[c], as a lattice that the caller releases.
+gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                   const double *lambdas, gonio_lattice *lattice, gonio_error *error);
+// Standard deviations in units of the noise's: of leave-one-out predictions at the samples (own[n], noise included) and
+// of the fit itself at m other points (at[m x dims] -> out[m], noise left out).
+gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, double *own, size_t m,
+                                    const double *at, double *out, gonio_error *error);
+
+#endif

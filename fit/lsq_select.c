@@ -1,0 +1,196 @@
+// Leave-one-out scores, and the lambda that they choose.
+#include "fit/lsq_select.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/lobe_fit.h"
+
+void gonio_lsq_base_release(gonio_lsq_base *base) {
+    free(base->lobes.strength);
+    free(base->rest);
+    free(base->mean);
+    *base = (gonio_lsq_base){0};
+}
+
+static double weighted_mean(const gonio_lsq_data *data, const double *values, size_t channel) {
+    const size_t c = (size_t)data->channels;
+    double sum = 0, total = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        sum += data->weights[i] * values[i * c + channel];
+        total += data->weights[i];
+    }
+    return sum / total;
+}
+
+gonio_status gonio_lsq_base_init(gonio_lsq_base *base, const gonio_lsq_data *data, gonio_lobe_base *lobes,
+                                 gonio_error *error) {
+    const size_t c = (size_t)data->channels;
+    *base = (gonio_lsq_base){.rest = malloc(data->n * c * sizeof(double)), .mean = malloc(c * sizeof(double))};
+    if (base->rest == NULL || base->mean == NULL) {
+        gonio_lsq_base_release(base);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the base at %zu samples", data->n);
+    }
+    if (lobes != NULL) {
+        base->lobes = *lobes;
+        *lobes = (gonio_lobe_base){0};
+        gonio_lobe_targets(&base->lobes, data, base->rest);
+    } else {
+        memset(base->rest, 0, data->n * c * sizeof(double));
+    }
+    for (size_t i = 0; i < data->n * c; i++) {
+        base->rest[i] = data->targets[i] - base->rest[i];
+    }
+    for (size_t k = 0; k < c; k++) {
+        base->mean[k] = weighted_mean(data, base->rest, k);
+        for (size_t i = 0; i < data->n; i++) {
+            base->rest[i * c + k] -= base->mean[k];
+        }
+    }
+    return GONIO_OK;
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+// Residuals below a millionth of the link's unit are as good as none; without a floor exact data would score -inf.
+#define RESIDUAL_FLOOR 1e-6
+
+static double channel_score(const gonio_lsq_data *data, const double *residuals, size_t channel, double *work) {
+    const size_t c = (size_t)data->channels, n = data->n;
+    double squares = 0;
+    for (size_t i = 0; i < n; i++) {
+        work[i] = fabs(residuals[i * c + channel]);
+        squares += work[i] * work[i];
+    }
+    qsort(work, n, sizeof *work, by_value);
+    return log(sqrt(squares / (double)n) + RESIDUAL_FLOOR) + 0.5 * log(work[n / 2] + RESIDUAL_FLOOR);
+}
+
+static double channel_square_error(const gonio_lsq_data *data, const double *residuals, size_t channel) {
+    const size_t c = (size_t)data->channels;
+    double sum = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        const double t = data->targets[i * c + channel] - residuals[i * c + channel];
+        const double d =
+            gonio_link_invert(data->kind, &data->links[channel], t, NULL) - data->values[i * c + channel];
+        sum += d * d;
+    }
+    return sum / (double)data->n;
+}
+
+gonio_lsq_score gonio_lsq_score_of(const gonio_lsq_data *data, const double *residuals, double *work) {
+    gonio_lsq_score s = {0, 0};
+    for (size_t k = 0; k < (size_t)data->channels; k++) {
+        s.score += channel_score(data, residuals, k, work) / data->channels;
+        s.rmse += channel_square_error(data, residuals, k) / data->channels;
+    }
+    s.rmse = sqrt(s.rmse);
+    return s;
+}
+
+// Half decades around 1e-2.5: below 1e-7 a fit interpolates its samples' rounding, above 1e2 only the base is left.
+#define LAMBDAS 19
+static double grid_lambda(int l) { return pow(10, 0.5 * l - 7); }
+
+static double **residual_rows(int count, size_t length) {
+    double **rows = calloc((size_t)count, sizeof *rows);
+    double *all = rows != NULL ? malloc((size_t)count * length * sizeof *all) : NULL;
+    if (all == NULL) {
+        free(rows);
+        return NULL;
+    }
+    for (int l = 0; l < count; l++) {
+        rows[l] = all + (size_t)l * length;
+    }
+    return rows;
+}
+
+// residuals[0] becomes those with each channel's own lambda.
+static void choose_channels(const gonio_lsq_data *data, int count, const double *grid, double **residuals,
+                            double *lambdas, double *work) {
+    const size_t c = (size_t)data->channels;
+    for (size_t k = 0; k < c; k++) {
+        int best = 0;
+        double least = INFINITY;
+        for (int l = 0; l < count; l++) {
+            const double score = channel_score(data, residuals[l], k, work);
+            if (score < least) {
+                least = score;
+                best = l;
+            }
+        }
+        lambdas[k] = grid[best];
+        for (size_t i = 0; i < data->n && best > 0; i++) {
+            residuals[0][i * c + k] = residuals[best][i * c + k];
+        }
+    }
+}
+
+gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
+                                     const gonio_lsq_base *base, double fixed, double *lambdas,
+                                     gonio_lsq_score *score, gonio_error *error) {
+    double grid[LAMBDAS];
+    const int count = fixed >= 0 ? 1 : LAMBDAS;
+    for (int l = 0; l < count; l++) {
+        // Exact interpolation (lambda 0) divides by the rounding of the eigenvalues.
+        grid[l] = fixed >= 0 ? fmax(fixed, 1e-12) : grid_lambda(l);
+    }
+    double **residuals = residual_rows(count, data->n * (size_t)data->channels);
+    double *work = malloc(data->n * sizeof *work);
+    gonio_status status = residuals != NULL && work != NULL
+                              ? gonio_lsq_dense_loo(dense, base->rest, data->channels, count, grid, residuals, error)
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
+    if (status == GONIO_OK) {
+        choose_channels(data, count, grid, residuals, lambdas, work);
+        *score = gonio_lsq_score_of(data, residuals[0], work);
+    }
+    if (residuals != NULL) {
+        free(residuals[0]);
+    }
+    free(residuals);
+    free(work);
+    return status;
+}
+
+gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq_data *data,
+                                  const gonio_lobe_base *lobes, gonio_coordinates coordinates, gonio_error *error) {
+    const size_t c = (size_t)data->channels, strengths = c * (1 + GONIO_LOBES_MAX);
+    *parts = (gonio_lobe_model_parts){.channels = data->channels, .dims = data->dims, .coordinates = coordinates,
+                                      .kind = data->kind, .links = malloc(c * sizeof *data->links)};
+    if (lobes != NULL && lobes->lobes > 0) {
+        parts->base = *lobes;
+        parts->base.strength = malloc(strengths * sizeof(double));
+    }
+    if (parts->links == NULL || (parts->base.lobes > 0 && parts->base.strength == NULL)) {
+        gonio_lobe_model_parts_release(parts);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    }
+    memcpy(parts->links, data->links, c * sizeof *data->links);
+    if (parts->base.lobes > 0) {
+        memcpy(parts->base.strength, lobes->strength, strengths * sizeof(double));
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
+                                   const gonio_lsq_base *base, const double *lambdas, gonio_lobe_model_parts *parts,
+                                   gonio_error *error) {
+    const gonio_coordinates coordinates = gonio_lsq_dense_form(dense)->coordinates;
+    gonio_status status = gonio_lsq_parts_init(parts, data, &base->lobes, coordinates, error);
+    if (status == GONIO_OK) {
+        status = gonio_lsq_dense_solve(dense, base->rest, data->channels, lambdas, &parts->lattice, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_lobe_model_parts_release(parts);
+        return status;
+    }
+    const size_t c = (size_t)data->channels;
+    for (size_t i = 0; i < parts->lattice.count * c; i++) {
+        parts->lattice.points[i] += (float)base->mean[i % c];
+    }
+    return GONIO_OK;
+}
