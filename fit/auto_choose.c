@@ -134,8 +134,8 @@ static void keep_best(const gonio_lsq_data *data, const gonio_fit_options *optio
     }
 }
 
-static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options,
-                              const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
+static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *forms,
+                              int n, gonio_auto_choice *choice, gonio_error *error) {
     round_result results[8];
     const int threads = options->threads > 0 ? options->threads : omp_get_max_threads();
 #pragma omp parallel for schedule(dynamic) num_threads(threads < n ? threads : n) if (n > 1)

@@ -17,8 +17,8 @@ static bool needs_swapped(const gonio_fit_options *options) {
 }
 
 static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *samples,
-                              const gonio_fit_options *options, bool lobes, gonio_model **out,
-                              gonio_fit_report *report, gonio_error *error) {
+                              const gonio_fit_options *options, bool lobes, gonio_model **out, gonio_fit_report *report,
+                              gonio_error *error) {
     gonio_auto_choice choice;
     gonio_status status = gonio_auto_choose(data, options, lobes, &choice, error);
     if (status != GONIO_OK) {

@@ -15,8 +15,8 @@
 
 #define SHAPES (2 * GONIO_LOBES_MAX)
 #define PARAMETERS_MAX (SHAPES + 1 + GONIO_LOBES_MAX)
-#define LOSS_SCALE 0.3   // a residual of 30 % counts in full, larger ones less and less
-#define SAMPLES_MAX 2500 // shapes of seven numbers gain nothing from more
+#define LOSS_SCALE 0.3    // a residual of 30 % counts in full, larger ones less and less
+#define SAMPLES_MAX 2500  // shapes of seven numbers gain nothing from more
 #define LN_ALPHA_MIN -6.2 // ln 0.002: a degree's lobe is 0.017 wide
 #define LN_ALPHA_MAX 0.4
 #define LN_STRENGTH 46.0 // strengths may lie e^46 = 1e20 below or above the scale
@@ -65,8 +65,8 @@ static int residuals(void *context, int m, int n, const double *x, double *out, 
     for (int i = 0; i < m; i++) {
         double y = s[0];
         for (int j = 0; j < p->lobes; j++) {
-            y += s[1 + j] * (p->unit != NULL ? p->unit[i * p->lobes + j]
-                                             : unit_lobe(p->family, &p->geometry[i], alpha[j], f0[j]));
+            y += s[1 + j] *
+                 (p->unit != NULL ? p->unit[i * p->lobes + j] : unit_lobe(p->family, &p->geometry[i], alpha[j], f0[j]));
         }
         const double d = gonio_link_apply(GONIO_LINK_POSITIVE, &p->link, y) - p->target[i];
         out[i] = isfinite(d) ? soft(d) : 1e3;
@@ -80,9 +80,9 @@ static double minimise(const problem *p, int n, double *x, int evaluations, doub
     double *fvec = work, *diagonal = fvec + m, *jacobian = diagonal + n, *qtf = jacobian + (ptrdiff_t)m * n;
     double *scratch = qtf + n;
     int calls = 0;
-    const int info = lmdif(residuals, (void *)(uintptr_t)p, m, n, x, fvec, 1e-8, 1e-8, 0, evaluations, 1e-10, diagonal,
-                           1, 10, 0, &calls, jacobian, m, pivots, qtf, scratch, scratch + n, scratch + 2 * n,
-                           scratch + 3 * n);
+    const int info =
+        lmdif(residuals, (void *)(uintptr_t)p, m, n, x, fvec, 1e-8, 1e-8, 0, evaluations, 1e-10, diagonal, 1, 10, 0,
+              &calls, jacobian, m, pivots, qtf, scratch, scratch + n, scratch + 2 * n, scratch + 3 * n);
     double sum = 0;
     for (int i = 0; i < m; i++) {
         sum += fvec[i] * fvec[i] / 2;
@@ -162,10 +162,10 @@ static gonio_status fit_shapes(const problem *p, const double *y, double *x, gon
 // ---- the data's means, the channels' strengths ----
 
 typedef struct workspace {
-    size_t n;      // samples used
-    size_t step;   // every step-th geometry
+    size_t n;    // samples used
+    size_t step; // every step-th geometry
     gonio_lobe_geometry *geometry;
-    double *mean;  // [n] mean over channels of f_r / scale
+    double *mean;   // [n] mean over channels of f_r / scale
     double *target; // [n]
     double *unit;   // n x lobes
     double *work;   // for the strengths' fits
@@ -273,7 +273,11 @@ gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family
     if (status != GONIO_OK) {
         return status;
     }
-    problem p = {.n = w.n, .lobes = lobes, .family = family, .geometry = w.geometry, .target = w.target,
+    problem p = {.n = w.n,
+                 .lobes = lobes,
+                 .family = family,
+                 .geometry = w.geometry,
+                 .target = w.target,
                  .link = {1, mean_eps(data, w.scale)}};
     for (size_t i = 0; i < w.n; i++) {
         w.target[i] = gonio_link_apply(GONIO_LINK_POSITIVE, &p.link, w.mean[i]);

@@ -33,9 +33,8 @@ void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec
     }
     const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
     for (int j = 0; j < base->lobes; j++) {
-        out[1 + j] = base->family == GONIO_LOBE_GGX
-                         ? gonio_lobe_ggx(&g, base->alpha[j], base->alpha[j], base->f0[j])
-                         : gonio_lobe_cook_torrance(&g, base->alpha[j], base->f0[j]);
+        out[1 + j] = base->family == GONIO_LOBE_GGX ? gonio_lobe_ggx(&g, base->alpha[j], base->alpha[j], base->f0[j])
+                                                    : gonio_lobe_cook_torrance(&g, base->alpha[j], base->f0[j]);
     }
 }
 
@@ -135,8 +134,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     return gonio_model_file_write(model, path, parts, n, error);
 }
 
-#define OPS                                                                                                            \
-    .api_version = GONIO_MODEL_API_VERSION, .kind = "lobe-spline", .eval = eval, .save = save, .free = release
+#define OPS .api_version = GONIO_MODEL_API_VERSION, .kind = "lobe-spline", .eval = eval, .save = save, .free = release
 static const gonio_model_ops ops = {OPS};
 static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
 
@@ -191,8 +189,8 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
-        !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED ||
-        about->link > GONIO_LINK_ASINH || about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX) {
+        !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED || about->link > GONIO_LINK_ASINH ||
+        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;

@@ -35,10 +35,10 @@ typedef struct gonio_lobe_model_parts {
     gonio_link_kind kind;
     gonio_link *links; // [channels]
     gonio_lobe_base base;
-    gonio_lattice lattice;             // points NULL: no spline
-    gonio_lattice sigma;               // one channel: ln sigma of the link value; points NULL: no uncertainty
-    double *sigma_factor;              // [channels]
-    const char (*channel_names)[32];   // copied
+    gonio_lattice lattice;           // points NULL: no spline
+    gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
+    double *sigma_factor;            // [channels]
+    const char (*channel_names)[32]; // copied
 } gonio_lobe_model_parts;
 
 void gonio_lobe_model_parts_release(gonio_lobe_model_parts *parts);

@@ -355,8 +355,8 @@ static void fill_targets(gonio_lsq_data *data) {
 
 gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samples,
                                  const gonio_lsq_data_options *options, gonio_error *error) {
-    *data = (gonio_lsq_data){.dims = samples->isotropic ? 3 : 4, .channels = samples->channels,
-                             .mirror = options->mirror};
+    *data =
+        (gonio_lsq_data){.dims = samples->isotropic ? 3 : 4, .channels = samples->channels, .mirror = options->mirror};
     gonio_status status = check(samples, error);
     if (status != GONIO_OK) {
         return status;
@@ -395,8 +395,7 @@ gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samp
 
 gonio_status gonio_lsq_data_select(const gonio_lsq_data *data, const bool *keep, gonio_lsq_data *out,
                                    gonio_error *error) {
-    *out = (gonio_lsq_data){.dims = data->dims, .channels = data->channels, .mirror = data->mirror,
-                            .kind = data->kind};
+    *out = (gonio_lsq_data){.dims = data->dims, .channels = data->channels, .mirror = data->mirror, .kind = data->kind};
     const size_t c = (size_t)data->channels;
     size_t n = 0;
     for (size_t i = 0; i < data->n; i++) {

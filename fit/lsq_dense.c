@@ -32,8 +32,7 @@ struct gonio_lsq_dense {
 };
 
 gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror) {
-    return (gonio_lsq_form){
-        .coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
+    return (gonio_lsq_form){.coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
 }
 
 void gonio_lsq_dense_free(gonio_lsq_dense *dense) {
@@ -121,10 +120,10 @@ static void fill_features(const gonio_lsq_dense *dense, size_t count, const doub
 // ---- blocks of modes ----
 
 typedef struct block {
-    size_t lead[2];      // modes of the leading axes
-    size_t count;        // columns
-    uint16_t *last[2];   // [count]: modes of the last two axes
-    double *root_prior;  // [count]: 1/sqrt of the mode's penalty
+    size_t lead[2];     // modes of the leading axes
+    size_t count;       // columns
+    uint16_t *last[2];  // [count]: modes of the last two axes
+    double *root_prior; // [count]: 1/sqrt of the mode's penalty
 } block;
 
 static bool odd_under(const gonio_lsq_dense *dense, unsigned axes, const size_t *mode) {
@@ -228,8 +227,8 @@ gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciproc
         cblas_daxpy((blasint)(n * n), 1 - dense->form.reciprocity, dense->kernel[1], 1, dense->vectors, 1);
     }
     gonio_lsq_blas_begin();
-    const lapack_int info = LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)n, dense->vectors, (lapack_int)n,
-                                           dense->values);
+    const lapack_int info =
+        LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)n, dense->vectors, (lapack_int)n, dense->values);
     gonio_lsq_blas_end();
     if (info != 0) {
         return gonio_fail(error, GONIO_E_CONVERGENCE, "the eigenvectors of %zu samples were not found", n);
@@ -288,9 +287,10 @@ gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_for
     dense->m = gonio_bspline_size(form->level);
     dense->mirror_axes = form->mirror ? gonio_lsq_mirror_axes(form->coordinates, data->dims) : 0;
     dense->swap_axes = gonio_lsq_swap_axes(form->coordinates, data->dims);
-    gonio_status status = allocate(dense) ? GONIO_OK
-                                          : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)",
-                                                       data->n, 3 * 8e-9 * (double)data->n * (double)data->n);
+    gonio_status status = allocate(dense)
+                              ? GONIO_OK
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,
+                                           3 * 8e-9 * (double)data->n * (double)data->n);
     gonio_lsq_blas_begin();
     if (status == GONIO_OK) {
         status = find_modes(dense, error);
@@ -556,7 +556,8 @@ gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda,
     for (size_t k = 0; k < d; k++) {
         all = (feature[k] = malloc(dense->m * m * sizeof(double))) != NULL && all;
     }
-    gonio_status status = all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
+    gonio_status status =
+        all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
     for (size_t k = 0; k < d && status == GONIO_OK; k++) {
         fill_features(dense, m, at + k, d, feature[k]);
     }

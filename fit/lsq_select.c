@@ -75,8 +75,7 @@ static double channel_square_error(const gonio_lsq_data *data, const double *res
     double sum = 0;
     for (size_t i = 0; i < data->n; i++) {
         const double t = data->targets[i * c + channel] - residuals[i * c + channel];
-        const double d =
-            gonio_link_invert(data->kind, &data->links[channel], t, NULL) - data->values[i * c + channel];
+        const double d = gonio_link_invert(data->kind, &data->links[channel], t, NULL) - data->values[i * c + channel];
         sum += d * d;
     }
     return sum / (double)data->n;
@@ -131,8 +130,8 @@ static void choose_channels(const gonio_lsq_data *data, int count, const double 
 }
 
 gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
-                                     const gonio_lsq_base *base, double fixed, double *lambdas,
-                                     gonio_lsq_score *score, gonio_error *error) {
+                                     const gonio_lsq_base *base, double fixed, double *lambdas, gonio_lsq_score *score,
+                                     gonio_error *error) {
     double grid[LAMBDAS];
     const int count = fixed >= 0 ? 1 : LAMBDAS;
     for (int l = 0; l < count; l++) {
@@ -159,8 +158,11 @@ gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_l
 gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq_data *data,
                                   const gonio_lobe_base *lobes, gonio_coordinates coordinates, gonio_error *error) {
     const size_t c = (size_t)data->channels, strengths = c * (1 + GONIO_LOBES_MAX);
-    *parts = (gonio_lobe_model_parts){.channels = data->channels, .dims = data->dims, .coordinates = coordinates,
-                                      .kind = data->kind, .links = malloc(c * sizeof *data->links)};
+    *parts = (gonio_lobe_model_parts){.channels = data->channels,
+                                      .dims = data->dims,
+                                      .coordinates = coordinates,
+                                      .kind = data->kind,
+                                      .links = malloc(c * sizeof *data->links)};
     if (lobes != NULL && lobes->lobes > 0) {
         parts->base = *lobes;
         parts->base.strength = malloc(strengths * sizeof(double));
@@ -176,9 +178,8 @@ gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq
     return GONIO_OK;
 }
 
-gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
-                                   const gonio_lsq_base *base, const double *lambdas, gonio_lobe_model_parts *parts,
-                                   gonio_error *error) {
+gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_lsq_base *base,
+                                   const double *lambdas, gonio_lobe_model_parts *parts, gonio_error *error) {
     const gonio_coordinates coordinates = gonio_lsq_dense_form(dense)->coordinates;
     gonio_status status = gonio_lsq_parts_init(parts, data, &base->lobes, coordinates, error);
     if (status == GONIO_OK) {

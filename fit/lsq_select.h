@@ -17,8 +17,8 @@ gonio_status gonio_lsq_base_init(gonio_lsq_base *base, const gonio_lsq_data *dat
                                  gonio_error *error);
 void gonio_lsq_base_release(gonio_lsq_base *base);
 
-// How well a choice predicts; lower is better. score: mean over channels of ln(rms) + ln(median) / 2 of the residuals of
-// link values: of the worst and the typical alike. rmse: of f_r.
+// How well a choice predicts; lower is better. score: mean over channels of ln(rms) + ln(median) / 2 of the residuals
+// of link values: of the worst and the typical alike. rmse: of f_r.
 typedef struct gonio_lsq_score {
     double score, rmse;
 } gonio_lsq_score;
@@ -28,12 +28,11 @@ gonio_lsq_score gonio_lsq_score_of(const gonio_lsq_data *data, const double *res
 
 // lambdas[channels]: each channel's best on the grid (fixed >= 0: that one for all), and the score with them.
 gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
-                                     const gonio_lsq_base *base, double fixed, double *lambdas,
-                                     gonio_lsq_score *score, gonio_error *error);
+                                     const gonio_lsq_base *base, double fixed, double *lambdas, gonio_lsq_score *score,
+                                     gonio_error *error);
 // Solve with them and make the model's parts: coordinates, links, base (copied), lattice with the mean in it.
-gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
-                                   const gonio_lsq_base *base, const double *lambdas, gonio_lobe_model_parts *parts,
-                                   gonio_error *error);
+gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_lsq_base *base,
+                                   const double *lambdas, gonio_lobe_model_parts *parts, gonio_error *error);
 // The parts that every model of these data has: links, base, names. The lattice is added by the caller.
 gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq_data *data,
                                   const gonio_lobe_base *lobes, gonio_coordinates coordinates, gonio_error *error);
