@@ -169,6 +169,19 @@ static void finish_plane(void *context, size_t plane) {
                  work->stride);
 }
 
+// The first and the last cell along the slowest axis that hold samples from..to. The samples' order is no finer than the
+// scatter's sorting grid, so at fine levels the extremes may be anywhere among them.
+static void cell_range(const gonio_mba *mba, size_t from, size_t to, size_t *first, size_t *last) {
+    const gonio_scatter *s = mba->scatter;
+    *first = SIZE_MAX;
+    *last = 0;
+    for (size_t i = from; i < to; i++) {
+        const size_t cell = gonio_bspline_cell(s->positions[i * (size_t)s->dims], mba->lattice.level);
+        *first = cell < *first ? cell : *first;
+        *last = cell > *last ? cell : *last;
+    }
+}
+
 // Cut the block into chunks and give each its planes in one buffer.
 static gonio_status cut_block(level_work *work, size_t begin, size_t n, gonio_error *error) {
     gonio_mba *mba = work->mba;
@@ -178,8 +191,8 @@ static gonio_status cut_block(level_work *work, size_t begin, size_t n, gonio_er
     size_t planes = 0;
     for (size_t i = 0; i < work->count; i++) {
         const size_t from = begin + n * i / work->count, to = begin + n * (i + 1) / work->count;
-        const size_t first = gonio_bspline_cell(s->positions[from * (size_t)s->dims], l->level);
-        const size_t last = gonio_bspline_cell(s->positions[(to - 1) * (size_t)s->dims], l->level);
+        size_t first, last;
+        cell_range(mba, from, to, &first, &last);
         work->chunks[i] = (chunk){{s, from, to, l->level, l->size, l->points, NULL, first, l->level <= RUNS_LEVEL_MAX},
                                   last - first + 4};
         planes += last - first + 4;

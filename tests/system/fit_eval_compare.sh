@@ -1,0 +1,92 @@
+#!/bin/sh
+# fit, eval, compare, convert as users call them: what they print, and that their figures are true.
+. tests/system/lib.sh
+
+json() { python3 -c "import json,sys; d=json.load(open('$work/out')); sys.exit(0 if ($1) else 1)"; }
+
+# ---- eval of an exact BRDF: Lambert is rho/pi everywhere ----
+printf 'theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n10.50,0,20,180\n89.9,-360,90,360\n' >"$work/d.csv"
+exits "eval of a spec" 0 "$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv"
+printf 'theta_i,phi_i,theta_o,phi_o,r,g,b\n' >"$work/want"
+for row in 0,0,0,0 10.50,0,20,180 89.9,-360,90,360; do
+    echo "$row,0.15915494309189535,0.07957747154594767,0.3183098861837907" >>"$work/want"
+done
+check "the rows are echoed as they were, then the channels" cmp "$work/out" "$work/want"
+"$GONIO" eval spec:lambert:rho=0.5/0.25/1 <"$work/d.csv" >"$work/stdin"
+check "directions from standard input" cmp "$work/stdin" "$work/want"
+"$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv" -o "$work/file"
+check "-o writes a file" cmp "$work/file" "$work/want"
+"$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv" -o /dev/stdout | cat >"$work/piped"
+check "-o /dev/stdout writes into the pipe" cmp "$work/piped" "$work/want"
+exits "eval --json" 0 "$GONIO" eval spec:lambert:rho=0.5 "$work/d.csv" --json
+check "its rows" json "len(d['rows'])==3 and abs(d['rows'][1]['values'][0]-0.15915494309189535)<1e-15 and d['rows'][1]['theta_i']==10.5"
+exits "an exact BRDF has no sigma" 1 "$GONIO" eval spec:lambert:rho=0.5 "$work/d.csv" --sigma
+
+# ---- a simulated set: fit it, compare with itself and with the truth ----
+truth='ward:rho_d=0.3,rho_s=0.05,alpha=0.4'
+exits "sampling a spec" 0 "$GONIO" convert "spec:$truth" "$work/s.csv" --plan nusselt:1500,theta_max=75
+exits "the truth against its own samples" 0 "$GONIO" compare "spec:$truth" "$work/s.csv" --json
+check "has no error" json "d['errors']['max_abs']==0 and d['samples']==1500 and d['channels']==1 and d['errors']['rms_log']==0"
+exits "fit" 0 "$GONIO" fit "$work/s.csv" -o "$work/m" --method mba --level 5 --json
+check "its JSON has every key" json "all(k in d for k in 'method level coordinates domain samples channels control_points bytes fit_seconds train held_out'.split()) and all(k in d[e] for e in ('train','held_out') for k in 'rmse max_abs max_rel median_rel rms_log rmse_70 samples'.split())"
+check "its counts" json "d['samples']==1500 and d['channels']==1 and d['level']==5 and d['held_out']['samples']==300 and d['train']['samples']==1500"
+cp "$work/out" "$work/fit.json"
+exits "compare the model with its samples" 0 "$GONIO" compare "$work/m" "$work/s.csv" --json
+check "gives the training error that fit printed" python3 -c "
+import json
+a=json.load(open('$work/fit.json'))['train']; b=json.load(open('$work/out'))['errors']
+assert all(abs(a[k]-b[k])<=1e-12*abs(a[k]) for k in a), (a,b)"
+"$GONIO" convert "spec:$truth" "$work/new.csv" --plan nusselt:3000,theta_max=70 --seed 9
+exits "compare at directions that it never saw" 0 "$GONIO" compare "$work/m" "$work/new.csv" --json
+check "is close to the truth" json "d['errors']['median_rel']<0.05"
+exits "fit for people" 0 "$GONIO" fit "$work/s.csv" -o "$work/m2" --method mba --level 5
+check "prints training and held-out errors" grep -q '^held out.*rmse' "$work/out"
+check "the same seed gives the same bytes" cmp "$work/m" "$work/m2"
+"$GONIO" fit "$work/s.csv" -o "$work/m3" --method mba --level 5 --threads 1 >/dev/null
+check "so does another number of threads" cmp "$work/m" "$work/m3"
+exits "folds" 0 "$GONIO" fit "$work/s.csv" --method mba --level 3 --folds 4 --json
+check "hold every sample out once" json "d['held_out']['samples']==1500"
+exits "no hold-out" 0 "$GONIO" fit "$work/s.csv" --method mba --level 3 --hold-out 0 --json
+check "gives null figures" json "d['held_out']['samples']==0 and d['held_out']['rmse'] is None"
+# Levels finer than the grid that samples are sorted by once wrote outside their sums.
+exits "level 7" 0 "$GONIO" fit "$work/s.csv" --method mba --thesis --level 7 --json
+check "interpolates the training samples" json "d['train']['max_rel']<1e-3"
+exits "level 8" 0 "$GONIO" fit "$work/s.csv" --method mba --thesis --level 8 --hold-out 0 --json
+check "no worse" json "d['train']['max_rel']<1e-3"
+exits "a tolerance" 0 "$GONIO" fit "$work/s.csv" --method mba --tolerance 0.05 --json
+check "is met on held-out samples" json "d['held_out']['rmse']<=0.05"
+
+# ---- tables ----
+exits "a MERL table from a spec" 0 "$GONIO" convert spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary"
+check "has the format's size" [ "$(wc -c <"$work/t.binary")" -eq 34992012 ]
+exits "the spec against the table's samples" 0 "$GONIO" compare spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary" --limit 20000 --json
+check "agrees to rounding" json "d['errors']['max_rel']<1e-9 and d['samples']>12000"
+exits "the table as a spec" 0 "$GONIO" eval "spec:file:$work/t.binary" "$work/d.csv"
+
+# ---- real data ----
+if [ -r "$GONIO_DATA/cornell/garnet_red.brdf" ]; then
+    exits "the thesis' fit of garnet_red" 0 "$GONIO" fit "$GONIO_DATA/cornell/garnet_red.brdf" --thesis --level 3 --json
+    check "takes all of it" json "d['samples']==1439 and d['channels']==31 and d['coordinates']=='nusselt' and d['domain']=='linear'"
+    exits "one wavelength" 0 "$GONIO" fit "$GONIO_DATA/cornell/garnet_red.brdf" --wavelength 550 --method mba --level 3 --json
+    check "is one channel" json "d['channels']==1"
+    exits "one NIST element" 0 "$GONIO" convert "$GONIO_DATA/nist_ptfe/PTFE.data.csv" "$work/n.csv" --wavelength 633 --mueller f_r33
+    check "becomes a samples file" grep -q '^theta_i,phi_i,theta_o,phi_o,633nm$' "$work/n.csv"
+    exits "an unknown wavelength" 3 "$GONIO" fit "$GONIO_DATA/cornell/garnet_red.brdf" --wavelength 555
+else
+    skip "real data" "no $GONIO_DATA/cornell"
+fi
+
+# ---- Ctrl-C ----
+"$GONIO" convert "spec:$truth" "$work/big.csv" --plan nusselt:60000
+"$GONIO" fit "$work/big.csv" -o "$work/stopped" --folds 50 >/dev/null 2>"$work/err" &
+child=$!
+sleep 1
+if kill -INT $child 2>/dev/null; then
+    wait $child
+    got=$?
+    if [ $got -eq 4 ]; then pass "Ctrl-C ends a fit with status 4"; else fail "Ctrl-C ends a fit with status 4" "status $got"; fi
+    check "and without a model" [ ! -e "$work/stopped" ]
+else
+    skip "Ctrl-C" "the fit was done within a second"
+fi
+finish

@@ -1,0 +1,46 @@
+# TAP for scripts that drive the program. Source it; then `check NAME COMMAND ...`, and `finish` at the end.
+# $GONIO is the program, $work a folder that vanishes at the end.
+: "${GONIO:=$PWD/build/gonio}" "${GONIO_DATA:=../shared/data}"
+work=$(mktemp -d "${TMPDIR:-/tmp}/gonio-system-XXXXXX")
+trap 'rm -rf "$work"' EXIT
+trap 'exit 1' INT TERM
+tests=0 failures=0
+
+pass() {
+    tests=$((tests + 1))
+    echo "ok $tests - $1"
+}
+fail() {
+    tests=$((tests + 1)) failures=$((failures + 1))
+    echo "not ok $tests - $1"
+    shift
+    for line; do echo "# $line"; done
+}
+skip() {
+    tests=$((tests + 1))
+    echo "ok $tests - $1 # SKIP $2"
+}
+# check NAME COMMAND ...: passes where the command succeeds.
+check() {
+    name=$1
+    shift
+    if "$@" >"$work/check.log" 2>&1; then pass "$name"; else fail "$name" "$*" "$(head -c 400 "$work/check.log")"; fi
+}
+# exits NAME STATUS COMMAND ...: the command must end with that status; what it said is in $work/out and $work/err.
+exits() {
+    name=$1 wanted=$2
+    shift 2
+    "$@" >"$work/out" 2>"$work/err"
+    got=$?
+    if [ $got -eq "$wanted" ]; then pass "$name"; else
+        fail "$name" "status $got, expected $wanted: $*" "$(head -c 300 "$work/out")" "$(head -c 300 "$work/err")"
+    fi
+}
+# says NAME TEXT: the last command that `exits` ran said TEXT on stderr.
+says() {
+    if grep -qF -- "$2" "$work/err"; then pass "$1"; else fail "$1" "expected '$2' in: $(head -c 300 "$work/err")"; fi
+}
+finish() {
+    echo "1..$tests"
+    [ $failures -eq 0 ]
+}
