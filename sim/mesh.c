@@ -7,18 +7,21 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 
 #include <assimp/cimport.h>
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+// Cutting a face into triangles takes the square of its corners.
+#define CORNERS_MAX 1024
 // Edges sharper than this stay edges.
 #define SMOOTHING_DEG 60
 // Neither JoinIdenticalVertices nor FindDegenerates: their thresholds are absolute and eat meshes in metres or smaller.
 #define STEPS                                                                                                          \
     (aiProcess_Triangulate | aiProcess_PreTransformVertices | aiProcess_GenSmoothNormals |                             \
-     aiProcess_CalcTangentSpace | aiProcess_SortByPType | aiProcess_ValidateDataStructure)
+     aiProcess_CalcTangentSpace | aiProcess_SortByPType)
 
 void sim_mesh_free(sim_mesh *mesh) {
     if (mesh != NULL) {
@@ -30,29 +33,95 @@ void sim_mesh_free(sim_mesh *mesh) {
     }
 }
 
+// Assimp 5.2 never comes back from a PLY header that does not end, and allocates whatever count it names. So the header
+// is walked first: it ends, and the file is long enough for what it promises (an element takes two bytes at least).
+static gonio_status check_ply_header(FILE *file, const char *path, gonio_error *error) {
+    struct stat facts;
+    char line[1024];
+    if (fstat(fileno(file), &facts) != 0 || fgets(line, sizeof line, file) == NULL || strncmp(line, "ply", 3) != 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, 1, "not a PLY file: it does not begin with 'ply'");
+    }
+    for (long long number = 2; fgets(line, sizeof line, file) != NULL; number++) {
+        double count;
+        if (strchr(line, '\n') == NULL && strchr(line, '\r') == NULL) {
+            break;
+        }
+        if (strncmp(line, "end_header", 10) == 0 && strspn(line + 10, " \t\r\n") == strlen(line + 10)) {
+            return GONIO_OK;
+        }
+        if (sscanf(line, "element %*63s %lf", &count) == 1 && !(2 * count <= (double)facts.st_size)) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, number, "%g elements in a file of %lld bytes", count,
+                                   (long long)facts.st_size);
+        }
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "its header has no end: 'end_header' is missing");
+}
+
 static gonio_status check_file(const char *path, gonio_error *error) {
     const char *dot = strrchr(path, '.');
-    if (dot == NULL || (strcasecmp(dot, ".ply") != 0 && strcasecmp(dot, ".obj") != 0)) {
+    const bool is_ply = dot != NULL && strcasecmp(dot, ".ply") == 0;
+    if (dot == NULL || (!is_ply && strcasecmp(dot, ".obj") != 0)) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "a mesh is a .ply or an .obj file");
     }
     FILE *file = fopen(path, "rb");
     if (file == NULL) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
     }
+    const gonio_status status = is_ply ? check_ply_header(file, path, error) : GONIO_OK;
     fclose(file);
-    return GONIO_OK;
+    return status;
 }
 
-static const struct aiScene *import(const char *path) {
+// Assimp's later steps assert what its readers do not check, and where one fails the scene is released twice; so what
+// they need is checked in between.
+static gonio_status check_scene(const struct aiScene *scene, const char *path, gonio_error *error) {
+    size_t polygons = 0;
+    for (unsigned m = 0; m < scene->mNumMeshes; m++) {
+        const struct aiMesh *part = scene->mMeshes[m];
+        for (unsigned v = 0; v < part->mNumVertices; v++) {
+            const struct aiVector3D p = part->mVertices[v];
+            if (!isfinite(p.x) || !isfinite(p.y) || !isfinite(p.z)) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "vertex %u is not finite", v);
+            }
+        }
+        for (unsigned f = 0; f < part->mNumFaces; f++) {
+            for (unsigned k = 0; k < part->mFaces[f].mNumIndices; k++) {
+                if (part->mFaces[f].mIndices[k] >= part->mNumVertices) {
+                    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "face %u points outside the %u vertices", f,
+                                           part->mNumVertices);
+                }
+            }
+            const unsigned corners = part->mFaces[f].mNumIndices;
+            if (corners == 0 || corners > CORNERS_MAX) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "face %u has %u corners; 1 to %d are possible",
+                                       f, corners, CORNERS_MAX);
+            }
+            polygons += corners >= 3;
+        }
+    }
+    return polygons > 0 ? GONIO_OK : gonio_fail_line(error, GONIO_E_INPUT, path, -1, "it has no faces");
+}
+
+static gonio_status import(const char *path, const struct aiScene **out, gonio_error *error) {
     struct aiPropertyStore *properties = aiCreatePropertyStore();
     if (properties == NULL) {
-        return NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to read a mesh");
     }
     aiSetImportPropertyFloat(properties, AI_CONFIG_PP_GSN_MAX_SMOOTHING_ANGLE, SMOOTHING_DEG);
     aiSetImportPropertyInteger(properties, AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-    const struct aiScene *scene = aiImportFileExWithProperties(path, STEPS, NULL, properties);
+    const struct aiScene *scene = aiImportFileExWithProperties(path, 0, NULL, properties);
     aiReleasePropertyStore(properties);
-    return scene;
+    gonio_status status = scene != NULL ? check_scene(scene, path, error) : GONIO_OK;
+    if (status != GONIO_OK) {
+        aiReleaseImport(scene);
+        return status;
+    }
+    *out = scene != NULL ? aiApplyPostProcessing(scene, STEPS) : NULL;
+    if (*out == NULL) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a mesh that can be read: %.300s", aiGetErrorString());
+    }
+    return status;
 }
 
 static gonio_status allocate(const struct aiScene *scene, const char *path, sim_mesh **out, gonio_error *error) {
@@ -156,10 +225,10 @@ gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_er
     if (status != GONIO_OK) {
         return status;
     }
-    const struct aiScene *scene = import(path);
-    if (scene == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a mesh that can be read: %.300s",
-                               aiGetErrorString());
+    const struct aiScene *scene;
+    status = import(path, &scene, error);
+    if (status != GONIO_OK) {
+        return status;
     }
     sim_mesh *mesh = NULL;
     status = allocate(scene, path, &mesh, error);

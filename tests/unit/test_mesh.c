@@ -14,6 +14,10 @@
 #include "sim/mesh.h"
 #include "tests/unit/near.h"
 
+// Assimp's OBJ reader leaks a kilobyte where it gives a file up; ours is still watched.
+const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void) { return "leak:libassimp"; }
+
 static gonio_status read_text(const char *suffix, const char *text, size_t size, bool z_up, sim_mesh **mesh,
                               gonio_error *error) {
     char path[64];
@@ -59,11 +63,12 @@ static void a_cube_stays_a_cube(void **state) {
 
 static void ply_and_upward_axis(void **state) {
     (void)state;
-    const char *const ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-                            "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-                            "0 0 0\n1 0 0\n0 0 2\n3 0 1 2\n";
+    const char *const triangle =
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 0 2\n3 0 1 2\n";
     sim_mesh *mesh;
-    assert_int_equal(read_text(".ply", ply, strlen(ply), true, &mesh, NULL), GONIO_OK);
+    assert_int_equal(read_text(".ply", triangle, strlen(triangle), true, &mesh, NULL), GONIO_OK);
     assert_int_equal(mesh->triangles, 1);
     // z has become y: the third corner is the highest.
     const unsigned *i = mesh->indices;
@@ -112,17 +117,58 @@ static void bad_files_are_refused(void **state) {
     assert_non_null(strstr(error.message, "No such file"));
 }
 
-// Files cut at every length, and with bytes flipped, end in a mesh or an error, never in a crash.
+// Seeds that this test found dangerous once: an endless header and a face of 785652 corners kept the reader for ever; a
+// vertex list that ends early failed an assertion in it; a step that failed freed the scene twice.
+static const char *const ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+                               "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+                               "end_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 2 3\n";
+
+static void files_that_were_dangerous(void **state) {
+    (void)state;
+    const char *const header_only = "ply\nformat ascii 1.0\nelement vertex 9\n";
+    const char *const glued = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header40 0 0\n";
+    const char *const many = "ply\nformat ascii 1.0\nelement vertex 4294967295\nproperty float x\nend_header\n0\n";
+    const char *const all[] = {header_only, glued, many};
+    sim_mesh *mesh;
+    gonio_error error = {0};
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(read_text(".ply", all[k], strlen(all[k]), false, &mesh, &error), GONIO_E_INPUT);
+    }
+    assert_int_equal(error.line, 3);
+    for (size_t cut = 0; cut < strlen(ply); cut++) {
+        if (read_text(".ply", ply, cut, false, &mesh, &error) == GONIO_OK) {
+            sim_mesh_free(mesh);
+        }
+    }
+}
+
+// Files with bytes changed, lost and put in (splitmix-like, fixed seed) end in a mesh or an error, never in a crash.
 static void damaged_files_do_no_harm(void **state) {
     (void)state;
-    char text[600];
-    const size_t size = strlen(cube);
-    for (size_t cut = 0; cut < size; cut += 7) {
+    static const char pool[] = "0123456789-. \n/eafv";
+    const struct { const char *suffix, *text; } files[] = {{".obj", cube}, {".ply", ply}};
+    uint64_t random = 1;
+    for (int k = 0; k < 400; k++) {
+        char text[1000];
+        size_t size = strlen(files[k % 2].text);
+        memcpy(text, files[k % 2].text, size + 1);
+        for (int change = 0; change < 2; change++) {
+            random = random * 6364136223846793005u + 1442695040888963407u;
+            const size_t at = (random >> 33) % size, kind = (random >> 60) % 4;
+            if (kind < 2) {
+                text[at] = pool[(random >> 20) % (sizeof pool - 1)];
+            } else if (kind == 2 && at + 8 < size) {
+                memmove(text + at, text + at + 7, size - at - 7);
+                size -= 7;
+            } else {
+                memmove(text + at + 1, text + at, size - at);
+                text[at] = pool[(random >> 20) % (sizeof pool - 1)];
+                size++;
+            }
+        }
         sim_mesh *mesh;
         gonio_error error = {0};
-        memcpy(text, cube, size);
-        text[cut] = (char)(text[cut] ^ 0x15);
-        if (read_text(".obj", text, cut % 2 ? size : cut, false, &mesh, &error) == GONIO_OK) {
+        if (read_text(files[k % 2].suffix, text, size, false, &mesh, &error) == GONIO_OK) {
             sim_mesh_free(mesh);
         }
     }
@@ -134,6 +180,7 @@ int main(void) {
         cmocka_unit_test(ply_and_upward_axis),
         cmocka_unit_test(texture_coordinates_give_tangents),
         cmocka_unit_test(bad_files_are_refused),
+        cmocka_unit_test(files_that_were_dangerous),
         cmocka_unit_test(damaged_files_do_no_harm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
