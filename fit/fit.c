@@ -84,6 +84,15 @@ typedef struct parts_fit {
     double *predicted; // n x channels
 } parts_fit;
 
+// Tell how far the work is and ask whether to go on.
+static gonio_status checkpoint(const gonio_fit_options *options, double fraction, const char *what,
+                               gonio_error *error) {
+    if (options->progress != NULL && !options->progress(options->progress_context, fraction, what, NAN)) {
+        return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
+    }
+    return GONIO_OK;
+}
+
 // Fit without part `index` and predict it.
 static gonio_status predict_part(const parts_fit *f, const gonio_fit_options *options, int index, size_t *held,
                                  gonio_error *error) {
@@ -130,8 +139,11 @@ static gonio_status held_out_errors(const gonio_samples *samples, const gonio_fi
     size_t predicted = 0;
     for (int index = 0; index < parts && status == GONIO_OK; index++) {
         size_t held;
-        status = predict_part(&f, options, index, &held, error);
-        predicted += held;
+        status = checkpoint(options, (double)index / parts, "held-out fits", error);
+        if (status == GONIO_OK) {
+            status = predict_part(&f, options, index, &held, error);
+            predicted += held;
+        }
     }
     if (status == GONIO_OK && predicted > 0) {
         for (size_t i = 0; i < samples->n; i++) {

@@ -78,7 +78,7 @@ fi
 
 # ---- Ctrl-C ----
 "$GONIO" convert "spec:$truth" "$work/big.csv" --plan nusselt:60000
-"$GONIO" fit "$work/big.csv" -o "$work/stopped" --folds 50 >/dev/null 2>"$work/err" &
+"$GONIO" fit "$work/big.csv" -o "$work/stopped" --method mba --level 6 --folds 500 >/dev/null 2>"$work/err" &
 child=$!
 sleep 1
 if kill -INT $child 2>/dev/null; then
