@@ -7,6 +7,8 @@
 // gonio_calib_bracket ends by itself; this bound holds should it not.
 #define BRACKET_MAX 16
 #define CAPTURE_MARGIN_S 10 // beyond the exposure itself
+// A monitor that sees the lamp knows it to a per cent or so; below this many sigmas it sees nothing.
+#define LAMP_SIGMAS 5
 // One frame of the reference this much longer saturates, so that the saturation level is measured, not assumed.
 #define SATURATING 3
 
@@ -33,11 +35,15 @@ static gonio_status read_monitor(const gonio_rig *rig, gonio_exposure *exposure,
     double value, sigma;
     const gonio_status status =
         rig->meter->read(rig->meter_device, &exposure->frame.stamp, exposure->frame.exposure_s, &value, &sigma, error);
-    if (status == GONIO_OK) {
-        exposure->monitor = value;
-        exposure->monitor_sigma = sigma / fabs(value);
+    if (status != GONIO_OK) {
+        return status;
     }
-    return status;
+    if (!(value > LAMP_SIGMAS * sigma)) {
+        return gonio_fail(error, GONIO_E_DEVICE, "lamp: it is off: its monitor reads %.3g +- %.2g", value, sigma);
+    }
+    exposure->monitor = value;
+    exposure->monitor_sigma = sigma / value;
+    return GONIO_OK;
 }
 
 static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const gonio_step *step, double exposure_s,

@@ -79,6 +79,7 @@ static int run_request(request *r, const char *path) {
     size_t n = 0;
     gonio_session *session = NULL;
     int exit_status = 2;
+    cli_catch_interrupts();
     gonio_status status = cli_rig_open(&r->rig, &rig, &error);
     if (status == GONIO_OK) {
         status = prepare(r, &rig, &setup, &steps, &n, &error);

@@ -33,8 +33,10 @@ const cli_verb cmd_resume = {"resume", "SESSION", "go on with a session that was
 static int run(int argc, char **argv) {
     cli_common common;
     cli_measuring measuring = {.common = &common, .resumed = true};
+    cli_list set = {0};
     const cli_option options[] = {
         {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "where the model goes (SESSION/model.gonio)"},
+        {"set", 0, CLI_LIST, &set, NULL, "SECTION.KEY=VALUE", "change what has changed on the rig since"},
         {"yes", 'y', CLI_FLAG, &measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
         {0}};
     const char *path;
@@ -46,12 +48,13 @@ static int run(int argc, char **argv) {
     gonio_session *session = NULL;
     gonio_setup setup;
     cli_rig rig = {0};
+    cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, true, &session, &error);
     if (status == GONIO_OK) {
         status = check(session, &setup, &error);
     }
     if (status == GONIO_OK) {
-        status = cli_rig_reopen(session, common.threads, &rig, &error);
+        status = cli_rig_reopen(session, &set, common.threads, &rig, &error);
     }
     int exit_status = 2;
     if (status != GONIO_OK) {

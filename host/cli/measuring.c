@@ -166,7 +166,6 @@ int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, co
     gonio_error error = {.line = -1, .byte = -1};
     gonio_outcome outcome = {0};
     char *model_path = NULL;
-    cli_catch_interrupts();
     gonio_status status = gonio_scan_new(session, rig, &hooks, &r.scan, &error);
     if (status == GONIO_OK) {
         status = open_stream(&r, &error);

@@ -61,6 +61,8 @@ void cli_catch_interrupts(void) {
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    // A file at its size limit is a full disk like any other: the write fails and says so.
+    signal(SIGXFSZ, SIG_IGN);
 }
 
 bool cli_interrupted(void) { return interrupts > 0; }

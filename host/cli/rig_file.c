@@ -4,7 +4,6 @@
 #include <ctype.h>
 #include <errno.h>
 #include <ini.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -313,7 +312,8 @@ static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *
     return status;
 }
 
-static gonio_status reopen_sim(gonio_session *session, int threads, cli_rig *rig, gonio_error *error) {
+static gonio_status reopen_sim(gonio_session *session, const char *extra, int threads, cli_rig *rig,
+                               gonio_error *error) {
     char *spec = NULL, *seed = NULL, *settings = NULL;
     gonio_status status = gonio_session_get(session, "sim.spec", &spec, error);
     if (status == GONIO_OK) {
@@ -328,28 +328,54 @@ static gonio_status reopen_sim(gonio_session *session, int threads, cli_rig *rig
     if (status == GONIO_OK) {
         status = apply_sim_settings(rig->sim, settings, error);
     }
+    if (status == GONIO_OK) {
+        builder b = {.sim = rig->sim};
+        rig_keys_default(&b.keys);
+        status = apply_text(&b, extra, "--set", error);
+    }
     free(spec);
     free(seed);
     free(settings);
     return status == GONIO_OK ? gonio_sim_open(rig->sim, threads, &rig->rig, error) : status;
 }
 
-gonio_status cli_rig_reopen(gonio_session *session, int threads, cli_rig *rig, gonio_error *error) {
-    *rig = (cli_rig){0};
-    char *driver;
-    gonio_status status = gonio_session_get(session, "rig.driver", &driver, error);
+static gonio_status reopen_file(gonio_session *session, const char *extra, int threads, cli_rig *rig,
+                                gonio_error *error) {
+    char *journalled;
+    gonio_status status = gonio_session_get(session, "rig.ini", &journalled, error);
     if (status != GONIO_OK) {
         return status;
     }
-    snprintf(rig->driver, sizeof rig->driver, "%s", driver);
-    free(driver);
-    if (strcmp(rig->driver, "sim") == 0) {
-        return reopen_sim(session, threads, rig, error);
+    builder b = {.file_lines = count_lines(journalled)};
+    if (asprintf(&rig->text, "%s%s%s", journalled, extra[0] != 0 ? "\n" : "", extra) < 0) {
+        rig->text = NULL;
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
-    status = gonio_session_get(session, "rig.ini", &rig->text, error);
-    builder b = {.file_lines = INT_MAX};
+    free(journalled);
     if (status == GONIO_OK) {
         status = build(&b, rig->text, "the journalled rig file", NULL, 1, error);
     }
     return status == GONIO_OK ? open_devices(&b, threads, rig, error) : status;
+}
+
+gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, int threads, cli_rig *rig,
+                            gonio_error *error) {
+    *rig = (cli_rig){0};
+    char *driver = NULL, *extra = NULL;
+    const cli_rig_options options = {.set = *set};
+    gonio_status status = overrides(&options, &extra, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_get(session, "rig.driver", &driver, error);
+    }
+    if (status == GONIO_OK) {
+        snprintf(rig->driver, sizeof rig->driver, "%s", driver);
+        status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, threads, rig, error)
+                                            : reopen_file(session, extra, threads, rig, error);
+    }
+    if (status == GONIO_OK && extra[0] != 0) {
+        status = gonio_session_event(session, "settings changed", extra, error);
+    }
+    free(driver);
+    free(extra);
+    return status;
 }

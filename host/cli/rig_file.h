@@ -38,8 +38,8 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
 // Journal what cli_rig_reopen needs.
 gonio_status cli_rig_put(gonio_session *session, const cli_rig_options *options, const cli_rig *rig,
                          gonio_error *error);
-// The rig that the session was begun with.
-gonio_status cli_rig_reopen(gonio_session *session, int threads, cli_rig *rig, gonio_error *error);
+// The rig that the session was begun with; set overrides what must have changed since (a port, a fault that is gone).
+gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, int threads, cli_rig *rig, gonio_error *error);
 void cli_rig_close(cli_rig *rig);
 
 #endif

@@ -1,0 +1,151 @@
+#!/bin/sh
+# measure, resume, replay, samples, doctor on tiny simulated sessions: what is stopped anywhere ends as if it had not
+# been stopped. Prints TAP.
+set -u
+. "$(dirname "$0")/lib.sh"
+
+# status_is STATUS COMMAND...: the command ends with just this status.
+status_is() {
+    wanted=$1
+    shift
+    "$@"
+    got=$?
+    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
+}
+# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
+tells() {
+    wanted=$1 text=$2
+    shift 2
+    "$@" >"$work/told" 2>&1
+    got=$?
+    cat "$work/told"
+    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
+    grep -qF -- "$text" "$work/told" || { echo "does not tell: $text"; return 1; }
+}
+# field NAME FILE: a member of a one-line JSON object, without quotes.
+field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }
+
+ward=ward:rho_d=0.3,rho_s=0.2,alpha=0.3
+plan=nusselt:40
+quick=scan.dark_frames=4,scan.reference_frames=4
+
+measure() { "$GONIO" measure --sample $ward --plan $plan --set $quick "$@"; }
+frames() { find "$1/frames" -name '0*.png' 2>/dev/null | wc -l; }
+# Start a measure in the background and send it the signal once so many frames are there.
+stop_at() { # stop_at SIGNAL FRAMES COMMAND... SESSION
+    signal=$1 enough=$2
+    shift 2
+    for session; do :; done
+    "$@" >"$work/stopped.log" 2>&1 &
+    pid=$!
+    while kill -0 $pid 2>/dev/null && [ "$(frames "$session")" -lt "$enough" ]; do sleep 0.01; done
+    kill -s "$signal" $pid 2>/dev/null
+    wait $pid
+}
+same() { [ "$(field "$1" "$2")" = "$(field "$1" "$3")" ] && [ -n "$(field "$1" "$2")" ]; }
+same_results() { same samples_sha256 "$1" "$2" && same model_sha256 "$1" "$2" && same frames "$1" "$2"; }
+
+# ---- the whole way ----
+check "measure" measure --json --operator "A. Person" --sample-id "tile 7" --notes "first, try" \
+    --set rig.serials=SN-42 "$work/a"
+measure --json --threads 1 "$work/b" >"$work/b.json" 2>/dev/null
+check "its JSON has what others rely on" sh -c "for key in session poses frames samples samples_sha256 model_sha256; do
+    grep -q \"\\\"\$key\\\":\" '$work/b.json' || exit 1; done"
+check "counts are right" sh -c "[ $(field poses "$work/b.json") = 40 ] && [ $(field samples "$work/b.json") = 40 ] &&
+    [ $(field frames "$work/b.json") = $(frames "$work/b") ]"
+"$GONIO" replay --json --threads 2 "$work/b" >"$work/b2.json" 2>/dev/null
+check "replay gives the same bits" same_results "$work/b.json" "$work/b2.json"
+"$GONIO" replay --json --threads 1 --model "$work/b.model" "$work/b" >"$work/b1.json" 2>/dev/null
+check "on one thread too" same_results "$work/b.json" "$work/b1.json"
+check "and says so" grep -q '"equal":true' "$work/b1.json"
+check "the model's checksum is the file's" sh -c \
+    "[ \$(sha256sum <'$work/b.model' | cut -d' ' -f1) = $(field model_sha256 "$work/b.json") ]"
+check "samples" "$GONIO" samples "$work/b" -o "$work/b.csv"
+check "their checksum is the CSV's" sh -c \
+    "[ \$(sha256sum <'$work/b.csv' | cut -d' ' -f1) = $(field samples_sha256 "$work/b.json") ]"
+check "the same on standard output" sh -c "'$GONIO' samples '$work/b' | cmp - '$work/b.csv'"
+check "a budget names its terms" tells 0 '"reference":' "$GONIO" samples "$work/b" --budget 30,0,30,180 --json
+check "a budget outside the hemisphere" status_is 2 "$GONIO" samples "$work/b" --budget 30,0,100,180
+check "doctor tells who measured what" tells 0 "A. Person" "$GONIO" doctor "$work/a"
+check "and the notes" tells 0 "first, try" "$GONIO" doctor "$work/a"
+check "and the serial numbers" tells 0 "SN-42" "$GONIO" doctor "$work/a"
+check "the samples are the sample's" sh -c "'$GONIO' compare spec:$ward '$work/b' --json >'$work/c.json' &&
+    awk -v x=\$(sed 's/.*\"median_rel\":\([^,}]*\).*/\1/' '$work/c.json') 'BEGIN { exit !(x < 0.01) }'"
+check "a second measure there is refused" tells 2 "gonio resume" measure "$work/b"
+
+# ---- stopped ----
+stop_at INT 60 "$GONIO" measure --sample $ward --plan nusselt:400 "$work/i"
+status=$?
+check "Ctrl-C ends with 4" [ $status -eq 4 ]
+check "and names the way on" grep -q "gonio resume $work/i" "$work/stopped.log"
+check "the session is sound" "$GONIO" doctor "$work/i"
+check "its samples can be read" tells 0 "not finished" "$GONIO" samples "$work/i" -o "$work/i.csv"
+check "it can be replayed as far as it is" tells 0 "not finished" "$GONIO" replay "$work/i"
+
+stop_at KILL 5 "$GONIO" measure --sample $ward --plan $plan --set $quick "$work/k" # among the dark frames
+for at in 12 25 40 55; do
+    stop_at KILL $at "$GONIO" resume "$work/k"
+done
+check "killed five times, the session is sound" "$GONIO" doctor "$work/k"
+: >"$work/k/frames/000039-00.png" # as a kill between renaming and entering leaves it
+"$GONIO" resume --json "$work/k" >"$work/k.json" 2>"$work/k.log"
+check "and ends as if it had not been killed" same_results "$work/b.json" "$work/k.json"
+check "resuming a finished session changes nothing" sh -c \
+    "'$GONIO' resume --json '$work/k' >'$work/k2.json' && cmp '$work/k/model.gonio' '$work/b/model.gonio'"
+
+# ---- damage ----
+cp -r "$work/b" "$work/d"
+truncate -s 300 "$work/d/frames/000010-00.png"
+rm "$work/d/frames/000001-03.png"
+check "doctor finds bad frames" tells 1 "000010-00.png" "$GONIO" doctor "$work/d"
+check "replay refuses them" tells 3 "000001-03.png" "$GONIO" replay "$work/d"
+check "doctor repairs" "$GONIO" doctor --repair "$work/d"
+"$GONIO" resume --json "$work/d" >"$work/d.json" 2>/dev/null
+check "resume measures again what was lost" same_results "$work/b.json" "$work/d.json"
+
+# ---- faults ----
+for fault in camera_timeout camera_error stage_stall stage_timeout lamp_off meter_error interlock_open; do
+    rm -rf "$work/f"
+    check "$fault ends with its name" tells 1 "gonio resume" measure --set "faults.$fault=20" "$work/f"
+    "$GONIO" resume --json --set "faults.$fault=never" "$work/f" >"$work/f.json" 2>/dev/null
+    check "and resumes to the same samples" same_results "$work/b.json" "$work/f.json"
+done
+
+# ---- bad input ----
+check "an unknown key" tells 2 "[camera] colour" measure --set camera.colour=1 "$work/x"
+printf '[rig]\ndriver = sim\n\n[camera]\nbits = 12\nwobble = 3\n' >"$work/bad.ini"
+check "unknown key in a rig file: with its line" tells 3 "bad.ini:6: " measure --rig "$work/bad.ini" "$work/x"
+printf '[rig]\ndriver = sim\nnonsense\n' >"$work/bad.ini"
+check "no key = value: with its line" tells 3 "bad.ini:3: " measure --rig "$work/bad.ini" "$work/x"
+printf '[rig]\nnotes = %0400d\n' 0 >"$work/bad.ini"
+check "a line beyond all bounds" tells 3 "bad.ini:2: " measure --rig "$work/bad.ini" "$work/x"
+check "no rig file" status_is 3 measure --rig "$work/none.ini" "$work/x"
+check "no sample" tells 2 "--sample" "$GONIO" measure --plan $plan "$work/x"
+check "a plan of nothing" status_is 3 "$GONIO" measure --sample $ward --plan "$work/none.csv" "$work/x"
+check "nothing of all this made a session" [ ! -e "$work/x" ]
+check "not a session" tells 3 "session.db" "$GONIO" resume "$work"
+cp -r "$work/b" "$work/v"
+printf '\0\0\0\2' | dd of="$work/v/session.db" bs=1 seek=60 conv=notrunc 2>/dev/null # user_version
+for verb in resume replay samples doctor; do
+    check "a newer session: $verb says so" tells 3 "version 2" "$GONIO" $verb "$work/v"
+done
+
+# A disk that ends: the limit on file sizes stands in for it.
+check "a full disk stops cleanly" sh -c "ulimit -f 300; '$GONIO' measure --sample $ward --plan nusselt:400 '$work/u'; [ \$? -eq 1 ]"
+check "and the session is sound" "$GONIO" doctor "$work/u"
+
+# ---- hands ----
+check "no terminal to ask at" tells 2 "--yes" sh -c "'$GONIO' measure --sample $ward --plan $plan --set mount.by=operator '$work/h' </dev/null"
+check "nothing was begun" [ ! -e "$work/h" ]
+measure --json --yes --set mount.by=operator "$work/h" </dev/null >"$work/h.json" 2>"$work/h.log"
+check "--yes goes on" same samples_sha256 "$work/b.json" "$work/h.json"
+check "and tells what must lie there" grep -q "white reference" "$work/h.log"
+
+# ---- the null rig ----
+printf '[rig]\ndriver = null\n' >"$work/null.ini"
+check "a rig of null devices" tells 0 "null camera" "$GONIO" rig identify --rig "$work/null.ini"
+check "tells where it stands" tells 0 "light_theta" "$GONIO" rig status --rig "$work/null.ini"
+check "measures nothing and says why" tells 1 "reference" "$GONIO" measure --rig "$work/null.ini" --plan $plan "$work/n"
+check "plan writes poses that measure takes" sh -c "'$GONIO' plan uniform:45 -o '$work/p.csv' &&
+    '$GONIO' plan '$work/p.csv' -o '$work/q.csv' && [ \$(wc -l <'$work/p.csv') = \$(wc -l <'$work/q.csv') ]"
+finish
