@@ -1,0 +1,416 @@
+#include "host/drivers/controller_internal.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "host/transport/clock.h"
+
+enum { EXCEPTION_BUSY = 6, STATUS_WORDS = CONTROLLER_reset_cause + 1 - CONTROLLER_token };
+
+void gonio_controller_defaults(gonio_controller_config *config) {
+    *config = (gonio_controller_config){.retries = 6, .deadman_s = 5, .feed_s = 600, .replug_s = 10};
+    gonio_modbus_defaults(&config->modbus);
+}
+
+void gonio_controller_tell(gonio_controller *c, const char *kind, const char *format, ...) {
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (c->config.event != NULL) {
+        c->config.event(c->config.event_context, kind, text);
+    }
+}
+
+void gonio_controller_pack(uint16_t *words, int n, int64_t value) {
+    for (int i = 0; i < n; i++) {
+        words[i] = (uint16_t)((uint64_t)value >> (16 * (n - 1 - i)));
+    }
+}
+
+int64_t gonio_controller_unpack(const uint16_t *words, int n) {
+    uint64_t value = words[0] & 0x8000 && n > 1 ? UINT64_MAX : 0;
+    for (int i = 0; i < n; i++) {
+        value = value << 16 | words[i];
+    }
+    return (int64_t)value;
+}
+
+void controller_pause(const gonio_controller *c, int ms) {
+    if (c->config.mode != GONIO_TAPE_REPLAY) {
+        gonio_clock_sleep_ms(ms);
+    }
+}
+
+// ---- requests ----
+
+static gonio_status identify(gonio_controller *c, gonio_error *error);
+
+// Wait, bounded, until the port can be opened again and the same kind of controller answers.
+static gonio_status reopen(gonio_controller *c, gonio_error *error) {
+    const gonio_deadline deadline = gonio_deadline_in_s(c->config.replug_s);
+    for (;;) {
+        pthread_mutex_lock(&c->lock);
+        const gonio_status status = gonio_modbus_reopen(c->modbus, error);
+        c->counts.reopened += status == GONIO_OK;
+        pthread_mutex_unlock(&c->lock);
+        if (status == GONIO_OK || gonio_deadline_left_ms(deadline) == 0) {
+            return status;
+        }
+        controller_pause(c, 100);
+    }
+}
+
+static gonio_modbus_fault exchange(gonio_controller *c, controller_exchange once, void *request, bool call) {
+    pthread_mutex_lock(&c->lock);
+    const gonio_modbus_fault fault = once(c, request);
+    c->counts.exchanges++;
+    c->counts.silent += fault == GONIO_MODBUS_SILENT;
+    c->counts.noise += fault == GONIO_MODBUS_NOISE;
+    c->counts.lost += fault == GONIO_MODBUS_LOST;
+    if (fault == GONIO_MODBUS_GOOD || fault == GONIO_MODBUS_EXCEPTION) {
+        c->last_exchange_ms = gonio_clock_ms();
+    } else if (fault != GONIO_MODBUS_LOST) {
+        // A late answer must not meet the next request: wait until nothing comes any more.
+        gonio_modbus_drain(c->modbus, fault == GONIO_MODBUS_SILENT ? c->config.modbus.timeout_ms : 30);
+    }
+    if (call) {
+        c->last_call_ms = gonio_clock_ms();
+    }
+    pthread_mutex_unlock(&c->lock);
+    return fault;
+}
+
+gonio_status controller_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
+                                int *exception, gonio_error *error) {
+    gonio_modbus_fault fault = GONIO_MODBUS_SILENT;
+    if (exception != NULL) {
+        *exception = 0;
+    }
+    for (int attempt = 0; attempt <= c->config.retries; attempt++) {
+        c->counts.retries += attempt > 0;
+        fault = exchange(c, once, request, true);
+        if (fault == GONIO_MODBUS_GOOD) {
+            return GONIO_OK;
+        }
+        const int code = gonio_modbus_exception(c->modbus);
+        if (fault == GONIO_MODBUS_EXCEPTION && code != EXCEPTION_BUSY) {
+            if (exception != NULL) {
+                *exception = code;
+            }
+            return gonio_fail(error, GONIO_E_DEVICE, "controller %s: %s refused (%s)", c->config.modbus.port, what,
+                              gonio_modbus_text(c->modbus));
+        }
+        if (fault == GONIO_MODBUS_LOST) {
+            const gonio_status status = reopen(c, error);
+            if (status != GONIO_OK) {
+                return status;
+            }
+        } else {
+            controller_pause(c, 5 << (attempt < 5 ? attempt : 5)); // noise comes in bursts
+        }
+    }
+    return gonio_fail(error, fault == GONIO_MODBUS_SILENT ? GONIO_E_TIMEOUT : GONIO_E_DEVICE,
+                      "controller %s: %s failed %d times: %s", c->config.modbus.port, what, c->config.retries + 1,
+                      gonio_modbus_text(c->modbus));
+}
+
+typedef struct words_request {
+    int address, n;
+    uint16_t *words;
+    const uint16_t *written;
+} words_request;
+
+static gonio_modbus_fault once_read(gonio_controller *c, void *request) {
+    const words_request *r = request;
+    return gonio_modbus_read(c->modbus, r->address, r->n, r->words);
+}
+
+static gonio_modbus_fault once_write(gonio_controller *c, void *request) {
+    const words_request *r = request;
+    return gonio_modbus_write(c->modbus, r->address, r->n, r->written);
+}
+
+gonio_status gonio_controller_read(gonio_controller *c, int address, int n, uint16_t *words, gonio_error *error) {
+    return controller_request(c, "reading", once_read, &(words_request){address, n, words, NULL}, NULL, error);
+}
+
+gonio_status gonio_controller_write(gonio_controller *c, int address, int n, const uint16_t *words,
+                                    gonio_error *error) {
+    uint16_t held[125];
+    if (n > 123) {
+        return gonio_fail(error, GONIO_E_RANGE, "%d registers in one write; at most 123", n);
+    }
+    gonio_status status = gonio_controller_read(c, address, n, held, error);
+    const size_t size = (size_t)n * sizeof *words;
+    for (int attempt = 0; attempt < 3 && status == GONIO_OK && memcmp(held, words, size) != 0; attempt++) {
+        status = controller_request(c, "writing", once_write, &(words_request){address, n, NULL, words}, NULL, error);
+        if (status == GONIO_OK) {
+            status = gonio_controller_read(c, address, n, held, error);
+        }
+    }
+    if (status == GONIO_OK && memcmp(held, words, size) != 0) {
+        return gonio_fail(error, GONIO_E_DEVICE, "controller %s: register 0x%04x does not take what is written",
+                          c->config.modbus.port, (unsigned)address);
+    }
+    return status;
+}
+
+typedef struct coil_request {
+    int coil;
+    bool on;
+} coil_request;
+
+static gonio_modbus_fault once_coil(gonio_controller *c, void *request) {
+    const coil_request *r = request;
+    return gonio_modbus_write_coil(c->modbus, r->coil, r->on);
+}
+
+gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio_error *error) {
+    return controller_request(c, "switching", once_coil, &(coil_request){coil, on}, NULL, error);
+}
+
+// ---- status ----
+
+// Function 23 writes the token and reads from it on: one exchange, and a reply with another token is an old one.
+static gonio_modbus_fault once_status(gonio_controller *c, void *request) {
+    uint16_t *words = request;
+    c->token = (uint16_t)(c->token % 0xffff + 1); // never 0, which is the initial value
+    const gonio_modbus_fault fault =
+        gonio_modbus_write_read(c->modbus, CONTROLLER_token, 1, &c->token, CONTROLLER_token, STATUS_WORDS, words);
+    if (fault == GONIO_MODBUS_GOOD && words[0] != c->token) {
+        c->counts.stale++;
+        return GONIO_MODBUS_NOISE;
+    }
+    return fault;
+}
+
+#define WORDS(name) (words + (CONTROLLER_##name - CONTROLLER_token))
+#define VALUE(name) gonio_controller_unpack(WORDS(name), CONTROLLER_EACH_##name)
+
+static void decode(const uint16_t *words, gonio_controller_status *s) {
+    *s = (gonio_controller_status){.state = (int)VALUE(state),
+                                   .alarm = (int)VALUE(alarm),
+                                   .alarm_axis = (int)VALUE(alarm_axis),
+                                   .refusal = (int)VALUE(refusal),
+                                   .moving = (unsigned)VALUE(moving),
+                                   .homed = (unsigned)VALUE(homed),
+                                   .inputs = (unsigned)VALUE(inputs),
+                                   .accepted_id = (uint32_t)VALUE(accepted_id),
+                                   .finished_id = (uint32_t)VALUE(finished_id),
+                                   .lamp_state = (int)VALUE(lamp_state),
+                                   .reset_cause = (int)VALUE(reset_cause),
+                                   .lamp_output = (double)VALUE(lamp_output) / 1e4,
+                                   .temperature_c = (double)VALUE(temperature) / 1e3,
+                                   .monitor = (double)(uint32_t)VALUE(monitor) / 4294967296.0,
+                                   .monitor_us = VALUE(monitor_time),
+                                   .time_us = VALUE(time),
+                                   .trigger_count = (uint32_t)VALUE(trigger_count)};
+    for (int k = 0; k < GONIO_CONTROLLER_AXES; k++) {
+        s->position[k] =
+            gonio_controller_unpack(WORDS(position) + k * CONTROLLER_EACH_position, CONTROLLER_EACH_position);
+        s->home_difference[k] = (int32_t)gonio_controller_unpack(
+            WORDS(home_difference) + k * CONTROLLER_EACH_home_difference, CONTROLLER_EACH_home_difference);
+    }
+}
+
+gonio_status gonio_controller_read_status(gonio_controller *c, gonio_controller_status *status, gonio_error *error) {
+    uint16_t words[STATUS_WORDS];
+    const gonio_status result = controller_request(c, "status", once_status, words, NULL, error);
+    if (result != GONIO_OK) {
+        return result;
+    }
+    decode(words, status);
+    pthread_mutex_lock(&c->lock);
+    const bool restarted = status->time_us < c->last_time_us;
+    c->last_time_us = status->time_us;
+    pthread_mutex_unlock(&c->lock);
+    if (restarted) {
+        gonio_controller_tell(c, "controller-restart", "the controller restarted (%s)",
+                              gonio_controller_cause_text(status->reset_cause));
+        // The command in flight is forgotten, and so are the positions; what stands in the table then says the rest.
+        return gonio_fail(error, GONIO_E_DEVICE, "controller %s restarted (%s): positions are lost, home it again",
+                          c->config.modbus.port, gonio_controller_cause_text(status->reset_cause));
+    }
+    return GONIO_OK;
+}
+
+// ---- connection ----
+
+static gonio_status identify(gonio_controller *c, gonio_error *error) {
+    enum { N = CONTROLLER_step_rate_max + CONTROLLER_SIZE_step_rate_max - CONTROLLER_magic };
+    uint16_t words[N];
+    gonio_status status = gonio_controller_read(c, CONTROLLER_magic, N, words, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const int magic = words[0], protocol = words[CONTROLLER_protocol - CONTROLLER_magic];
+    if (magic != CONTROLLER_INITIAL_magic) {
+        return gonio_fail(error, GONIO_E_DEVICE, "%s is no Gonio controller: register 0 reads 0x%04x, expected 0x%04x",
+                          c->config.modbus.port, (unsigned)magic, (unsigned)CONTROLLER_INITIAL_magic);
+    }
+    if (protocol != CONTROLLER_INITIAL_protocol) {
+        return gonio_fail(error, GONIO_E_DEVICE,
+                          "controller %s speaks protocol %d, this program %d: flash the firmware of this version",
+                          c->config.modbus.port, protocol, (int)CONTROLLER_INITIAL_protocol);
+    }
+    c->identity = (gonio_controller_identity){
+        .protocol = protocol,
+        .axes = words[CONTROLLER_axes - CONTROLLER_magic],
+        .board = words[CONTROLLER_board - CONTROLLER_magic],
+        .version = (uint32_t)gonio_controller_unpack(words + (CONTROLLER_version - CONTROLLER_magic), 2),
+        .step_rate_max = (uint32_t)gonio_controller_unpack(words + (CONTROLLER_step_rate_max - CONTROLLER_magic), 2)};
+    return GONIO_OK;
+}
+
+static gonio_status set_deadman(gonio_controller *c, double seconds, gonio_error *error) {
+    uint16_t words[CONTROLLER_SIZE_deadman];
+    gonio_controller_pack(words, CONTROLLER_SIZE_deadman, (int64_t)(seconds * 1000));
+    return gonio_controller_write(c, CONTROLLER_deadman, CONTROLLER_SIZE_deadman, words, error);
+}
+
+// A status read now and then, so that the controller knows that the host lives.
+static void *feed(void *argument) {
+    gonio_controller *c = argument;
+    const int64_t period_ms = (int64_t)(c->config.deadman_s * 1000 / 4);
+    pthread_mutex_lock(&c->lock);
+    while (!c->closing) {
+        struct timespec until;
+        clock_gettime(CLOCK_MONOTONIC, &until);
+        until.tv_sec += (until.tv_nsec + period_ms % 1000 * 1000000) / 1000000000 + period_ms / 1000;
+        until.tv_nsec = (until.tv_nsec + period_ms % 1000 * 1000000) % 1000000000;
+        while (!c->closing && pthread_cond_timedwait(&c->wake, &c->lock, &until) != ETIMEDOUT) {
+        }
+        const int64_t now_ms = gonio_clock_ms();
+        if (c->closing || now_ms - c->last_exchange_ms < period_ms ||
+            (double)(now_ms - c->last_call_ms) > c->config.feed_s * 1000) {
+            continue;
+        }
+        uint16_t words[STATUS_WORDS];
+        gonio_modbus_mute(c->modbus, true); // not on the tape: its moment is chance
+        const gonio_modbus_fault fault = once_status(c, words);
+        if (fault == GONIO_MODBUS_SILENT || fault == GONIO_MODBUS_NOISE) {
+            gonio_modbus_drain(c->modbus, c->config.modbus.timeout_ms);
+        }
+        gonio_modbus_mute(c->modbus, false);
+        c->counts.feeds++;
+        c->last_exchange_ms = fault == GONIO_MODBUS_GOOD ? gonio_clock_ms() : c->last_exchange_ms;
+    }
+    pthread_mutex_unlock(&c->lock);
+    return NULL;
+}
+
+static gonio_status start_feeding(gonio_controller *c, gonio_error *error) {
+    if (c->config.mode == GONIO_TAPE_REPLAY || !(c->config.deadman_s > 0)) {
+        return GONIO_OK;
+    }
+    if (pthread_create(&c->feeder, NULL, feed, c) != 0) {
+        return gonio_fail(error, GONIO_E_FAILED, "no thread to feed the controller's dead-man with");
+    }
+    c->feeding = true;
+    return GONIO_OK;
+}
+
+static void stop_feeding(gonio_controller *c) {
+    if (!c->feeding) {
+        return;
+    }
+    pthread_mutex_lock(&c->lock);
+    c->closing = true;
+    pthread_cond_signal(&c->wake);
+    pthread_mutex_unlock(&c->lock);
+    pthread_join(c->feeder, NULL);
+    c->feeding = false;
+}
+
+static void destroy(gonio_controller *c) {
+    stop_feeding(c);
+    gonio_modbus_close(c->modbus);
+    pthread_cond_destroy(&c->wake);
+    pthread_mutex_destroy(&c->lock);
+    free(c);
+}
+
+// What must hold before anything is asked for: nothing moves, and a dead-man alarm of an earlier host is gone.
+static gonio_status settle_in(gonio_controller *c, gonio_error *error) {
+    gonio_controller_status status;
+    gonio_status result = gonio_controller_read_status(c, &status, error);
+    if (result != GONIO_OK) {
+        return result;
+    }
+    c->last_id = status.accepted_id;
+    if (status.state == CONTROLLER_STATE_MOVING || status.state == CONTROLLER_STATE_HOMING) {
+        result = gonio_controller_command(c, CONTROLLER_COMMAND_STOP, 0, NULL, NULL, error);
+        gonio_controller_tell(c, "stopped", "an earlier host had left the axes moving");
+        for (int i = 0; i < 500 && result == GONIO_OK && status.state != CONTROLLER_STATE_IDLE; i++) {
+            controller_pause(c, 20);
+            result = gonio_controller_read_status(c, &status, error);
+        }
+    }
+    if (result == GONIO_OK && status.state == CONTROLLER_STATE_ALARM && status.alarm == CONTROLLER_ALARM_DEADMAN) {
+        result = gonio_controller_clear(c, error);
+    }
+    return result == GONIO_OK ? set_deadman(c, c->config.deadman_s, error) : result;
+}
+
+gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_controller **out, gonio_error *error) {
+    gonio_controller *c = calloc(1, sizeof *c);
+    if (c == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a controller");
+    }
+    c->config = *config;
+    c->users = 1;
+    pthread_mutex_init(&c->lock, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&c->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    gonio_status status = gonio_modbus_open(&config->modbus, config->tape, config->mode, &c->modbus, error);
+    if (status == GONIO_OK) {
+        gonio_modbus_drain(c->modbus, 20);
+        status = identify(c, error);
+    }
+    if (status == GONIO_OK) {
+        status = settle_in(c, error);
+    }
+    if (status == GONIO_OK) {
+        status = start_feeding(c, error);
+    }
+    if (status != GONIO_OK) {
+        destroy(c);
+        return status;
+    }
+    *out = c;
+    return GONIO_OK;
+}
+
+gonio_controller *gonio_controller_share(gonio_controller *c) {
+    c->users++;
+    return c;
+}
+
+void gonio_controller_release(gonio_controller *c) {
+    if (c == NULL || --c->users > 0) {
+        return;
+    }
+    stop_feeding(c);
+    gonio_controller_status status;
+    if (gonio_controller_read_status(c, &status, NULL) == GONIO_OK && status.state == CONTROLLER_STATE_IDLE) {
+        set_deadman(c, 0, NULL); // else it would switch the lamp off that is to stay as it is
+    }
+    destroy(c);
+}
+
+const gonio_controller_identity *gonio_controller_identify(const gonio_controller *c) { return &c->identity; }
+
+void gonio_controller_count(gonio_controller *c, gonio_controller_counts *counts) {
+    pthread_mutex_lock(&c->lock);
+    *counts = c->counts;
+    pthread_mutex_unlock(&c->lock);
+}

@@ -1,0 +1,35 @@
+// Shared by controller.c (connection, requests) and controller_motion.c (commands).
+#ifndef GONIO_DRIVERS_CONTROLLER_INTERNAL_H
+#define GONIO_DRIVERS_CONTROLLER_INTERNAL_H
+
+#include <pthread.h>
+
+#include "host/drivers/controller.h"
+#include "host/drivers/controller_map.h"
+
+struct gonio_controller {
+    gonio_controller_config config;
+    gonio_modbus *modbus;
+    gonio_controller_identity identity;
+    pthread_mutex_t lock; // of everything below, and of the line
+    pthread_cond_t wake;  // of the feeder
+    pthread_t feeder;
+    bool feeding, closing;
+    int users;
+    uint16_t token;
+    uint32_t last_id;
+    int64_t last_time_us;     // controller's clock at the last status: going back means that it restarted
+    int64_t last_exchange_ms; // host's clock
+    int64_t last_call_ms;     // the last that was not the feeder's
+    bool restarted;           // seen, not yet told
+    gonio_controller_counts counts;
+};
+
+// One request, repeated within bounds; the lock must not be held. `once` does one exchange. Exceptions end the repeats,
+// except BUSY; *exception (may be NULL) then tells the code.
+typedef gonio_modbus_fault (*controller_exchange)(gonio_controller *controller, void *request);
+gonio_status controller_request(gonio_controller *controller, const char *what, controller_exchange once, void *request,
+                                int *exception, gonio_error *error);
+void controller_pause(const gonio_controller *controller, int ms); // not in a replay
+
+#endif

@@ -1,0 +1,349 @@
+// Positions are absolute steps in the controller; degrees are turned into steps here and nowhere else.
+#include "host/drivers/stage_modbus.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/drivers/controller_map.h"
+
+enum { ALL_AXES = 15 };
+
+typedef struct axis {
+    double steps_per_deg, speed, acceleration, jerk; // steps, seconds
+    int64_t minimum, maximum, backlash;              // steps
+    double zero_deg;
+    int sign;
+} axis;
+
+typedef struct stage {
+    gonio_stage_modbus_config config;
+    gonio_controller *controller;
+    axis axes[GONIO_AXES];
+    int64_t lost_steps;
+} stage;
+
+static const char *const axis_names[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
+
+void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
+    *config = (gonio_stage_modbus_config){.audit_deg = 0.01};
+    for (int k = 0; k < GONIO_AXES; k++) {
+        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, 1};
+    }
+}
+
+// ---- parameters ----
+
+// One axis's value of a parameter: written where `wanted` is a number, then read.
+static gonio_status parameter(const stage *s, int base, int words, int k, double wanted, double *value,
+                              gonio_error *error) {
+    uint16_t held[4];
+    const int address = base + k * words;
+    if (isfinite(wanted)) {
+        gonio_controller_pack(held, words, (int64_t)llround(wanted));
+        const gonio_status status = gonio_controller_write(s->controller, address, words, held, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        *value = (double)llround(wanted);
+        return GONIO_OK;
+    }
+    const gonio_status status = gonio_controller_read(s->controller, address, words, held, error);
+    if (status == GONIO_OK) {
+        // Only the 64-bit and the signed values of the table can be negative; speeds and scales are below 2^31.
+        *value = (double)gonio_controller_unpack(held, words);
+    }
+    return status;
+}
+
+#define PARAMETER(name, wanted, value) parameter(s, CONTROLLER_##name, CONTROLLER_EACH_##name, k, wanted, value, error)
+
+static gonio_status set_up_motion(stage *s, int k, gonio_error *error) {
+    const gonio_axis_config *c = &s->config.axes[k];
+    axis *a = &s->axes[k];
+    double scale = 0;
+    gonio_status status = PARAMETER(steps_per_deg, c->steps_per_deg * 1000, &scale);
+    a->steps_per_deg = scale / 1000;
+    if (status == GONIO_OK && !(a->steps_per_deg > 0)) {
+        return gonio_fail(error, GONIO_E_DEVICE, "axis %s: the controller says %g steps a degree", axis_names[k],
+                          a->steps_per_deg);
+    }
+    if (status == GONIO_OK) {
+        status = PARAMETER(speed_max, c->speed_deg_per_s * a->steps_per_deg, &a->speed);
+    }
+    if (status == GONIO_OK) {
+        status = PARAMETER(acceleration, c->acceleration_deg_per_s2 * a->steps_per_deg, &a->acceleration);
+    }
+    return status == GONIO_OK ? PARAMETER(jerk, c->jerk_deg_per_s3 * a->steps_per_deg, &a->jerk) : status;
+}
+
+static gonio_status set_up_limits(stage *s, int k, gonio_error *error) {
+    const gonio_axis_config *c = &s->config.axes[k];
+    axis *a = &s->axes[k];
+    double value = 0;
+    gonio_status status = PARAMETER(backlash, c->backlash_deg * a->steps_per_deg, &value);
+    a->backlash = (int64_t)value;
+    if (status == GONIO_OK) {
+        // The take-up overshoots a target by the backlash, and the controller holds that against its limits too.
+        const double room = fabs(value);
+        status = PARAMETER(soft_min, floor(c->min_deg * a->steps_per_deg) - room, &value);
+        a->minimum = (int64_t)value + (int64_t)room;
+        if (status == GONIO_OK) {
+            status = PARAMETER(soft_max, ceil(c->max_deg * a->steps_per_deg) + room, &value);
+            a->maximum = (int64_t)value - (int64_t)room;
+        }
+    }
+    return status;
+}
+
+static gonio_status set_up_homing(stage *s, int k, gonio_error *error) {
+    const gonio_axis_config *c = &s->config.axes[k];
+    const double scale = s->axes[k].steps_per_deg;
+    double unused;
+    gonio_status status = PARAMETER(home_position, c->home_deg * scale, &unused);
+    if (status == GONIO_OK) {
+        status = PARAMETER(home_fast, c->home_fast_deg_per_s * scale, &unused);
+    }
+    if (status == GONIO_OK) {
+        status = PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused);
+    }
+    if (status == GONIO_OK) {
+        status = PARAMETER(home_order, c->home_order < 0 ? NAN : c->home_order, &unused);
+    }
+    return status == GONIO_OK ? PARAMETER(home_up, c->home_up < 0 ? NAN : c->home_up, &unused) : status;
+}
+
+// ---- operations ----
+
+static int64_t to_steps(const axis *a, double rad) {
+    return llround((a->sign * gonio_degrees(rad) + a->zero_deg) * a->steps_per_deg);
+}
+
+static double to_rad(const axis *a, int64_t steps) {
+    return gonio_radians(a->sign * ((double)steps / a->steps_per_deg - a->zero_deg));
+}
+
+static gonio_status watch(void *context, gonio_error *error) {
+    const stage *s = context;
+    return s->config.interlock != NULL ? s->config.interlock->check(s->config.interlock_device, error) : GONIO_OK;
+}
+
+// Homing is asked for, so a standing alarm is cleared first, if its cause is gone.
+static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
+    stage *s = device;
+    gonio_status status = watch(s, error);
+    if (status == GONIO_OK) {
+        status = gonio_controller_clear(s->controller, error);
+    }
+    uint32_t id = 0;
+    if (status == GONIO_OK) {
+        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_HOME, ALL_AXES, NULL, &id, error);
+    }
+    gonio_controller_status now;
+    if (status == GONIO_OK) {
+        status = gonio_controller_wait(s->controller, id, timeout_s, watch, s, &now, error);
+    }
+    return status;
+}
+
+static gonio_status check_targets(const stage *s, const int64_t targets[GONIO_AXES], gonio_error *error) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const axis *a = &s->axes[k];
+        if (targets[k] < a->minimum || targets[k] > a->maximum) {
+            double low, high;
+            gonio_stage_modbus_limits(s, k, &low, &high);
+            return gonio_fail(error, GONIO_E_RANGE, "%s cannot go to %.6g deg; its limits are %g and %g deg",
+                              axis_names[k], gonio_degrees(to_rad(a, targets[k])), low, high);
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_status check_arrival(stage *s, const int64_t targets[GONIO_AXES], const gonio_controller_status *now,
+                                  gonio_error *error) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (now->position[k] != targets[k]) {
+            s->lost_steps++;
+            gonio_controller_tell(s->controller, "lost-steps", "%s stands at %lld steps, asked for %lld", axis_names[k],
+                                  (long long)now->position[k], (long long)targets[k]);
+            return gonio_fail(error, GONIO_E_DEVICE, "%s stands at %.6g deg, asked for %.6g deg", axis_names[k],
+                              gonio_degrees(to_rad(&s->axes[k], now->position[k])),
+                              gonio_degrees(to_rad(&s->axes[k], targets[k])));
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_status check_homed(unsigned homed, gonio_error *error) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if ((homed & 1u << k) == 0) {
+            return gonio_fail(error, GONIO_E_DEVICE, "%s is not homed: `gonio rig home` first", axis_names[k]);
+        }
+    }
+    return GONIO_OK;
+}
+
+// Every call gets an id of the controller's own sequence: ids of the host begin anew with each process, and the
+// controller takes one it has just carried out for a repeat. Targets are absolute, so a repeated call is harmless.
+static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
+                               double timeout_s, gonio_error *error) {
+    (void)id;
+    (void)stamp;
+    stage *s = device;
+    int64_t targets[GONIO_AXES];
+    for (int k = 0; k < GONIO_AXES; k++) {
+        targets[k] = to_steps(&s->axes[k], target_rad[k]);
+    }
+    gonio_controller_status now;
+    gonio_status status = check_targets(s, targets, error);
+    if (status == GONIO_OK) {
+        status = watch(s, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_controller_read_status(s->controller, &now, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_controller_alarm(&now, error);
+    }
+    if (status == GONIO_OK) {
+        status = check_homed(now.homed, error);
+    }
+    uint32_t own_id = 0;
+    if (status == GONIO_OK) {
+        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_MOVE, ALL_AXES, targets, &own_id, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_controller_wait(s->controller, own_id, timeout_s, watch, s, &now, error);
+    }
+    return status == GONIO_OK ? check_arrival(s, targets, &now, error) : status;
+}
+
+static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
+    const stage *s = device;
+    gonio_controller_status now;
+    const gonio_status status = gonio_controller_read_status(s->controller, &now, error);
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        position_rad[k] = to_rad(&s->axes[k], now.position[k]);
+    }
+    return status;
+}
+
+static gonio_status stage_stop(void *device, gonio_error *error) {
+    const stage *s = device;
+    return gonio_controller_command(s->controller, CONTROLLER_COMMAND_STOP, 0, NULL, NULL, error);
+}
+
+// Rest to rest over `steps` within speed v, acceleration a and jerk j (0: none): the S-curve of an axis alone.
+static double profile_s(const axis *axis, double steps) {
+    const double v = axis->speed, a = axis->acceleration, j = axis->jerk;
+    if (steps <= 0 || !(v > 0) || !(a > 0)) {
+        return 0;
+    }
+    if (!(j > 0)) {
+        return steps < v * v / a ? 2 * sqrt(steps / a) : steps / v + v / a;
+    }
+    // Peak speed p reached in t(p) = p/a + a/j, or 2 sqrt(p/j) where full acceleration is not reached; the ramps up and
+    // down together cover p t(p).
+    const double full = a * a / j;
+    double p = v;
+    const double t = p > full ? p / a + a / j : 2 * sqrt(p / j);
+    if (p * t <= steps) {
+        return steps / p + t;
+    }
+    p = cbrt(steps * steps * j / 4);
+    return p <= full ? 4 * cbrt(steps / (2 * j)) : a / j + sqrt(a * a / (j * j) + 4 * steps / a);
+}
+
+static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES]) {
+    const stage *s = device;
+    double longest = 0;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const axis *a = &s->axes[k];
+        const double way = (double)(to_steps(a, to_rad_[k]) - to_steps(a, from_rad[k]));
+        const double past = (double)llabs(a->backlash);
+        // Against the side of the final approach the target is passed by the backlash.
+        const bool takes_up = past > 0 && way != 0 && (way > 0) != (a->backlash > 0);
+        const double time = takes_up ? profile_s(a, fabs(way) + past) + profile_s(a, past) : profile_s(a, fabs(way));
+        longest = fmax(longest, time);
+    }
+    return longest;
+}
+
+static void stage_close(void *device) {
+    stage *s = device;
+    gonio_controller_release(s->controller);
+    free(s);
+}
+
+const gonio_stage_ops gonio_stage_modbus = {.api_version = GONIO_RIG_API_VERSION,
+                                            .name = "modbus",
+                                            .home = stage_home,
+                                            .move = stage_move,
+                                            .position = stage_position,
+                                            .stop = stage_stop,
+                                            .duration_s = stage_duration_s,
+                                            .close = stage_close};
+
+gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
+                                     void **device, gonio_error *error) {
+    if (gonio_controller_identify(controller)->axes != GONIO_AXES) {
+        return gonio_fail(error, GONIO_E_DEVICE, "the controller has %d axes; expected %d",
+                          gonio_controller_identify(controller)->axes, (int)GONIO_AXES);
+    }
+    stage *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a stage");
+    }
+    s->config = *config;
+    s->controller = controller;
+    gonio_status status = GONIO_OK;
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        s->axes[k].zero_deg = config->axes[k].zero_deg;
+        s->axes[k].sign = config->axes[k].sign < 0 ? -1 : 1;
+        status = set_up_motion(s, k, error);
+        if (status == GONIO_OK) {
+            status = set_up_limits(s, k, error);
+        }
+        if (status == GONIO_OK) {
+            status = set_up_homing(s, k, error);
+        }
+    }
+    if (status != GONIO_OK) {
+        free(s);
+        return status;
+    }
+    gonio_controller_share(controller);
+    *device = s;
+    return GONIO_OK;
+}
+
+gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_AXES], gonio_error *error) {
+    stage *s = device;
+    gonio_controller_status now;
+    gonio_status status = gonio_controller_read_status(s->controller, &now, error);
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        difference_deg[k] = now.home_difference[k] / s->axes[k].steps_per_deg;
+    }
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        if (fabs(difference_deg[k]) > s->config.audit_deg) {
+            s->lost_steps++;
+            gonio_controller_tell(s->controller, "lost-steps", "%s: homing found the switch %.6g deg off",
+                                  axis_names[k], difference_deg[k]);
+            status = gonio_fail(error, GONIO_E_MISMATCH,
+                                "%s had drifted by %.4g deg since the last homing; allowed "
+                                "are %g deg",
+                                axis_names[k], difference_deg[k], s->config.audit_deg);
+        }
+    }
+    return status;
+}
+
+void gonio_stage_modbus_limits(const void *device, int k, double *min_deg, double *max_deg) {
+    const axis *a = &((const stage *)device)->axes[k];
+    const double one = gonio_degrees(to_rad(a, a->minimum)), other = gonio_degrees(to_rad(a, a->maximum));
+    *min_deg = fmin(one, other);
+    *max_deg = fmax(one, other);
+}
+
+int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage *)device)->lost_steps; }

@@ -1,0 +1,40 @@
+// The four axes behind the controller.
+#ifndef GONIO_DRIVERS_STAGE_MODBUS_H
+#define GONIO_DRIVERS_STAGE_MODBUS_H
+
+#include "gonio/rig.h"
+#include "host/drivers/controller.h"
+
+// One axis. NaN (or -1 for home_order): the controller keeps what it has.
+typedef struct gonio_axis_config {
+    double steps_per_deg, speed_deg_per_s, acceleration_deg_per_s2, jerk_deg_per_s3;
+    double min_deg, max_deg; // soft limits, dial coordinates
+    double backlash_deg;     // overshoot of the final approach
+    double home_deg;         // dial position of the home switch
+    double home_fast_deg_per_s, home_slow_deg_per_s;
+    int home_order, home_up;
+    double zero_deg; // user = sign * (dial - zero); 0
+    int sign;        // +1 or -1; user coordinates are what poses are given in
+} gonio_axis_config;
+
+typedef struct gonio_stage_modbus_config {
+    gonio_axis_config axes[GONIO_AXES];
+    double audit_deg; // a larger difference to the last homing is a lost-step event; 0.01
+    // Asked all the while the axes move: the interlock. May be NULL.
+    const gonio_interlock_ops *interlock;
+    void *interlock_device;
+} gonio_stage_modbus_config;
+
+void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config);
+
+extern const gonio_stage_ops gonio_stage_modbus;
+// Write the axes' parameters that differ and read the rest; nothing moves. Shares the controller.
+gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
+                                     void **device, gonio_error *error);
+// What the last homing found: degrees by which each axis had drifted. GONIO_E_MISMATCH where one exceeds audit_deg.
+gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_AXES], gonio_error *error);
+// The limits of an axis in user coordinates, as the controller holds them.
+void gonio_stage_modbus_limits(const void *device, int axis, double *min_deg, double *max_deg);
+int64_t gonio_stage_modbus_lost_steps(const void *device); // events since it was opened
+
+#endif
