@@ -109,9 +109,9 @@ static gonio_status set_up_homing(stage *s, int k, gonio_error *error) {
         status = PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused);
     }
     if (status == GONIO_OK) {
-        status = PARAMETER(home_order, c->home_order < 0 ? NAN : c->home_order, &unused);
+        status = PARAMETER(home_order, c->home_order < 0 ? (double)NAN : c->home_order, &unused);
     }
-    return status == GONIO_OK ? PARAMETER(home_up, c->home_up < 0 ? NAN : c->home_up, &unused) : status;
+    return status == GONIO_OK ? PARAMETER(home_up, c->home_up < 0 ? (double)NAN : c->home_up, &unused) : status;
 }
 
 // ---- operations ----

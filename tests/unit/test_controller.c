@@ -1,0 +1,512 @@
+// Stage, lamp and monitor against the firmware's simulated machine over pty and TCP, on good and on bad lines.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "host/drivers/controller.h"
+#include "host/drivers/controller_map.h"
+#include "host/drivers/lamp_modbus.h"
+#include "host/drivers/stage_modbus.h"
+#include "host/transport/clock.h"
+#include "tests/unit/controller_bench.h"
+
+static const gonio_stamp stamp = {0};
+static bench b;
+static char events[4096];
+
+static void note(void *context, const char *kind, const char *text) {
+    (void)context;
+    const size_t n = strlen(events);
+    snprintf(events + n, sizeof events - n, "%s: %s\n", kind, text);
+}
+
+static gonio_controller_config config(void) {
+    gonio_controller_config c;
+    gonio_controller_defaults(&c);
+    snprintf(c.modbus.port, sizeof c.modbus.port, "%s", b.port);
+    c.modbus.timeout_ms = 60;
+    c.replug_s = 3;
+    c.event = note;
+    events[0] = 0;
+    return c;
+}
+
+static gonio_controller *open_controller(const gonio_controller_config *c) {
+    gonio_controller *controller = NULL;
+    gonio_error error = {0};
+    if (gonio_controller_open(c, &controller, &error) != GONIO_OK) {
+        fail_msg("%s", error.message);
+    }
+    return controller;
+}
+
+// Quick axes with limits of a real rig.
+static gonio_stage_modbus_config stage_config(void) {
+    gonio_stage_modbus_config s;
+    gonio_stage_modbus_defaults(&s);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        s.axes[k].steps_per_deg = 100;
+        s.axes[k].speed_deg_per_s = 400;
+        s.axes[k].acceleration_deg_per_s2 = 4000;
+        s.axes[k].jerk_deg_per_s3 = 80000;
+        s.axes[k].min_deg = k % 2 == 0 ? -95 : -350;
+        s.axes[k].max_deg = k % 2 == 0 ? 95 : 350;
+        s.axes[k].home_deg = -370; // where the machine's switches are
+        s.axes[k].home_fast_deg_per_s = 200;
+        s.axes[k].home_slow_deg_per_s = 10;
+    }
+    return s;
+}
+
+static void *open_stage(gonio_controller *controller, const gonio_stage_modbus_config *c) {
+    void *stage = NULL;
+    gonio_error error = {0};
+    if (gonio_stage_modbus_open(c, controller, &stage, &error) != GONIO_OK) {
+        fail_msg("%s", error.message);
+    }
+    return stage;
+}
+
+static void must(gonio_status status, const gonio_error *error) {
+    if (status != GONIO_OK) {
+        fail_msg("%s: %s", gonio_status_name(status), error->message);
+    }
+}
+
+static void pose(double deg0, double deg1, double deg2, double deg3, double rad[GONIO_AXES]) {
+    rad[0] = gonio_radians(deg0);
+    rad[1] = gonio_radians(deg1);
+    rad[2] = gonio_radians(deg2);
+    rad[3] = gonio_radians(deg3);
+}
+
+static void check_handshake_and_motion(bool tcp) {
+    bench_start(&b, tcp, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    assert_int_equal(gonio_controller_identify(controller)->axes, 4);
+    const gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    assert_int_equal(b.shared->motions, 0); // nothing moved so far
+    gonio_error error = {0};
+    double target[GONIO_AXES], at[GONIO_AXES];
+    pose(30, 120, -45.125, 0, target);
+    assert_int_equal(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "not homed"));
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    must(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), &error);
+    must(gonio_stage_modbus.position(stage, at, &error), &error);
+    assert_true(fabs(gonio_degrees(at[0]) - 30) < 1e-9 && fabs(gonio_degrees(at[1]) - 120) < 1e-9);
+    assert_true(fabs(gonio_degrees(at[2]) + 45.13) < 0.0051); // to the next step
+    pose(0, 400, 0, 0, target);
+    assert_int_equal(gonio_stage_modbus.move(stage, target, 2, &stamp, 10, &error), GONIO_E_RANGE);
+    assert_non_null(strstr(error.message, "light_phi"));
+    double low, high;
+    gonio_stage_modbus_limits(stage, 0, &low, &high);
+    assert_true(fabs(low + 95) < 1e-9 && fabs(high - 95) < 1e-9);
+    double drift[GONIO_AXES];
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    must(gonio_stage_modbus_audit(stage, drift, &error), &error);
+    assert_int_equal(gonio_stage_modbus_lost_steps(stage), 0);
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static void test_rtu(void **state) {
+    (void)state;
+    check_handshake_and_motion(false);
+}
+
+static void test_tcp(void **state) {
+    (void)state;
+    check_handshake_and_motion(true);
+}
+
+static void test_zero_and_sign(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    gonio_stage_modbus_config sc = stage_config();
+    sc.axes[0].zero_deg = 2;
+    sc.axes[0].sign = -1;
+    void *stage = open_stage(controller, &sc);
+    gonio_error error = {0};
+    double target[GONIO_AXES], at[GONIO_AXES], low, high;
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    pose(30, 0, 0, 0, target);
+    must(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), &error);
+    assert_int_equal(b.shared->machine.core.registers.position[0], -2800); // dial = 2 - 30
+    must(gonio_stage_modbus.position(stage, at, &error), &error);
+    assert_true(fabs(gonio_degrees(at[0]) - 30) < 1e-9);
+    gonio_stage_modbus_limits(stage, 0, &low, &high);
+    assert_true(fabs(low + 93) < 1e-9 && fabs(high - 97) < 1e-9);
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+// The nominal duration against the firmware's own: the simulated machine in its own time.
+static void test_duration(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    static const double ways_deg[] = {0.02, 0.3, 1, 3, 10, 60, 180};
+    for (size_t i = 0; i < sizeof ways_deg / sizeof *ways_deg; i++) {
+        static struct machine m;
+        machine_new(&m);
+        machine_start(&m, FW_CAUSE_POWER);
+        memcpy(&m.core.registers, &b.shared->machine.core.registers, sizeof m.core.registers);
+        m.core.known = 15;
+        m.core.registers.settle[0] = 0;
+        m.core.registers.energise[0] = 0;
+        double from[GONIO_AXES] = {0}, to[GONIO_AXES];
+        pose(0, ways_deg[i], 0, 0, to);
+        const int64_t target[FW_AXES] = {0, llround(ways_deg[i] * 100), 0, 0};
+        const uint64_t start = m.now_us;
+        assert_int_equal(machine_move(&m, 15, target), FW_REFUSAL_NONE);
+        assert_true(machine_settle(&m, 60000000));
+        const double real = (double)(m.now_us - start) * 1e-6;
+        const double nominal = gonio_stage_modbus.duration_s(stage, from, to);
+        if (!(fabs(nominal - real) < 0.05 * real + 0.01)) {
+            fail_msg("%g deg: nominal %g s, the controller takes %g s", ways_deg[i], nominal, real);
+        }
+    }
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static void test_lamp_and_monitor(void **state) {
+    (void)state;
+    bench_start(&b, false, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    void *lamp = NULL, *meter = NULL;
+    gonio_error error = {0};
+    must(gonio_lamp_modbus_open(controller, 0, &lamp, &error), &error);
+    must(gonio_meter_modbus_open(controller, 2, 0.01, &meter, &error), &error);
+    double waited = -1, dark = -1, bright = -1, sigma = -1;
+    assert_int_equal(gonio_lamp_modbus.wait_ready(lamp, &stamp, 1, &waited, &error), GONIO_E_DEVICE);
+    must(gonio_meter_modbus.read(meter, &stamp, 0, &dark, &sigma, &error), &error);
+    must(gonio_lamp_modbus.set_level(lamp, 0.8, &error), &error);
+    must(gonio_lamp_modbus.set_shutter(lamp, true, &error), &error);
+    assert_int_equal(gonio_lamp_modbus.set_level(lamp, 1.5, &error), GONIO_E_RANGE);
+    must(gonio_lamp_modbus.wait_ready(lamp, &stamp, 10, &waited, &error), &error);
+    must(gonio_meter_modbus.read(meter, &stamp, 0.05, &bright, &sigma, &error), &error);
+    assert_true(b.shared->machine.shutter);
+    assert_int_equal(b.shared->machine.lamp, 8000);
+    assert_true(bright > dark + 0.05);
+    assert_true(sigma >= 0.01 * bright - 1e-12);
+    // The lamp stays as it is when the program goes, and for longer than the dead-man would wait.
+    gonio_lamp_modbus.close(lamp);
+    gonio_meter_modbus.close(meter);
+    gonio_controller_release(controller);
+    usleep(500000); // 10 s of the controller's time
+    assert_int_equal(b.shared->machine.lamp, 8000);
+    assert_true(b.shared->machine.shutter);
+    bench_stop(&b);
+}
+
+// A killed host: the controller stops by itself. Here the host is a process that moves and is killed in mid-move.
+static void test_killed_host(void **state) {
+    (void)state;
+    bench_start(&b, true, 1, 1);
+    gonio_controller_config c = config();
+    c.deadman_s = 0.5;
+    const pid_t host = bench_fork();
+    if (host == 0) {
+        gonio_controller *controller = open_controller(&c);
+        gonio_stage_modbus_config sc = stage_config();
+        sc.axes[1].speed_deg_per_s = 20;
+        void *stage = open_stage(controller, &sc);
+        double target[GONIO_AXES];
+        b.shared->machine.core.known = 15; // homing would take longer than the test
+        pose(0, 340, 0, 0, target);
+        gonio_stage_modbus.move(stage, target, 1, &stamp, 60, NULL);
+        _exit(0);
+    }
+    for (int i = 0; i < 2000 && b.shared->machine.core.state != FW_STATE_MOVING; i++) {
+        usleep(2000);
+    }
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_MOVING);
+    kill(host, SIGKILL);
+    waitpid(host, NULL, 0);
+    for (int i = 0; i < 2000 && b.shared->machine.core.state != FW_STATE_ALARM; i++) {
+        usleep(2000);
+    }
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_ALARM);
+    assert_int_equal(b.shared->machine.core.registers.alarm[0], FW_ALARM_DEADMAN);
+    // The next host clears it, and nothing goes on by itself.
+    gonio_controller *controller = open_controller(&c);
+    gonio_controller_status now;
+    gonio_error error = {0};
+    must(gonio_controller_read_status(controller, &now, &error), &error);
+    assert_int_equal(now.state, CONTROLLER_STATE_IDLE);
+    const int64_t position = now.position[1];
+    usleep(200000);
+    must(gonio_controller_read_status(controller, &now, &error), &error);
+    assert_int_equal(now.position[1], position);
+    assert_non_null(strstr(events, "DEADMAN"));
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+// The host is busy elsewhere for longer than the dead-man waits: it is fed. Hung for longer than feed_s: it is not.
+static void test_feeding(void **state) {
+    (void)state;
+    bench_start(&b, true, 1, 1);
+    gonio_controller_config c = config();
+    c.deadman_s = 0.3;
+    c.feed_s = 1;
+    gonio_controller *controller = open_controller(&c);
+    usleep(900000);
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_IDLE);
+    usleep(1500000);
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_ALARM);
+    gonio_controller_counts counts;
+    gonio_controller_count(controller, &counts);
+    assert_true(counts.feeds >= 4);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static bool stop_now;
+static bool cancelled(void) { return stop_now; }
+
+static gonio_status pressed(void *device, gonio_error *error) {
+    return *(bool *)device ? gonio_fail(error, GONIO_E_DEVICE, "interlock: door is active") : GONIO_OK;
+}
+
+static void test_stops_in_mid_move(void **state) {
+    (void)state;
+    bench_start(&b, true, 1, 1);
+    gonio_controller_config c = config();
+    c.cancelled = cancelled;
+    gonio_controller *controller = open_controller(&c);
+    gonio_stage_modbus_config sc = stage_config();
+    const gonio_interlock_ops interlock = {.check = pressed};
+    bool door = false;
+    sc.interlock = &interlock;
+    sc.interlock_device = &door;
+    sc.axes[1].speed_deg_per_s = 20;
+    void *stage = open_stage(controller, &sc);
+    b.shared->machine.core.known = 15;
+    gonio_error error = {0};
+    double target[GONIO_AXES], at[GONIO_AXES];
+    pose(0, 340, 0, 0, target);
+    stop_now = true;
+    assert_int_equal(gonio_stage_modbus.move(stage, target, 1, &stamp, 60, &error), GONIO_E_INTERRUPTED);
+    stop_now = false;
+    must(gonio_stage_modbus.position(stage, at, &error), &error);
+    assert_true(gonio_degrees(at[1]) < 20);
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_IDLE); // stopped, position known
+    assert_int_equal(b.shared->machine.core.known, 15);
+    assert_int_equal(gonio_stage_modbus.move(stage, target, 2, &stamp, 0.2, &error), GONIO_E_TIMEOUT);
+    assert_int_equal(b.shared->machine.core.state, FW_STATE_IDLE);
+    door = true;
+    const int64_t motions = b.shared->motions;
+    assert_int_equal(gonio_stage_modbus.move(stage, target, 3, &stamp, 60, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "door"));
+    assert_int_equal(b.shared->motions, motions); // not even begun
+    // The controller's own emergency stop, pressed in mid-move.
+    door = false;
+    const pid_t presser = bench_fork();
+    if (presser == 0) {
+        while (b.shared->machine.core.state != FW_STATE_MOVING) {
+            usleep(1000);
+        }
+        usleep(200000);
+        b.shared->machine.forced_on |= 1 << FW_CONTACT_estop;
+        _exit(0);
+    }
+    const gonio_status status = gonio_stage_modbus.move(stage, target, 4, &stamp, 60, &error);
+    waitpid(presser, NULL, 0);
+    assert_int_equal(status, GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "alarm 1 EMERGENCY"));
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static void test_restart_is_noticed(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    gonio_controller_status now;
+    gonio_error error = {0};
+    must(gonio_controller_read_status(controller, &now, &error), &error);
+    usleep(50000);
+    must(gonio_controller_read_status(controller, &now, &error), &error);
+    b.shared->restart = 1;
+    usleep(20000);
+    assert_int_equal(gonio_controller_read_status(controller, &now, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "restarted"));
+    must(gonio_controller_read_status(controller, &now, &error), &error); // told once
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static void test_wrong_partners(void **state) {
+    (void)state;
+    bench_start(&b, true, 1, 1);
+    gonio_controller_config c = config();
+    gonio_controller *controller = NULL;
+    gonio_error error = {0};
+    b.shared->machine.core.registers.protocol[0] = 9;
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "protocol 9"));
+    b.shared->machine.core.registers.magic[0] = 0x1234;
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "0x1234"));
+    b.shared->frozen = 1;
+    c.modbus.timeout_ms = 20;
+    const int64_t start = gonio_clock_ms();
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_TIMEOUT);
+    assert_true(gonio_clock_ms() - start < 20000); // bounded; no figure of speed
+    bench_stop(&b);
+    strcpy(c.modbus.port, "/dev/no-such-port");
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    strcpy(c.modbus.port, "tcp:127.0.0.1:1");
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    c.modbus.port[0] = 0;
+    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_INPUT);
+    assert_null(controller);
+}
+
+// A whole run of moves over a line that mangles 8 % of all frames: every move ends where it was sent, each moved once,
+// and the controller's count agrees with the driver's.
+static void check_bad_line(bool tcp, uint32_t kinds, uint32_t seed) {
+    bench_start(&b, tcp, 30, seed);
+    gonio_controller_config c = config();
+    c.deadman_s = 120; // of the controller's time, which runs 30 times as fast
+    gonio_controller *controller = open_controller(&c);
+    const gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    gonio_error error = {0};
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    double middle[GONIO_AXES] = {0};
+    must(gonio_stage_modbus.move(stage, middle, 0, &stamp, 20, &error), &error); // the switch is outside the limits
+    b.shared->moves_past_limit = 0;
+    b.shared->kinds = kinds;
+    b.shared->permille = 80;
+    const int64_t motions = b.shared->motions;
+    uint32_t random = seed;
+    enum { MOVES = 15 };
+    for (int i = 0; i < MOVES; i++) {
+        double target[GONIO_AXES], at[GONIO_AXES];
+        for (int k = 0; k < GONIO_AXES; k++) {
+            random = random * 1664525u + 1013904223u;
+            target[k] = gonio_radians((double)((random >> 16) % 18000) / 100 - 90);
+        }
+        must(gonio_stage_modbus.move(stage, target, (uint32_t)i, &stamp, 20, &error), &error);
+        for (int k = 0; k < GONIO_AXES; k++) {
+            assert_int_equal(b.shared->machine.core.registers.position[k], llround(gonio_degrees(target[k]) * 100));
+            assert_int_equal(b.shared->machine.axis[k].steps, b.shared->machine.core.registers.position[k]);
+        }
+        must(gonio_stage_modbus.position(stage, at, &error), &error);
+    }
+    b.shared->permille = 0;
+    assert_int_equal(b.shared->motions - motions, MOVES);
+    assert_int_equal(b.shared->moves_past_limit, 0);
+    gonio_controller_counts counts;
+    gonio_controller_count(controller, &counts);
+    assert_true(counts.retries > 0);
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+static void test_bad_serial_line(void **state) {
+    (void)state;
+    check_bad_line(false, (1u << BENCH_CLOSE) - 2, 3);
+}
+
+static void test_bad_tcp_line(void **state) {
+    (void)state;
+    // TCP carries no checksum of its own in Modbus: bits do not flip there.
+    check_bad_line(true, (1u << BENCH_DELAY) | (1u << BENCH_DROP) | (1u << BENCH_SPLIT) | (1u << BENCH_CLOSE), 5);
+}
+
+static void test_replugged_adapter(void **state) {
+    (void)state;
+    check_bad_line(false, 1u << BENCH_CLOSE, 11);
+}
+
+static void test_record_and_replay(void **state) {
+    (void)state;
+    bench_start(&b, false, 30, 3);
+    char path[] = "/tmp/gonio-tape-XXXXXX";
+    close(mkstemp(path));
+    unlink(path);
+    double at[2][GONIO_AXES];
+    gonio_status ends[2];
+    char told[2][512];
+    for (int replay = 0; replay < 2; replay++) {
+        gonio_tape *tape = NULL;
+        assert_int_equal((replay ? gonio_tape_open : gonio_tape_create)(path, &tape, NULL), GONIO_OK);
+        gonio_controller_config c = config();
+        c.tape = tape;
+        c.mode = replay ? GONIO_TAPE_REPLAY : GONIO_TAPE_RECORD;
+        gonio_controller *controller = open_controller(&c);
+        const gonio_stage_modbus_config sc = stage_config();
+        void *stage = open_stage(controller, &sc);
+        gonio_error error = {0};
+        must(gonio_stage_modbus.home(stage, 30, &error), &error);
+        b.shared->kinds = 1u << BENCH_FLIP | 1u << BENCH_CUT;
+        b.shared->permille = 100;
+        double target[GONIO_AXES];
+        pose(10, 20, 30, 40, target);
+        must(gonio_stage_modbus.move(stage, target, 1, &stamp, 20, &error), &error);
+        must(gonio_stage_modbus.position(stage, at[replay], &error), &error);
+        b.shared->permille = 0;
+        if (!replay) {
+            b.shared->machine.forced_on |= 1 << FW_CONTACT_estop;
+            usleep(100000);
+        }
+        ends[replay] = gonio_stage_modbus.move(stage, target, 2, &stamp, 20, &error);
+        strcpy(told[replay], error.message);
+        gonio_stage_modbus.close(stage);
+        gonio_controller_release(controller);
+        gonio_tape_close(tape);
+        if (!replay) {
+            bench_stop(&b); // the replay has nothing to talk to
+            b.shared = calloc(1, sizeof *b.shared);
+        }
+    }
+    free(b.shared);
+    unlink(path);
+    assert_memory_equal(at[0], at[1], sizeof at[0]);
+    assert_int_equal(ends[0], GONIO_E_DEVICE);
+    assert_int_equal(ends[0], ends[1]);
+    assert_string_equal(told[0], told[1]);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rtu),
+        cmocka_unit_test(test_tcp),
+        cmocka_unit_test(test_zero_and_sign),
+        cmocka_unit_test(test_duration),
+        cmocka_unit_test(test_lamp_and_monitor),
+        cmocka_unit_test(test_killed_host),
+        cmocka_unit_test(test_feeding),
+        cmocka_unit_test(test_stops_in_mid_move),
+        cmocka_unit_test(test_restart_is_noticed),
+        cmocka_unit_test(test_wrong_partners),
+        cmocka_unit_test(test_bad_serial_line),
+        cmocka_unit_test(test_bad_tcp_line),
+        cmocka_unit_test(test_replugged_adapter),
+        cmocka_unit_test(test_record_and_replay),
+    };
+    return cmocka_run_group_tests_name("controller", tests, NULL, NULL);
+}
