@@ -11,6 +11,7 @@
 
 #define WELL_RESERVE 1.1
 #define GAIN_MAX_DB 24
+#define MEAN_MAX_E 1e12   // a delta-like BRDF stays finite; far beyond every well
 #define BLACK_FRACTION 64 // the black level is full scale / 64
 
 gonio_pattern sim_camera_pattern(const gonio_sim *sim) {
@@ -83,6 +84,7 @@ static uint16_t expose_pixel(const exposure *e, int column, int row) {
         const int channel = e->colour[(row & 1) * 2 + (column & 1)];
         mean += (double)pixel->gain * e->white_e * sim_scene_radiance(e->scene, pixel->x, pixel->y, channel);
     }
+    mean = fmin(mean, MEAN_MAX_E);
     const sim_draw draw = sim_random(e->sim->seed, SIM_SHOT, e->stamp.pose, e->stamp.frame, index);
     double normals[2], electrons;
     if (mean < SIM_POISSON_EXACT) {

@@ -47,7 +47,8 @@ extern const gonio_interlock_ops sim_interlock_ops;
 
 // Does the fault strike now? Counts the hit.
 bool sim_fault_strikes(gonio_sim *sim, sim_fault_kind kind, const gonio_stamp *stamp);
-// The lamp's output relative to its nominal one; 0 where a fault has put it out.
+// The lamp's output relative to its nominal one at a time; and with the fault that puts it out.
+double sim_lamp_curve(const gonio_sim *sim, double clock_s);
 double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s);
 gonio_pattern sim_camera_pattern(const gonio_sim *sim);
 void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info);

@@ -10,18 +10,18 @@
 // The monitor's own floor, relative to the nominal output; a dark lamp reads about this.
 #define METER_FLOOR 1e-6
 
-double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s) {
-    if (sim_fault_strikes(sim, SIM_FAULT_LAMP_OFF, stamp)) {
-        return 0;
-    }
-    const double t = stamp->clock_s + after_s;
-    const double warm = 1 - sim->settings.lamp.warm_up_percent / 100 * exp(-t / sim->settings.lamp.warm_up_s);
+double sim_lamp_curve(const gonio_sim *sim, double clock_s) {
+    const double warm = 1 - sim->settings.lamp.warm_up_percent / 100 * exp(-clock_s / sim->settings.lamp.warm_up_s);
     double wander = 0;
     for (int k = 0; k < SIM_WANDER_TERMS; k++) {
-        wander += sin(sim->truth.wander_rad_per_s[k] * t + sim->truth.wander_rad[k]);
+        wander += sin(sim->truth.wander_rad_per_s[k] * clock_s + sim->truth.wander_rad[k]);
     }
-    const double drift = 1 + sim->truth.drift_per_s * t + sim->truth.wander_amplitude * wander;
+    const double drift = 1 + sim->truth.drift_per_s * clock_s + sim->truth.wander_amplitude * wander;
     return sim->lamp_level * warm * fmax(0, drift);
+}
+
+double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s) {
+    return sim_fault_strikes(sim, SIM_FAULT_LAMP_OFF, stamp) ? 0 : sim_lamp_curve(sim, stamp->clock_s + after_s);
 }
 
 static gonio_status lamp_set_level(void *device, double level, gonio_error *error) {

@@ -96,7 +96,8 @@ static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 nor
             sum += pi_f * wi.z * scene->light_distance_mm * scene->light_distance_mm / distance2;
         }
     }
-    return sum / scene->lights;
+    // A fitted model may undershoot; light cannot. fmax takes NaN to 0 too.
+    return fmax(0, sum / scene->lights);
 }
 
 double sim_scene_radiance(const sim_scene *scene, double x, double y, int channel) {

@@ -54,6 +54,12 @@ char *gonio_sim_settings(const gonio_sim *sim) { return sim_settings_text(&sim->
 
 const gonio_model *gonio_sim_truth(const gonio_sim *sim) { return sim->seen != NULL ? sim->seen : sim->sample; }
 
+void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts *facts) {
+    memcpy(facts->angles_rad, sim->actual_rad, sizeof facts->angles_rad);
+    memcpy(facts->reference_reflectance, sim->truth.reflectance, sizeof facts->reference_reflectance);
+    facts->lamp_output = sim_lamp_curve(sim, clock_s);
+}
+
 // Periods of the lamp's wander: slower than a pose, faster than a session.
 #define WANDER_PERIOD_MIN_S 600.0
 #define WANDER_PERIOD_MAX_S 3600.0

@@ -26,6 +26,14 @@ char *gonio_sim_settings(const gonio_sim *sim);
 gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_error *error);
 // The truth: the sample's exact BRDF, borrowed from sim.
 const gonio_model *gonio_sim_truth(const gonio_sim *sim);
+// ... and what the rig draws from its stated uncertainties, for tests: where the arms really stand after the last move,
+// the white reference's reflectance, the lamp's output relative to its nominal one. Valid once opened.
+typedef struct gonio_sim_facts {
+    double angles_rad[GONIO_AXES];
+    double reference_reflectance[3];
+    double lamp_output;
+} gonio_sim_facts;
+void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts *facts);
 
 // ---- preview rendering, on the same ray caster ----
 // The camera looks along -z at an object of radius 1 with +y up; the light is directional, light_theta from the view

@@ -148,7 +148,7 @@ static void damaged_files_do_no_harm(void **state) {
     static const char pool[] = "0123456789-. \n/eafv";
     const struct { const char *suffix, *text; } files[] = {{".obj", cube}, {".ply", ply}};
     uint64_t random = 1;
-    for (int k = 0; k < 400; k++) {
+    for (int k = 0; k < 200; k++) {
         char text[1000];
         size_t size = strlen(files[k % 2].text);
         memcpy(text, files[k % 2].text, size + 1);

@@ -204,6 +204,76 @@ static void response_files(void **state) {
     assert_int_equal(sim_response_new("gamma:0", &response, &error), GONIO_E_INPUT);
 }
 
+// The facts name the curve's file, unless the rig is told to keep it to itself.
+static void facts_name_the_curve(void **state) {
+    (void)state;
+    char path[] = "/tmp/gonio-curve-XXXXXX", setting[64];
+    const int fd = mkstemp(path);
+    assert_int_equal(write(fd, "0,0\n0.25,0.5\n1,1\n", 18), 18);
+    close(fd);
+    snprintf(setting, sizeof setting, "camera.response=%s", path);
+    for (int known = 0; known < 2; known++) {
+        const char *const extra[] = {setting, known ? "camera.response_known=1" : "camera.response_known=0", NULL};
+        sim_rig r;
+        sim_rig_open(&r, "lambert:rho=0.5", 1, 1, small, extra);
+        assert_string_equal(r.rig.facts.response_path, known ? path : "");
+        sim_rig_close(&r);
+    }
+    unlink(path);
+}
+
+// What the sim says to have drawn is what the devices show.
+static void true_facts(void **state) {
+    (void)state;
+    sim_rig r;
+    sim_rig_open(&r, "lambert:rho=0.5", 31, 1, small, NULL);
+    const gonio_stamp stamp = sim_rig_move(&r, 4, 10, 20, 30, 40);
+    gonio_sim_facts facts;
+    gonio_sim_true_facts(r.sim, stamp.clock_s, &facts);
+    double value, sigma;
+    assert_int_equal(r.rig.meter->read(r.sim, &stamp, 0, &value, &sigma, NULL), GONIO_OK);
+    assert_near(value, facts.lamp_output, 6 * sigma);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const double off = gonio_degrees(facts.angles_rad[k]) - 10 * (k + 1);
+        assert_true(off != 0 && fabs(off) < 6 * 0.01);
+    }
+    assert_near(facts.reference_reflectance[1], 0.99, 6 * 0.002);
+    assert_true(facts.reference_reflectance[1] != 0.99);
+    sim_rig_close(&r);
+}
+
+// A model from outside may be anything: a sample whose values are negative, infinite or no numbers gives frames all the
+// same.
+static void odd_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    (void)wi;
+    (void)wo;
+    values[0] = *(const double *)(model + 1);
+}
+
+static void odd_models_give_frames(void **state) {
+    (void)state;
+    static const gonio_model_ops ops = {.api_version = GONIO_MODEL_API_VERSION, .kind = "odd", .eval = odd_eval};
+    const double values[] = {-1, NAN, INFINITY, 1e300, -INFINITY};
+    for (int k = 0; k < 5; k++) {
+        struct {
+            gonio_model head;
+            double value;
+        } odd = {{.ops = &ops, .channels = 1, .isotropic = true}, values[k]};
+        sim_rig r;
+        sim_rig_open(&r, "lambert:rho=0.5", 31, 1, small, NULL);
+        gonio_model *seen = r.sim->seen;
+        r.sim->seen = &odd.head;
+        uint16_t *pixels = sim_rig_capture(&r, sim_rig_full(&r), 0.01, sim_rig_move(&r, 4, 10, 20, 30, 40));
+        for (int i = 0; i < 64; i++) {
+            const bool bright = values[k] > 1;
+            assert_in_range(pixels[i], bright ? 4095 : 44, bright ? 4095 : 84); // black level and read noise
+        }
+        free(pixels);
+        r.sim->seen = seen;
+        sim_rig_close(&r);
+    }
+}
+
 static void impossible_samples_are_refused(void **state) {
     (void)state;
     gonio_sim *sim;
@@ -221,10 +291,16 @@ static void impossible_samples_are_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(shape_keys_are_taken_off),       cmocka_unit_test(settings_round_trip),
-        cmocka_unit_test(bad_settings_are_refused),       cmocka_unit_test(truth_has_the_cameras_channels),
-        cmocka_unit_test(reference_scale_is_as_stated),   cmocka_unit_test(response_files),
+        cmocka_unit_test(shape_keys_are_taken_off),
+        cmocka_unit_test(settings_round_trip),
+        cmocka_unit_test(bad_settings_are_refused),
+        cmocka_unit_test(truth_has_the_cameras_channels),
+        cmocka_unit_test(reference_scale_is_as_stated),
+        cmocka_unit_test(response_files),
         cmocka_unit_test(impossible_samples_are_refused),
+        cmocka_unit_test(facts_name_the_curve),
+        cmocka_unit_test(true_facts),
+        cmocka_unit_test(odd_models_give_frames),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
