@@ -1,8 +1,18 @@
 // OpenCV behind plain C functions. Exceptions never leave this file: each entry catches them and returns a status.
 #include "calib/opencv.h"
 
+#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
 
 namespace {
 
@@ -36,6 +46,201 @@ extern "C" gonio_status opencv_undistort(const gonio_camera_info *camera, int n,
         if (out.ptr<double>() != points) {
             throw std::runtime_error("the result moved");
         }
+        return GONIO_OK;
+    });
+}
+
+extern "C" gonio_status opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels,
+                                          int *bits, uint16_t **pixels, gonio_error *error) {
+    return guarded(error, path, [&] {
+        std::FILE *file = std::fopen(path, "rb");
+        if (file == nullptr) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", std::strerror(errno));
+        }
+        std::fclose(file);
+        // A library does not print: OpenCV would warn on stderr about files it cannot decode.
+        cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+        cv::Mat image = cv::imread(path, cv::IMREAD_ANYDEPTH | (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR));
+        if (image.empty()) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not an image that can be read");
+        }
+        if ((image.depth() != CV_8U && image.depth() != CV_16U) || (image.channels() != 1 && image.channels() != 3)) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
+                                   "samples of another kind than 8 or 16 bits, or %d channels", image.channels());
+        }
+        if (image.channels() == 3) {
+            cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+        }
+        const size_t n = image.total() * static_cast<size_t>(image.channels());
+        *pixels = static_cast<uint16_t *>(std::malloc(n * sizeof **pixels));
+        if (*pixels == nullptr) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for an image of %zu samples", n);
+        }
+        *width = image.cols;
+        *height = image.rows;
+        *channels = image.channels();
+        *bits = image.depth() == CV_8U ? 8 : 16;
+        cv::Mat out(image.rows, image.cols, CV_16UC(image.channels()), *pixels);
+        image.convertTo(out, CV_16U);
+        return GONIO_OK;
+    });
+}
+
+extern "C" gonio_status opencv_write_map(const char *path, int width, int height, const float *values,
+                                         gonio_error *error) {
+    return guarded(error, path, [&] {
+        const cv::Mat map(height, width, CV_32FC1, const_cast<float *>(values));
+        return cv::imwrite(path, map) ? GONIO_OK : gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it");
+    });
+}
+
+namespace {
+
+cv::Mat eight_bit(const gonio_image &image) {
+    const cv::Mat in(image.height, image.width, CV_16UC(image.channels), image.pixels);
+    cv::Mat out;
+    if (image.bits == 8) {
+        in.convertTo(out, CV_8U);
+    } else { // detection needs contrast, not radiometry
+        cv::normalize(in, out, 0, 255, cv::NORM_MINMAX, CV_8U);
+    }
+    if (image.channels == 3) {
+        cv::cvtColor(out, out, cv::COLOR_RGB2GRAY);
+    }
+    return out;
+}
+
+bool find_chessboard(const cv::Mat &image, const gonio_board &board, int half_window, gonio_corners &corners) {
+    const cv::Size size(board.columns, board.rows);
+    std::vector<cv::Point2f> found;
+    if (!cv::findChessboardCorners(image, size, found, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE)) {
+        return false;
+    }
+    const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4);
+    cv::cornerSubPix(image, found, cv::Size(half_window, half_window), cv::Size(-1, -1), until);
+    corners.n = 0;
+    for (const cv::Point2f &c : found) {
+        const int i = corners.n++;
+        corners.pixel[i][0] = c.x;
+        corners.pixel[i][1] = c.y;
+        corners.board[i][0] = board.square_mm * (i % board.columns);
+        corners.board[i][1] = board.square_mm * (i / board.columns);
+    }
+    return true;
+}
+
+int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window, gonio_corners &corners) {
+    const auto dictionary =
+        cv::aruco::getPredefinedDictionary(static_cast<cv::aruco::PREDEFINED_DICTIONARY_NAME>(board.dictionary));
+    const auto pattern = cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
+                                                         static_cast<float>(board.marker_mm), dictionary);
+    std::vector<std::vector<cv::Point2f>> markers;
+    std::vector<int> ids;
+    cv::aruco::detectMarkers(image, dictionary, markers, ids);
+    corners.n = 0;
+    if (ids.empty()) {
+        return 0;
+    }
+    std::vector<cv::Point2f> found;
+    std::vector<int> found_ids;
+    cv::aruco::interpolateCornersCharuco(markers, ids, image, pattern, found, found_ids);
+    if (!found.empty()) {
+        const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 100, 1e-4);
+        cv::cornerSubPix(image, found, cv::Size(half_window, half_window), cv::Size(-1, -1), until);
+    }
+    for (size_t k = 0; k < found.size(); k++) {
+        const cv::Point3f &at = pattern->chessboardCorners[static_cast<size_t>(found_ids[k])];
+        const int i = corners.n++;
+        corners.pixel[i][0] = found[k].x;
+        corners.pixel[i][1] = found[k].y;
+        corners.board[i][0] = at.x;
+        corners.board[i][1] = at.y;
+    }
+    return static_cast<int>(ids.size());
+}
+
+} // namespace
+
+extern "C" gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
+                                          gonio_corners *corners, gonio_error *error) {
+    return guarded(error, "board detection", [&] {
+        const cv::Mat grey = eight_bit(*image);
+        if (board->kind == GONIO_CHESSBOARD) {
+            return find_chessboard(grey, *board, half_window, *corners)
+                       ? GONIO_OK
+                       : gonio_fail(error, GONIO_E_INPUT, "no chessboard of %d x %d inner corners found",
+                                    board->columns, board->rows);
+        }
+        const int markers = find_charuco(grey, *board, half_window, *corners);
+        if (corners->n >= 6) {
+            return GONIO_OK;
+        }
+        cv::Mat flipped;
+        gonio_corners mirrored;
+        cv::flip(grey, flipped, 1);
+        const bool other = find_charuco(flipped, *board, half_window, mirrored) > markers;
+        const int n = corners->n;
+        corners->n = 0;
+        return other ? gonio_fail(error, GONIO_E_INPUT, "the board is mirrored")
+                     : gonio_fail(error, GONIO_E_INPUT, "no ChArUco board found: %d markers, %d corners of %d", markers,
+                                  n, (board->columns - 1) * (board->rows - 1));
+    });
+}
+
+extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, gonio_view *views,
+                                         gonio_camera_calibration *out, gonio_error *error) {
+    return guarded(error, "camera calibration", [&] {
+        std::vector<std::vector<cv::Point3f>> object;
+        std::vector<std::vector<cv::Point2f>> image;
+        size_t points = 0;
+        for (int i = 0; i < n; i++) {
+            if (!views[i].used) {
+                continue;
+            }
+            object.emplace_back();
+            image.emplace_back();
+            for (int k = 0; k < corners[i].n; k++) {
+                object.back().emplace_back(corners[i].board[k][0], corners[i].board[k][1], 0);
+                image.back().emplace_back(corners[i].pixel[k][0], corners[i].pixel[k][1]);
+            }
+            points += image.back().size();
+        }
+        cv::Mat matrix, distortion, sigma, view_sigma, errors;
+        std::vector<cv::Mat> rotation, translation;
+        const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 200, 1e-12);
+        out->rms = cv::calibrateCamera(object, image, cv::Size(out->width, out->height), matrix, distortion, rotation,
+                                       translation, sigma, view_sigma, errors, 0, until);
+        const double values[9] = {matrix.at<double>(0, 0),  matrix.at<double>(1, 1),  matrix.at<double>(0, 2),
+                                  matrix.at<double>(1, 2),  distortion.at<double>(0), distortion.at<double>(1),
+                                  distortion.at<double>(2), distortion.at<double>(3), distortion.at<double>(4)};
+        // OpenCV 4.6 divides the squared residuals of both coordinates by the number of points less the parameters,
+        // which makes its standard deviations too large by sqrt((2 points - parameters) / (points - parameters)).
+        const double parameters = 9 + 6 * static_cast<double>(image.size()), m = static_cast<double>(points);
+        const double correction = m > parameters ? std::sqrt((m - parameters) / (2 * m - parameters)) : 1;
+        for (int k = 0; k < 9; k++) {
+            out->value[k] = values[k];
+            out->sigma[k] = sigma.at<double>(k) * correction;
+        }
+        for (int i = 0, used = 0; i < n; i++) {
+            if (views[i].used) {
+                views[i].rms = errors.at<double>(used);
+                for (int k = 0; k < 3; k++) {
+                    views[i].rotation[k] = rotation[static_cast<size_t>(used)].at<double>(k);
+                    views[i].translation_mm[k] = translation[static_cast<size_t>(used)].at<double>(k);
+                }
+                used++;
+            }
+        }
+        return GONIO_OK;
+    });
+}
+
+extern "C" gonio_status opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error) {
+    return guarded(error, "undistortion map", [&] {
+        cv::Mat out, unused;
+        cv::initUndistortRectifyMap(camera_matrix(*camera), distortion(*camera), cv::noArray(), camera_matrix(*camera),
+                                    cv::Size(camera->width, camera->height), CV_32FC2, out, unused);
+        std::memcpy(map, out.ptr<float>(), out.total() * 2 * sizeof *map);
         return GONIO_OK;
     });
 }

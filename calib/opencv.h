@@ -2,7 +2,7 @@
 #ifndef CALIB_OPENCV_H
 #define CALIB_OPENCV_H
 
-#include "gonio/rig.h"
+#include "gonio/calibrate.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -11,6 +11,21 @@ extern "C" {
 // Undistort n pixel positions (u, v) (2 n doubles) to points (x, y) of the plane Z = 1 in front of the camera (rig.h).
 gonio_status opencv_undistort(const gonio_camera_info *camera, int n, const double *pixels, double *points,
                               gonio_error *error);
+
+// Read an image file as 8 or 16 bits, channels r g b; *pixels is malloc'ed.
+gonio_status opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels, int *bits,
+                               uint16_t **pixels, gonio_error *error);
+// Write a float map as 32-bit TIFF to a path that ends in .tiff.
+gonio_status opencv_write_map(const char *path, int width, int height, const float *values, gonio_error *error);
+
+// See gonio_board_find.
+gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
+                               gonio_corners *corners, gonio_error *error);
+// Fit intrinsics to the views that have used set; views get rms and pose. sigma is the spread of one coordinate's
+// residuals propagated to the parameters.
+gonio_status opencv_calibrate(int n, const gonio_corners *corners, gonio_view *views, gonio_camera_calibration *out,
+                              gonio_error *error);
+gonio_status opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
 
 #ifdef __cplusplus
 }

@@ -88,6 +88,7 @@ static inline bool scan_capture(sim_scan *scan, int index, double exposure_s) {
                                             "meter")) {
         return false;
     }
+    e->monitor_sigma /= fabs(e->monitor); // a meter states its unit, an exposure a relative figure
     scan->stamp.clock_s += exposure_s + scan->camera.read_out_s;
     scan->stamp.frame++;
     return true;

@@ -7,3 +7,4 @@ cli-y  += host/cli/cmd_measure.c host/cli/cmd_resume.c host/cli/cmd_replay.c hos
 cli-y  += host/cli/cmd_plan.c host/cli/cmd_rig.c host/cli/measuring.c host/cli/rig_file.c host/cli/rig_keys.c
 pkgs-y += inih
 deps-y += libinih-dev
+cli-y  += host/cli/cmd_calibrate.c host/cli/calibrate_camera.c host/cli/calibrate_noise.c host/cli/frame_list.c

@@ -11,4 +11,5 @@
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \
     X(convert)                                                                                                         \
+    X(calibrate)                                                                                                       \
     X(render)

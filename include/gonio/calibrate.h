@@ -1,0 +1,113 @@
+// Calibrating the devices themselves, apart from a scan: the sensor's noise, the camera's geometry, its response.
+// (What a scan needs of its own dark and reference frames is in calib.h.)
+#ifndef GONIO_CALIBRATE_H
+#define GONIO_CALIBRATE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gonio/rig.h"
+#include "gonio/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+// ---- images from files ----
+// A grey or colour image, rows from the top, channels interleaved (r g b). 8-bit files keep their values 0..255.
+typedef struct gonio_image {
+    int width, height, channels, bits; // bits: 8 or 16, of the file's samples
+    uint16_t *pixels;                  // width x height x channels
+} gonio_image;
+// Any format that OpenCV reads (PNG, TIFF, JPEG, PGM ...). grey: one channel, by luminance where the file has three.
+// The caller frees it with gonio_image_free.
+gonio_status gonio_image_read(const char *path, bool grey, gonio_image *image, gonio_error *error);
+void gonio_image_free(gonio_image *image);
+// Write a map of floats as 32-bit TIFF (the path ends in .tiff).
+gonio_status gonio_map_write(const char *path, int width, int height, const float *values, gonio_error *error);
+
+// ---- noise: photon transfer after EMVA 1288 ----
+typedef struct gonio_noise gonio_noise;
+
+typedef struct gonio_noise_report {
+    double gain_e_per_dn, gain_relative_sigma;
+    double read_noise_dn, read_noise_e, read_noise_relative_sigma; // quantisation taken off
+    double dark_e_per_s, dark_e_per_s_sigma;
+    double black_dn;
+    double saturation_dn, saturation_e; // raw level; electrons above black
+    bool saturation_measured;           // false: no group saturated, saturation_dn is the full scale
+    double linearity_error;             // mean |relative deviation| from a line, 5 to 95 % of saturation
+    double linearity_error_max;
+    double dsnu_e, prnu; // spatial standard deviations; prnu relative, after a smooth illumination is taken off
+    double snr_max, dynamic_range;
+    int hot, noisy, dead; // defective pixels
+    int points;           // exposures that the gain rests on
+} gonio_noise_report;
+
+// A series of frames of a steadily and evenly lit sensor at several exposures, and dark frames at (some of) the same
+// exposures; at least two frames each. The caller frees it with gonio_noise_free.
+gonio_status gonio_noise_new(int width, int height, int bits, gonio_noise **out, gonio_error *error);
+void gonio_noise_free(gonio_noise *noise);
+gonio_status gonio_noise_add(gonio_noise *noise, const uint16_t *pixels, double exposure_s, bool lit,
+                             gonio_error *error);
+gonio_status gonio_noise_solve(gonio_noise *noise, gonio_noise_report *report, gonio_error *error);
+// After gonio_noise_solve: width x height, borrowed until gonio_noise_free. Offsets (DN, about the black level),
+// relative responsivity (about 1, smooth part taken off), and which pixels are defective (0: sound).
+const float *gonio_noise_dsnu_map(const gonio_noise *noise);
+const float *gonio_noise_prnu_map(const gonio_noise *noise);
+const uint8_t *gonio_noise_defects(const gonio_noise *noise);
+
+// ---- camera geometry from a board ----
+typedef enum gonio_board_kind { GONIO_CHESSBOARD, GONIO_CHARUCO } gonio_board_kind;
+
+// A flat board. Chessboard: columns x rows of inner corners. ChArUco: columns x rows of squares, their side and the
+// markers' side, and the number of the dictionary as OpenCV counts them (5 = DICT_5X5_100).
+typedef struct gonio_board {
+    gonio_board_kind kind;
+    int columns, rows;
+    double square_mm, marker_mm;
+    int dictionary;
+} gonio_board;
+
+#define GONIO_CORNERS_MAX 1024
+// Corners found in one image: (u, v) in px, pixel centres at whole numbers, and (x, y) on the board in mm.
+typedef struct gonio_corners {
+    int n;
+    double pixel[GONIO_CORNERS_MAX][2], board[GONIO_CORNERS_MAX][2];
+} gonio_corners;
+
+// One image's part in a calibration.
+typedef struct gonio_view {
+    bool used;
+    char reason[160];                      // why it was not
+    double rms;                            // reprojection, px
+    double rotation[3], translation_mm[3]; // board to camera, OpenCV's (rotation vector)
+} gonio_view;
+
+typedef struct gonio_camera_calibration {
+    int width, height, views_used;
+    // fx fy cx cy (px), k1 k2 p1 p2 k3, in this order, and their standard uncertainties (k = 1).
+    double value[9], sigma[9];
+    double rms; // over all used corners, px
+} gonio_camera_calibration;
+
+// Find the board; sub-pixel positions from a window of +-half_window px. GONIO_E_INPUT with the reason where it is not
+// there, or (ChArUco only: a chessboard is its own mirror image) where it is mirrored.
+gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board, int half_window,
+                              gonio_corners *corners, gonio_error *error);
+// Intrinsics from n views of size width x height (views with corners[i].n = 0 are left out; their reason stays). Views
+// that fit far worse than the others are rejected. Fails for fewer than 3 views, or views too alike to tell the focal
+// length.
+gonio_status gonio_camera_calibrate(int n, const gonio_corners *corners, int width, int height, gonio_view *views,
+                                    gonio_camera_calibration *out, gonio_error *error);
+// Copy fx .. k3 into the camera's description.
+void gonio_camera_apply(const gonio_camera_calibration *calibration, gonio_camera_info *camera);
+// Where each pixel of an undistorted image is found in the distorted one: map[height][width][2] (u, v). For previews;
+// radiometry never resamples.
+gonio_status gonio_camera_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
