@@ -14,6 +14,7 @@
 #endif
 #endif
 #ifndef GONIO_NO_CLONES
+// A clone takes a name that no other file uses: clang 14 makes the resolver of a static function external.
 #define GONIO_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #endif
 #endif

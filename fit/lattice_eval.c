@@ -60,24 +60,24 @@ GONIO_INLINE void eval_all_channels(const gonio_lattice *l, const int dims, size
     }
 }
 
-GONIO_CLONES static void one_3d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
+GONIO_CLONES static void evaluate_3d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
     eval_one_channel(l, 3, n, p, values);
 }
-GONIO_CLONES static void one_4d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
+GONIO_CLONES static void evaluate_4d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
     eval_one_channel(l, 4, n, p, values);
 }
-GONIO_CLONES static void all_3d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
+GONIO_CLONES static void evaluate_all_3d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
     eval_all_channels(l, 3, n, p, values);
 }
-GONIO_CLONES static void all_4d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
+GONIO_CLONES static void evaluate_all_4d(const gonio_lattice *l, size_t n, const gonio_position *p, float *values) {
     eval_all_channels(l, 4, n, p, values);
 }
 
 void gonio_lattice_eval_positions(const gonio_lattice *lattice, size_t n, const gonio_position *positions,
                                   float *values) {
     if (lattice->channels == 1) {
-        (lattice->dims == 3 ? one_3d : one_4d)(lattice, n, positions, values);
+        (lattice->dims == 3 ? evaluate_3d : evaluate_4d)(lattice, n, positions, values);
     } else {
-        (lattice->dims == 3 ? all_3d : all_4d)(lattice, n, positions, values);
+        (lattice->dims == 3 ? evaluate_all_3d : evaluate_all_4d)(lattice, n, positions, values);
     }
 }
