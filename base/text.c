@@ -126,6 +126,10 @@ char *gonio_text_line(gonio_text *text) {
     }
     text->next = last + 1;
     text->line++;
+    // A zero byte would end the line for every string function: make it something that no field may hold.
+    for (char *zero = first; (zero = memchr(zero, 0, (size_t)(last - zero))) != NULL;) {
+        *zero = '?';
+    }
     return trimmed(first, last);
 }
 

@@ -158,7 +158,13 @@ static gonio_status check_head(const head *h, const char *path, size_t length, g
 static gonio_status check_content(const head *h, const unsigned char *base, const char *path, gonio_error *error) {
     checksum sum = checksum_begin(h);
     checksum_add(&sum, base + sizeof *h, (size_t)h->length - sizeof *h);
-    if (checksum_end(&sum) != h->checksum) {
+    // Fuzzing would never get past it (tests/fuzz); everything behind it must hold without.
+#ifdef FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
+    const bool damaged = false;
+#else
+    const bool damaged = checksum_end(&sum) != h->checksum;
+#endif
+    if (damaged) {
         return gonio_fail_byte(error, GONIO_E_INPUT, path, 56, "checksum mismatch: the file is damaged");
     }
     for (uint32_t c = 0; c < h->channels; c++) {

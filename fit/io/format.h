@@ -30,6 +30,11 @@ extern const gonio_format gonio_format_samples, gonio_format_cornell, gonio_form
 // is binary. buffer holds it.
 const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size);
 
+// Names that a samples file can hold: each once, not empty, no comma, quote, blank end or control character, none that
+// reads as a sigma column.
+gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
+                                       gonio_error *error);
+
 // Rows of a text file on their way into a set: the policy on negative values, and the counts.
 typedef struct gonio_sink {
     const gonio_text *text;

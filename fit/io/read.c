@@ -119,6 +119,14 @@ gonio_status gonio_read(const char *path, const gonio_read_options *options, gon
         status = format->read(&source, options, out, report, error);
         free(source.data);
     }
+    if (status == GONIO_OK) {
+        status = gonio_channel_names_check(path, (const char(*)[GONIO_CHANNEL_NAME_MAX])(*out)->channel_names,
+                                           (*out)->channels, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
     return status;
 }
 

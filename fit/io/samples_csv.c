@@ -274,6 +274,11 @@ static void put_row(const gonio_samples *s, size_t i, bool systematic, FILE *str
 }
 
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error) {
+    const gonio_status status = gonio_channel_names_check(
+        NULL, (const char(*)[GONIO_CHANNEL_NAME_MAX])samples->channel_names, samples->channels, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     const bool systematic = has_systematic(samples);
     put_header(samples, systematic, stream);
     for (size_t i = 0; i < samples->n && !ferror(stream); i++) {

@@ -3,6 +3,37 @@
 
 #include "fit/io/format.h"
 
+static bool name_is_sound(const char *name) {
+    const size_t length = strnlen(name, GONIO_CHANNEL_NAME_MAX);
+    if (length == 0 || length == GONIO_CHANNEL_NAME_MAX || strncmp(name, "sigma_", 6) == 0) {
+        return false;
+    }
+    for (size_t k = 0; k < length; k++) {
+        const unsigned char c = (unsigned char)name[k];
+        if (c < ' ' || c == 127 || c == ',' || c == '"' || (c == ' ' && (k == 0 || k + 1 == length))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
+                                       gonio_error *error) {
+    for (int c = 0; c < n; c++) {
+        if (!name_is_sound(names[c])) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
+                                   "channel %d: the name '%.31s' cannot stand in a header", c + 1, names[c]);
+        }
+        for (int d = 0; d < c; d++) {
+            if (strcmp(names[c], names[d]) == 0) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "channels %d and %d are both named '%s'", d + 1,
+                                       c + 1, names[c]);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
 gonio_sink gonio_sink_begin(const gonio_text *text, const gonio_read_options *options, const char *format) {
     gonio_sink sink = {.text = text, .policy = options->negatives};
     sink.report.first_negative_line = -1;

@@ -257,6 +257,7 @@ static void bad_files_of_other_formats(void **state) {
     refused("2\n400\n", 2, "expected 2 wavelengths, found 1 before the file ended");
     refused("99999\n400\n", 1, "99999 wavelengths");
     refused("1\n400\n", 2, "no samples");
+    refused("2\n400 400\n0.1 0 0.2 0 1 1\n", -1, "both named '400nm'");
     refused("1\n400\n0.1 0 1.7 0 1\n", 3, "theta_s: expected 0 to pi/2");
     refused("1\n400\n0.1 0 0.7 0 nan\n", 3, "400nm: expected a finite number");
     refused("1\n400\n0.1 0 0.7 0 -2\n", 3, "1 negative values");
@@ -317,6 +318,23 @@ static void bad_tables(void **state) {
     binary(beyond, sizeof beyond - 1, -1, "beyond the end of the file");
 }
 
+static void a_zero_byte_ends_nothing(void **state) {
+    (void)state;
+    static const char text[] = HEADER "r\n1,2,3,4,5\0"
+                                      "6\n";
+    // Behind the part that recognition looks at, too.
+    binary(text, sizeof text - 1, -1, "no BRDF file");
+    char *long_text = malloc(70000 + sizeof text);
+    memcpy(long_text, HEADER "r\n", sizeof HEADER "r\n" - 1);
+    memset(long_text + sizeof HEADER "r\n" - 1, '\n', 70000);
+    memcpy(long_text + sizeof HEADER "r\n" - 1 + 70000,
+           "1,2,3,4,5\0"
+           "6\n",
+           13);
+    binary(long_text, sizeof HEADER "r\n" - 1 + 70000 + 13, -1, "found '5?6'");
+    free(long_text);
+}
+
 static void missing_files(void **state) {
     (void)state;
     gonio_read_options options;
@@ -337,15 +355,11 @@ static void missing_files(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_double_comes_back),
-        cmocka_unit_test(degrees_are_as_short_as_they_were),
-        cmocka_unit_test(a_comma_locale_changes_nothing),
-        cmocka_unit_test(what_people_write_is_read),
-        cmocka_unit_test(negatives_follow_the_policy),
-        cmocka_unit_test(bad_samples),
-        cmocka_unit_test(bad_files_of_other_formats),
-        cmocka_unit_test(bad_tables),
-        cmocka_unit_test(missing_files),
+        cmocka_unit_test(every_double_comes_back),        cmocka_unit_test(degrees_are_as_short_as_they_were),
+        cmocka_unit_test(a_comma_locale_changes_nothing), cmocka_unit_test(what_people_write_is_read),
+        cmocka_unit_test(negatives_follow_the_policy),    cmocka_unit_test(bad_samples),
+        cmocka_unit_test(bad_files_of_other_formats),     cmocka_unit_test(bad_tables),
+        cmocka_unit_test(a_zero_byte_ends_nothing),       cmocka_unit_test(missing_files),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

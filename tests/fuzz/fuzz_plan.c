@@ -1,0 +1,34 @@
+// Any text as a plan: a preset, or the content of a plan file.
+#include <string.h>
+
+#include "gonio/plan.h"
+#include "tests/fuzz/memory_file.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void try(const char *text) {
+    gonio_plan *plan;
+    gonio_error error = {0};
+    const gonio_status status = gonio_plan_make(text, 1, &plan, &error);
+    if ((status == GONIO_OK) != (plan != NULL) || (status != GONIO_OK && error.message[0] == 0)) {
+        abort();
+    }
+    for (size_t i = 0; status == GONIO_OK && i < plan->n; i++) {
+        const gonio_pair *p = &plan->poses[i];
+        if (!(p->theta_i >= 0 && p->theta_i <= GONIO_PI / 2 && p->theta_o >= 0 && p->theta_o <= GONIO_PI / 2)) {
+            abort();
+        }
+    }
+    gonio_plan_free(plan);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    char text[256];
+    const size_t n = size < 40 ? size : 40;
+    const double number = strtod(text + 8, NULL);
+    if (text[0] == 'u' ? !(number > 0 && number < 4) : !(number > 2e4 && number <= 1e8)) {
+        try(text); // larger plans are allowed, but slow
+    }
+    try(memory_file(data, size));
+    return 0;
+}

@@ -1,0 +1,67 @@
+// Any bytes as a BRDF file: read as samples, which must then be sound and come back from a CSV; and as a table, which
+// must evaluate to finite numbers.
+#include <math.h>
+#include <string.h>
+
+#include "gonio/io.h"
+#include "tests/fuzz/memory_file.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void require(int condition) {
+    if (!condition) {
+        abort();
+    }
+}
+
+static void check_samples(const gonio_samples *s) {
+    for (size_t i = 0; i < s->n; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        require(p->theta_i >= 0 && p->theta_i <= GONIO_PI / 2 && p->theta_o >= 0 && p->theta_o <= GONIO_PI / 2);
+        require(isfinite(p->phi_i) && isfinite(p->phi_o));
+        for (int c = 0; c < s->channels; c++) {
+            require(isfinite(s->values[i * (size_t)s->channels + (size_t)c]));
+        }
+    }
+    char *text;
+    size_t size;
+    FILE *stream = open_memstream(&text, &size);
+    require(stream != NULL && gonio_write_samples_stream(s, stream, NULL) == GONIO_OK);
+    fclose(stream);
+    gonio_read_options options;
+    gonio_read_options_default(&options);
+    options.negatives = GONIO_NEGATIVES_KEEP;
+    gonio_samples *again;
+    require(gonio_read(memory_file((const uint8_t *)text, size), &options, &again, NULL, NULL) == GONIO_OK);
+    require(again->n == s->n && memcmp(again->pairs, s->pairs, s->n * sizeof *s->pairs) == 0);
+    require(memcmp(again->values, s->values, s->n * (size_t)s->channels * sizeof(double)) == 0);
+    gonio_samples_free(again);
+    free(text);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    gonio_read_options options;
+    gonio_read_options_default(&options);
+    options.negatives = GONIO_NEGATIVES_KEEP;
+    options.limit = 100;
+    gonio_samples *samples;
+    gonio_error error = {0};
+    if (gonio_read(memory_file(data, size), &options, &samples, NULL, &error) == GONIO_OK) {
+        check_samples(samples);
+        gonio_samples_free(samples);
+    } else {
+        require(samples == NULL && error.message[0] != 0);
+    }
+    gonio_model *model;
+    if (gonio_read_table(memory_file(data, size), &model, &error) == GONIO_OK) {
+        double values[GONIO_CHANNELS_MAX];
+        for (int k = 0; k < 20; k++) {
+            gonio_model_eval(model, gonio_direction(0.08 * k, k), gonio_direction(1.57 - 0.07 * k, 2 * k), values);
+            for (int c = 0; c < model->channels; c++) {
+                require(!isnan(values[c]));
+            }
+        }
+        gonio_model_free(model);
+    }
+    return 0;
+}
