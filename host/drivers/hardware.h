@@ -1,0 +1,41 @@
+// The real devices of a rig file: their settings by section and key, and opening them over a rig that is there.
+#ifndef GONIO_DRIVERS_HARDWARE_H
+#define GONIO_DRIVERS_HARDWARE_H
+
+#include "gonio/rig.h"
+#include "host/drivers/camera_v4l2.h"
+#include "host/drivers/controller.h"
+#include "host/drivers/interlock_gpio.h"
+#include "host/drivers/lamp_gpio.h"
+#include "host/drivers/meter_usbtmc.h"
+#include "host/drivers/stage_modbus.h"
+
+typedef struct gonio_hardware gonio_hardware;
+
+typedef struct gonio_hardware_hooks {
+    void (*event)(void *context, const char *kind, const char *text); // may be NULL
+    void *context;
+    bool (*cancelled)(void); // asked while axes move; may be NULL
+} gonio_hardware_hooks;
+
+gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardware **out, gonio_error *error);
+// After the rig that it opened is closed. NULL is allowed.
+void gonio_hardware_free(gonio_hardware *hardware);
+// One key of the rig file. Give every `driver` key first: they decide which other keys are known. *taken: it is known
+// here; *shared: the simulator has a key of the same name, which means the same. GONIO_E_INPUT for a bad value.
+gonio_status gonio_hardware_set(gonio_hardware *hardware, const char *section, const char *key, const char *value,
+                                bool *taken, bool *shared, gonio_error *error);
+// " section.key" of every key that is known with the drivers chosen so far, for messages.
+void gonio_hardware_list(const gonio_hardware *hardware, char *text, size_t size);
+// Open every device that has a driver in place of the rig's own. simulated: the rig's stage and lamp are simulated and
+// follow the real ones. On failure the rig keeps what it has; close it as a whole either way.
+gonio_status gonio_hardware_open(gonio_hardware *hardware, gonio_rig *rig, bool simulated, gonio_error *error);
+
+// What was opened, for `gonio rig`; NULL where there is none.
+gonio_controller *gonio_hardware_controller(const gonio_hardware *hardware);
+void *gonio_hardware_stage(const gonio_hardware *hardware);       // of stage_modbus.h
+void *gonio_hardware_camera(const gonio_hardware *hardware);      // of camera_v4l2.h
+void *gonio_hardware_interlock(const gonio_hardware *hardware);   // of interlock_gpio.h
+const char *gonio_hardware_meter(const gonio_hardware *hardware); // *IDN?, or NULL
+
+#endif

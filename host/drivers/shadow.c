@@ -1,0 +1,117 @@
+#include "host/drivers/shadow.h"
+
+#include <stdlib.h>
+
+typedef struct stage {
+    const gonio_stage_ops *real, *simulated;
+    void *real_device, *simulated_device;
+} stage;
+
+static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
+    const stage *s = device;
+    const gonio_status status = s->real->home(s->real_device, timeout_s, error);
+    return status == GONIO_OK ? s->simulated->home(s->simulated_device, timeout_s, error) : status;
+}
+
+static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
+                               double timeout_s, gonio_error *error) {
+    const stage *s = device;
+    const gonio_status status = s->real->move(s->real_device, target_rad, id, stamp, timeout_s, error);
+    return status == GONIO_OK ? s->simulated->move(s->simulated_device, target_rad, id, stamp, timeout_s, error)
+                              : status;
+}
+
+// The real one is asked too, for its faults.
+static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
+    const stage *s = device;
+    const gonio_status status = s->real->position(s->real_device, position_rad, error);
+    return status == GONIO_OK ? s->simulated->position(s->simulated_device, position_rad, error) : status;
+}
+
+static gonio_status stage_stop(void *device, gonio_error *error) {
+    const stage *s = device;
+    s->simulated->stop(s->simulated_device, NULL);
+    return s->real->stop(s->real_device, error);
+}
+
+static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES]) {
+    const stage *s = device;
+    return s->simulated->duration_s(s->simulated_device, from_rad, to_rad);
+}
+
+static void stage_close(void *device) {
+    stage *s = device;
+    s->real->close(s->real_device);
+    s->simulated->close(s->simulated_device);
+    free(s);
+}
+
+static const gonio_stage_ops stage_ops = {.api_version = GONIO_RIG_API_VERSION,
+                                          .name = "modbus, followed by the simulation",
+                                          .home = stage_home,
+                                          .move = stage_move,
+                                          .position = stage_position,
+                                          .stop = stage_stop,
+                                          .duration_s = stage_duration_s,
+                                          .close = stage_close};
+
+gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, void *device, gonio_error *error) {
+    stage *s = malloc(sizeof *s);
+    if (s == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a stage");
+    }
+    *s = (stage){real, rig->stage, device, rig->stage_device};
+    rig->stage = &stage_ops;
+    rig->stage_device = s;
+    return GONIO_OK;
+}
+
+typedef struct lamp {
+    const gonio_lamp_ops *real, *simulated;
+    void *real_device, *simulated_device;
+} lamp;
+
+static gonio_status lamp_set_level(void *device, double level, gonio_error *error) {
+    const lamp *l = device;
+    const gonio_status status = l->real->set_level(l->real_device, level, error);
+    return status == GONIO_OK ? l->simulated->set_level(l->simulated_device, level, error) : status;
+}
+
+static gonio_status lamp_set_shutter(void *device, bool open, gonio_error *error) {
+    const lamp *l = device;
+    const gonio_status status = l->real->set_shutter(l->real_device, open, error);
+    return status == GONIO_OK ? l->simulated->set_shutter(l->simulated_device, open, error) : status;
+}
+
+static gonio_status lamp_wait_ready(void *device, const gonio_stamp *stamp, double timeout_s, double *waited_s,
+                                    gonio_error *error) {
+    const lamp *l = device;
+    const gonio_status status = l->real->wait_ready(l->real_device, stamp, timeout_s, waited_s, error);
+    return status == GONIO_OK ? l->simulated->wait_ready(l->simulated_device, stamp, timeout_s, waited_s, error)
+                              : status;
+}
+
+static void lamp_close(void *device) {
+    lamp *l = device;
+    l->real->close(l->real_device);
+    l->simulated->close(l->simulated_device);
+    free(l);
+}
+
+static const gonio_lamp_ops lamp_ops = {.api_version = GONIO_RIG_API_VERSION,
+                                        .name = "real, followed by the simulation",
+                                        .set_level = lamp_set_level,
+                                        .set_shutter = lamp_set_shutter,
+                                        .wait_ready = lamp_wait_ready,
+                                        .close = lamp_close};
+
+gonio_status gonio_shadow_lamp(gonio_rig *rig, const gonio_lamp_ops *real, void *device, gonio_error *error) {
+    lamp *l = malloc(sizeof *l);
+    if (l == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a lamp");
+    }
+    *l = (lamp){real, rig->lamp, device, rig->lamp_device};
+    rig->lamp = &lamp_ops;
+    rig->lamp_device = l;
+    return GONIO_OK;
+}
