@@ -16,27 +16,38 @@
 typedef struct builder {
     rig_keys keys;
     gonio_sim *sim;
-    int file_lines;   // lines beyond come from the command line
-    bool driver_pass; // only [rig] driver and [sample] spec, which decide what the other keys mean
+    int file_lines;     // lines beyond come from the command line
+    bool driver_pass;   // only the driver keys and [sample] spec, which decide what the other keys mean
+    bool hardware_only; // keys of real devices; the simulator's were journalled apart
+    gonio_hardware *hardware;
     gonio_error error;
 } builder;
 
 static gonio_status set_key(builder *b, const char *section, const char *key, const char *value, gonio_error *error) {
-    const bool first = (strcmp(section, "rig") == 0 && strcmp(key, "driver") == 0) ||
-                       (strcmp(section, "sample") == 0 && strcmp(key, "spec") == 0);
+    const bool first = strcmp(key, "driver") == 0 || (strcmp(section, "sample") == 0 && strcmp(key, "spec") == 0);
     if (first != b->driver_pass) {
         return GONIO_OK;
     }
-    bool known;
-    const gonio_status status = rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
+    bool known, shared;
+    gonio_status status = rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
     if (known) {
+        return status;
+    }
+    status = gonio_hardware_set(b->hardware, section, key, value, &known, &shared, error);
+    if (status != GONIO_OK || b->hardware_only || (known && (!shared || b->sim == NULL))) {
         return status;
     }
     if (b->sim != NULL) {
         return gonio_sim_set(b->sim, section, key, value, error);
     }
     char list[1024];
-    rig_keys_list(false, list, sizeof list);
+    if (b->driver_pass) { // real devices are chosen by the drivers of these sections
+        return gonio_fail(error, GONIO_E_INPUT, "[%s] has no driver; stage, lamp, meter, camera and interlock have",
+                          section);
+    }
+    gonio_hardware_list(b->hardware, list, sizeof list);
+    const size_t used = strlen(list);
+    rig_keys_list(false, list + used, sizeof list - used);
     return gonio_fail(error, GONIO_E_INPUT, "unknown key %s.%s; known are%.400s", section, key, list);
 }
 
@@ -82,6 +93,18 @@ static gonio_status apply_text(builder *b, const char *text, const char *name, g
         return gonio_fail_line(error, GONIO_E_INPUT, name, line, "expected [section], key = value, or a comment");
     }
     return gonio_fail_line(error, GONIO_E_INPUT, name, line, "%s", b->error.message);
+}
+
+static void tell(void *context, const char *kind, const char *text) {
+    (void)context;
+    fprintf(stderr, "gonio: %s: %s\n", kind, text);
+}
+
+static gonio_status new_hardware(builder *b, cli_rig *rig, gonio_error *error) {
+    static const gonio_hardware_hooks hooks = {.event = tell, .cancelled = cli_interrupted};
+    const gonio_status status = gonio_hardware_new(&hooks, &rig->hardware, error);
+    b->hardware = rig->hardware;
+    return status;
 }
 
 // Read the text twice: the driver first, then, with the driver there, everything else.
@@ -137,6 +160,9 @@ static gonio_status open_devices(builder *b, int threads, cli_rig *rig, gonio_er
     } else {
         status = gonio_null_rig_open(&rig->rig, error);
         rig->rig.facts = b->keys.facts;
+    }
+    if (status == GONIO_OK) {
+        status = gonio_hardware_open(b->hardware, &rig->rig, b->sim != NULL, error);
     }
     rig->sim = b->sim;
     rig->scan = b->keys.scan;
@@ -257,13 +283,17 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
     if (status != GONIO_OK) {
         return status;
     }
-    status = build(&b, rig->text, is_sim ? "--set" : options->rig, options->sample, options->seed, error);
+    status = new_hardware(&b, rig, error);
+    if (status == GONIO_OK) {
+        status = build(&b, rig->text, is_sim ? "--set" : options->rig, options->sample, options->seed, error);
+    }
     rig->sim = b.sim;
     return status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
 }
 
 void cli_rig_close(cli_rig *rig) {
     gonio_rig_close(&rig->rig);
+    gonio_hardware_free(rig->hardware);
     gonio_sim_free(rig->sim);
     free(rig->text);
     *rig = (cli_rig){0};
@@ -312,6 +342,27 @@ static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *
     return status;
 }
 
+// The real devices beside a simulated rig, as journalled; then what the resume changes, of both.
+static gonio_status reopen_hardware(gonio_session *session, const char *extra, cli_rig *rig, gonio_error *error) {
+    char *text = NULL;
+    builder b = {.sim = rig->sim};
+    rig_keys_default(&b.keys);
+    gonio_status status = new_hardware(&b, rig, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_get(session, "rig.ini", &text, error);
+    }
+    b.file_lines = count_lines(text);
+    const char *const texts[] = {text, text, extra, extra};
+    for (int pass = 0; pass < 4 && status == GONIO_OK; pass++) {
+        b.driver_pass = pass % 2 == 0;
+        b.hardware_only = pass < 2; // the simulator's settings were journalled with their values
+        b.file_lines = pass < 2 ? b.file_lines : 0;
+        status = apply_text(&b, texts[pass], "the journalled rig file", error);
+    }
+    free(text);
+    return status;
+}
+
 static gonio_status reopen_sim(gonio_session *session, const char *extra, int threads, cli_rig *rig,
                                gonio_error *error) {
     char *spec = NULL, *seed = NULL, *settings = NULL;
@@ -329,14 +380,15 @@ static gonio_status reopen_sim(gonio_session *session, const char *extra, int th
         status = apply_sim_settings(rig->sim, settings, error);
     }
     if (status == GONIO_OK) {
-        builder b = {.sim = rig->sim};
-        rig_keys_default(&b.keys);
-        status = apply_text(&b, extra, "--set", error);
+        status = reopen_hardware(session, extra, rig, error);
     }
     free(spec);
     free(seed);
     free(settings);
-    return status == GONIO_OK ? gonio_sim_open(rig->sim, threads, &rig->rig, error) : status;
+    if (status == GONIO_OK) {
+        status = gonio_sim_open(rig->sim, threads, &rig->rig, error);
+    }
+    return status == GONIO_OK ? gonio_hardware_open(rig->hardware, &rig->rig, true, error) : status;
 }
 
 static gonio_status reopen_file(gonio_session *session, const char *extra, int threads, cli_rig *rig,
@@ -352,6 +404,9 @@ static gonio_status reopen_file(gonio_session *session, const char *extra, int t
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
     free(journalled);
+    if (status == GONIO_OK) {
+        status = new_hardware(&b, rig, error);
+    }
     if (status == GONIO_OK) {
         status = build(&b, rig->text, "the journalled rig file", NULL, 1, error);
     }

@@ -5,6 +5,7 @@
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
 #include "host/cli/cli.h"
+#include "host/drivers/hardware.h"
 
 // What the command line says of the rig.
 typedef struct cli_rig_options {
@@ -26,7 +27,8 @@ typedef struct cli_rig_options {
 
 typedef struct cli_rig {
     gonio_rig rig;
-    gonio_sim *sim; // NULL: not the simulator
+    gonio_sim *sim;           // NULL: not the simulator
+    gonio_hardware *hardware; // real devices
     gonio_scan_options scan;
     char driver[16];
     char spec[256]; // of the simulated sample

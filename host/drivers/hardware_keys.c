@@ -37,7 +37,7 @@ typedef struct entry {
     }
 
 static const entry entries[] = {
-    {"stage", "driver", DRIVER, AT(stage_driver), 0, 0, "modbus ", false},
+    {"stage", "driver", DRIVER, AT(stage_driver), 0, 0, "modbus none ", false},
     {"stage", "audit_deg", REAL, AT(stage.audit_deg), 0, 10, "modbus", false},
     AXIS("light_theta", GONIO_LIGHT_THETA),
     AXIS("light_phi", GONIO_LIGHT_PHI),
@@ -54,14 +54,14 @@ static const entry entries[] = {
     {"controller", "replug_s", REAL, AT(controller.replug_s), 0, 3600, "", false},
     {"controller", "record", TEXT, AT(controller_record), 0, 0, "", false},
     {"controller", "replay", TEXT, AT(controller_replay), 0, 0, "", false},
-    {"lamp", "driver", DRIVER, AT(lamp_driver), 0, 0, "modbus gpio ", false},
+    {"lamp", "driver", DRIVER, AT(lamp_driver), 0, 0, "modbus gpio none ", false},
     {"lamp", "shutter_settle_s", REAL, AT(shutter_settle_s), 0, 60, "", false},
     {"lamp", "enable_line", TEXT, AT(lamp.enable_line), 0, 0, "gpio", false},
     {"lamp", "enable_low", YES, AT(lamp.enable_low), 0, 0, "gpio", false},
     {"lamp", "shutter_line", TEXT, AT(lamp.shutter_line), 0, 0, "gpio", false},
     {"lamp", "shutter_low", YES, AT(lamp.shutter_low), 0, 0, "gpio", false},
     {"lamp", "warm_up_s", REAL, AT(lamp.warm_up_s), 0, 1e5, "gpio", true},
-    {"meter", "driver", DRIVER, AT(meter_driver), 0, 0, "usbtmc modbus ", false},
+    {"meter", "driver", DRIVER, AT(meter_driver), 0, 0, "usbtmc modbus none ", false},
     {"meter", "vendor", HEX, AT(meter.match.vendor), 0, 0, "usbtmc", false},
     {"meter", "product", HEX, AT(meter.match.product), 0, 0, "usbtmc", false},
     {"meter", "serial", TEXT, AT(meter.match.serial), 0, 0, "usbtmc", false},
@@ -72,7 +72,7 @@ static const entry entries[] = {
     {"meter", "retries", WHOLE, AT(meter.retries), 0, 100, "usbtmc", false},
     {"meter", "timeout_ms", WHOLE, AT(meter.timeout_ms), 10, 100000, "usbtmc", false},
     {"meter", "replug_s", REAL, AT(meter.replug_s), 0, 3600, "usbtmc", false},
-    {"camera", "driver", DRIVER, AT(camera_driver), 0, 0, "v4l2 ", false},
+    {"camera", "driver", DRIVER, AT(camera_driver), 0, 0, "v4l2 none ", false},
     {"camera", "device", TEXT, AT(camera.path), 0, 0, "v4l2", false},
     {"camera", "format", TEXT, AT(camera.format), 0, 0, "v4l2", false},
     {"camera", "width", WHOLE, AT(camera.width), 8, 65536, "v4l2", false},
@@ -103,7 +103,7 @@ static const entry entries[] = {
     {"camera", "trigger_low", YES, AT(trigger_low), 0, 0, "v4l2", false},
     {"camera", "trigger_settle_ms", MILLI, AT(trigger_settle_s), 0, 1e5, "v4l2", false},
     {"camera", "trigger_pulse_ms", MILLI, AT(trigger_pulse_s), 0, 1e3, "v4l2", false},
-    {"interlock", "driver", DRIVER, AT(interlock_driver), 0, 0, "gpio ", false},
+    {"interlock", "driver", DRIVER, AT(interlock_driver), 0, 0, "gpio none ", false},
     {"interlock", "estop_line", TEXT, AT(interlock.contacts[0].line), 0, 0, "gpio", false},
     {"interlock", "estop_normally_open", NO, AT(interlock.contacts[0].normally_closed), 0, 0, "gpio", false},
     {"interlock", "estop_bias", BIAS, AT(interlock.contacts[0].bias), 0, 0, "gpio", false},
@@ -178,7 +178,7 @@ static gonio_status set_choice(const entry *e, void *at, const char *value, goni
         return bad(e, value, expected, error);
     }
     if (e->kind == DRIVER) {
-        strcpy(at, value);
+        strcpy(at, strcmp(value, "none") == 0 ? "" : value); // the rig's own
     } else if (e->kind == PARITY) {
         *(char *)at = value[0];
     } else if (e->kind == BIAS) {
