@@ -6,4 +6,4 @@ libs-y += -lembree3
 deps-y += libembree-dev libassimp-dev libpng-dev
 bench-y += tests/bench/sim_frame.c
 unit-y += tests/unit/test_random.c tests/unit/test_camera.c tests/unit/test_stage.c tests/unit/test_lamp.c tests/unit/test_sim.c
-unit-y += tests/unit/test_scene.c tests/unit/test_colour.c tests/unit/test_mesh.c tests/unit/test_render.c
+unit-y += tests/unit/test_scene.c tests/unit/test_sensor.c tests/unit/test_colour.c tests/unit/test_mesh.c tests/unit/test_render.c

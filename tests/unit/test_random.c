@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "gonio/direction.h"
 #include "sim/random.h"
 #include "tests/unit/near.h"
 
@@ -117,6 +118,26 @@ static void poisson_large_is_poisson(void **state) {
     assert_in_range((int)chi2, 9, 78);
 }
 
+// Its moments to 1e-3, by integrating over the normal density instead of drawing.
+static void poisson_large_moments(void **state) {
+    (void)state;
+    const double means[] = {30, 31.37, 50.5, 200, 5000};
+    for (size_t k = 0; k < sizeof means / sizeof *means; k++) {
+        const double m = means[k], step = 1e-4;
+        double moment[4] = {0};
+        for (long i = -80000; i <= 80000; i++) {
+            const double z = (double)i * step, weight = exp(-z * z / 2) / sqrt(2 * GONIO_PI) * step;
+            const double d = sim_poisson_large(m, z) - m;
+            moment[1] += weight * d;
+            moment[2] += weight * d * d;
+            moment[3] += weight * d * d * d;
+        }
+        assert_near(moment[1] / sqrt(m), 0, 1e-3);
+        assert_near(moment[2] / m, 1, 1e-3);
+        assert_near(moment[3] / m, 1, 0.02);
+    }
+}
+
 static void extremes(void **state) {
     (void)state;
     assert_near(sim_poisson_small(0, 0.5), 0, 0);
@@ -129,9 +150,13 @@ static void extremes(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(philox_known_answers),     cmocka_unit_test(every_argument_matters),
-        cmocka_unit_test(normal_moments),           cmocka_unit_test(poisson_moments),
-        cmocka_unit_test(poisson_large_is_poisson), cmocka_unit_test(extremes),
+        cmocka_unit_test(philox_known_answers),
+        cmocka_unit_test(every_argument_matters),
+        cmocka_unit_test(normal_moments),
+        cmocka_unit_test(poisson_moments),
+        cmocka_unit_test(poisson_large_is_poisson),
+        cmocka_unit_test(poisson_large_moments),
+        cmocka_unit_test(extremes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
