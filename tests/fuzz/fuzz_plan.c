@@ -25,6 +25,7 @@ static void try(const char *text) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     char text[256];
     const size_t n = size < 40 ? size : 40;
+    snprintf(text, sizeof text, "%s%.*s", size % 2 == 0 ? "uniform:" : "nusselt:", (int)n, (const char *)data);
     const double number = strtod(text + 8, NULL);
     if (text[0] == 'u' ? !(number > 0 && number < 4) : !(number > 2e4 && number <= 1e8)) {
         try(text); // larger plans are allowed, but slow
