@@ -419,6 +419,26 @@ gonio_status gonio_lsq_data_select(const gonio_lsq_data *data, const bool *keep,
     return GONIO_OK;
 }
 
+gonio_status gonio_lsq_data_channels(const gonio_lsq_data *data, const int *which, int count, gonio_lsq_data *out,
+                                     gonio_error *error) {
+    *out = (gonio_lsq_data){.dims = data->dims, .channels = count, .mirror = data->mirror, .kind = data->kind};
+    const gonio_status status = allocate(out, data->n, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    memcpy(out->pairs, data->pairs, data->n * sizeof *out->pairs);
+    memcpy(out->weights, data->weights, data->n * sizeof *out->weights);
+    for (size_t k = 0; k < (size_t)count; k++) {
+        const size_t c = (size_t)data->channels, channel = (size_t)which[k];
+        out->links[k] = data->links[channel];
+        for (size_t i = 0; i < data->n; i++) {
+            out->values[i * (size_t)count + k] = data->values[i * c + channel];
+            out->targets[i * (size_t)count + k] = data->targets[i * c + channel];
+        }
+    }
+    return GONIO_OK;
+}
+
 // Steele, Lea and Flood (2014): the mixing function of SplitMix64.
 static uint64_t mix(uint64_t x) {
     x += 0x9e3779b97f4a7c15u;

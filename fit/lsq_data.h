@@ -28,12 +28,15 @@ typedef struct gonio_lsq_data_options {
 gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samples,
                                  const gonio_lsq_data_options *options, gonio_error *error);
 void gonio_lsq_data_release(gonio_lsq_data *data);
-// Every step-th geometry from `first`, as a set of its own.
+// About `count` geometries spread evenly over the set, as a set of its own.
 gonio_status gonio_lsq_data_thin(const gonio_lsq_data *data, size_t count, uint64_t seed, gonio_lsq_data *out,
                                  gonio_error *error);
 // The geometries with keep[i], as a set of its own.
 gonio_status gonio_lsq_data_select(const gonio_lsq_data *data, const bool *keep, gonio_lsq_data *out,
                                    gonio_error *error);
+// Only the channels which[0..count-1], as a set of its own.
+gonio_status gonio_lsq_data_channels(const gonio_lsq_data *data, const int *which, int count, gonio_lsq_data *out,
+                                     gonio_error *error);
 // x[n x dims] in [0, 1].
 void gonio_lsq_data_locate(const gonio_lsq_data *data, gonio_coordinates coordinates, double *x);
 // The lattice axes that phi -> -phi flips, and those that swapping the directions flips (0: swapping is no flip).

@@ -58,6 +58,8 @@ static int by_value(const void *left, const void *right) {
 
 // Residuals below a millionth of the link's unit are as good as none; without a floor exact data would score -inf.
 #define RESIDUAL_FLOOR 1e-6
+// A typical error of 0.2 % is below any instrument's: once there, only the worst still counts.
+#define MEDIAN_FLOOR 2e-3
 
 static double channel_score(const gonio_lsq_data *data, const double *residuals, size_t channel, double *work) {
     const size_t c = (size_t)data->channels, n = data->n;
@@ -66,8 +68,12 @@ static double channel_score(const gonio_lsq_data *data, const double *residuals,
         work[i] = fabs(residuals[i * c + channel]);
         squares += work[i] * work[i];
     }
+    const double rms = log(sqrt(squares / (double)n) + RESIDUAL_FLOOR);
+    if (data->kind == GONIO_LINK_LINEAR) {
+        return 1.5 * rms;
+    }
     qsort(work, n, sizeof *work, by_value);
-    return log(sqrt(squares / (double)n) + RESIDUAL_FLOOR) + 0.5 * log(work[n / 2] + RESIDUAL_FLOOR);
+    return rms + 0.5 * log(work[n / 2] + MEDIAN_FLOOR);
 }
 
 static double channel_square_error(const gonio_lsq_data *data, const double *residuals, size_t channel) {

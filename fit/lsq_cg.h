@@ -1,0 +1,42 @@
+// The iterative solver of large sets: preconditioned conjugate gradients on the lattice, no matrix stored.
+#ifndef GONIO_FIT_LSQ_CG_H
+#define GONIO_FIT_LSQ_CG_H
+
+#include "fit/lattice.h"
+#include "fit/lsq_form.h"
+
+typedef struct gonio_lsq_cg gonio_lsq_cg;
+
+// How a solve went: how far the gradient's norm (preconditioned) fell against that of the starting point, and the
+// objective against its value there.
+typedef struct gonio_lsq_cg_report {
+    int iterations;
+    double gradient, objective;
+} gonio_lsq_cg_report;
+
+// Prepare geometries for levels up to form->level. data is borrowed until the solver is freed; the form's reciprocity
+// is not used. threads 0: all; they change no bit.
+gonio_status gonio_lsq_cg_new(const gonio_lsq_data *data, const gonio_lsq_form *form, int threads, gonio_lsq_cg **out,
+                              gonio_error *error);
+void gonio_lsq_cg_free(gonio_lsq_cg *cg); // NULL is allowed
+
+// Control points a channel at a level: the length of `points` below.
+size_t gonio_lsq_cg_count(const gonio_lsq_cg *cg, int level);
+// Fit one channel of targets[i * stride] by multilevel B-spline approximation, levels 0 to `level`; points is filled.
+void gonio_lsq_cg_start(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double *points);
+// Go from points (any start) toward the least-squares solution; stops after `iterations`, or when the gradient has
+// fallen to `tolerance` of the start's. GONIO_E_MEMORY leaves points alone.
+gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
+                                int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
+                                gonio_error *error);
+// The start and the solve from two levels below on, the iterations shared between the levels.
+gonio_status gonio_lsq_cg_cascade(const gonio_lsq_cg *cg, const double *targets, size_t stride, double lambda,
+                                  int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
+                                  gonio_error *error);
+// points of level -> of level + 1, the same function. fine must not overlap coarse.
+void gonio_lsq_refine(int dims, int level, const double *coarse, double *fine, double *work);
+// The spline at any geometries (not only the solver's), out[i * stride].
+gonio_status gonio_lsq_cg_eval(const gonio_lsq_cg *cg, const gonio_lsq_data *at, int level, const double *points,
+                               double *out, size_t stride, gonio_error *error);
+
+#endif

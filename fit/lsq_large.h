@@ -1,0 +1,35 @@
+// Least squares on large sets: level, lambda and form chosen on inner held-out geometries, solved by iteration.
+#ifndef GONIO_FIT_LSQ_LARGE_H
+#define GONIO_FIT_LSQ_LARGE_H
+
+#include "fit/lobe_model.h"
+#include "fit/lsq_select.h"
+
+// A form and a base to try.
+typedef struct gonio_lsq_candidate {
+    gonio_lsq_form form;          // its level is where the search begins
+    const gonio_lobe_base *lobes; // NULL: none; borrowed
+} gonio_lsq_candidate;
+
+typedef struct gonio_lsq_large_choice {
+    gonio_lsq_form form;
+    const gonio_lobe_base *lobes;
+    double lambda;
+    gonio_lsq_score score, start_score; // on the held-out geometries: of the solution, of its multilevel start
+    bool start_only;                    // the start was better: it is the answer
+    int iterations;                     // of the final solve, the most of any channel
+    double gradient;                    // how far its gradient fell, the worst of any channel
+    double *residuals;                  // [held n x held channels], of the chosen on the held-out; NULL before
+    gonio_lsq_data held;                // the held-out geometries, some channels
+} gonio_lsq_large_choice;
+
+void gonio_lsq_large_choice_release(gonio_lsq_large_choice *choice);
+// Choose among the candidates; every fifth geometry is held out.
+gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, const gonio_fit_options *options,
+                                    const gonio_lsq_candidate *candidates, int n, gonio_lsq_large_choice *choice,
+                                    gonio_error *error);
+// Fit the choice to all geometries.
+gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, const gonio_fit_options *options,
+                                   gonio_lsq_large_choice *choice, gonio_lobe_model_parts *parts, gonio_error *error);
+
+#endif
