@@ -7,13 +7,13 @@
 #include "fit/auto_choose.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 #include "fit/lobe_fit.h"
+#include "fit/team.h"
 
 void gonio_auto_choice_release(gonio_auto_choice *choice) {
     for (int b = 0; b < choice->bases_n; b++) {
@@ -39,26 +39,33 @@ static double now_s(void) {
 
 // ---- bases ----
 
-static gonio_status fit_bases(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
-                              gonio_auto_choice *choice, gonio_error *error) {
-    static const gonio_lobe_family families[2] = {GONIO_LOBE_GGX, GONIO_LOBE_COOK_TORRANCE};
+static const gonio_lobe_family families[2] = {GONIO_LOBE_GGX, GONIO_LOBE_COOK_TORRANCE};
+
+typedef struct lobe_job {
+    const gonio_lsq_data *data;
     gonio_lobe_base fitted[2];
-    bool usable[2] = {false, false};
+    bool usable[2];
+} lobe_job;
+
+static void fit_family(void *context, size_t f) {
+    lobe_job *job = context;
+    job->usable[f] = gonio_lobe_fit(job->data, families[f], 2, &job->fitted[f], NULL) == GONIO_OK;
+}
+
+static gonio_status fit_bases(const gonio_lsq_data *data, gonio_team *team, bool lobes, gonio_auto_choice *choice,
+                              gonio_error *error) {
+    lobe_job job = {.data = data};
     // Two lobes and a diffuse term have seven numbers: below some thirty samples they follow the noise.
     if (lobes && data->kind == GONIO_LINK_POSITIVE && data->n >= 30) {
-        const int threads = options->threads == 1 ? 1 : 2;
-#pragma omp parallel for num_threads(threads)
-        for (int f = 0; f < 2; f++) {
-            usable[f] = gonio_lobe_fit(data, families[f], 2, &fitted[f], NULL) == GONIO_OK;
-        }
+        gonio_team_run(team, 2, fit_family, &job);
     }
     gonio_status status = gonio_lsq_base_init(&choice->bases[choice->bases_n++], data, NULL, error);
     for (int f = 0; f < 2; f++) {
-        if (usable[f] && status == GONIO_OK) {
-            status = gonio_lsq_base_init(&choice->bases[choice->bases_n++], data, &fitted[f], error);
+        if (job.usable[f] && status == GONIO_OK) {
+            status = gonio_lsq_base_init(&choice->bases[choice->bases_n++], data, &job.fitted[f], error);
         }
-        if (usable[f]) {
-            free(fitted[f].strength);
+        if (job.usable[f]) {
+            free(job.fitted[f].strength);
         }
     }
     return status;
@@ -134,14 +141,24 @@ static void keep_best(const gonio_lsq_data *data, const gonio_fit_options *optio
     }
 }
 
-static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *forms,
-                              int n, gonio_auto_choice *choice, gonio_error *error) {
+typedef struct round_job {
+    const gonio_lsq_data *data;
+    const gonio_auto_choice *choice;
+    const gonio_lsq_form *forms;
+    double lambda;
     round_result results[8];
-    const int threads = options->threads > 0 ? options->threads : omp_get_max_threads();
-#pragma omp parallel for schedule(dynamic) num_threads(threads < n ? threads : n) if (n > 1)
-    for (int f = 0; f < n; f++) {
-        score_form(data, choice, &forms[f], options->lambda, &results[f]);
-    }
+} round_job;
+
+static void run_form(void *context, size_t f) {
+    round_job *job = context;
+    score_form(job->data, job->choice, &job->forms[f], job->lambda, &job->results[f]);
+}
+
+static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_team *team,
+                              const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
+    round_job job = {.data = data, .choice = choice, .forms = forms, .lambda = options->lambda};
+    round_result *results = job.results;
+    gonio_team_run(team, (size_t)n, run_form, &job);
     gonio_status status = GONIO_OK;
     for (int f = 0; f < n; f++) {
         if (results[f].status == GONIO_OK && status == GONIO_OK &&
@@ -231,10 +248,11 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_optio
     gonio_lsq_form forms[8];
     const double start = now_s();
     bool stop = false;
+    gonio_team *team = gonio_team_new(options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     tell(options, 0, "lobes", &stop);
     if (status == GONIO_OK) {
-        status = fit_bases(data, options, lobes, choice, error);
+        status = fit_bases(data, team, lobes, choice, error);
     }
     for (int stage = 0; stage < 3 && status == GONIO_OK && !stop; stage++) {
         static const char *const what[] = {"coordinates", "stiffness and reciprocity", "levels"};
@@ -252,8 +270,9 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_optio
         } else if (options->level == GONIO_LEVEL_AUTO) {
             n = level_forms(data, best, forms);
         }
-        status = n > 0 ? run_round(data, options, forms, n, choice, error) : GONIO_OK;
+        status = n > 0 ? run_round(data, options, team, forms, n, choice, error) : GONIO_OK;
     }
+    gonio_team_free(team);
     if (stop && status == GONIO_OK) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped while choosing");
     }
