@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/model_file.h"
+
 // ---- kinds ----
 
 static double lambert(const gonio_lobe_geometry *g, const double *p) {
@@ -128,9 +130,62 @@ static void release(gonio_model *model) {
     free(m);
 }
 
+// ---- the model file's section: the description, then every parameter (docs/formats.md) ----
+
+typedef struct description {
+    uint32_t n_terms, reserved;
+    struct {
+        char kind[16]; // zero-filled
+    } terms[GONIO_ANALYTIC_TERMS_MAX];
+} description;
+_Static_assert(sizeof(description) == 8 + 16 * GONIO_ANALYTIC_TERMS_MAX, "the description is written as it stands");
+
+static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+    const analytic_model *m = (const analytic_model *)model;
+    description about = {.n_terms = (uint32_t)m->n_terms};
+    for (int t = 0; t < m->n_terms; t++) {
+        snprintf(about.terms[t].kind, sizeof about.terms[t].kind, "%s", m->terms[t].kind->name);
+    }
+    const gonio_file_part parts[2] = {{&about, sizeof about}, {m->parameters, m->count * sizeof *m->parameters}};
+    return gonio_model_file_write(model, path, parts, 2, error);
+}
+
+gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+    size_t at = 0, count = 0;
+    const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
+    if (about == NULL || about->n_terms < 1 || about->n_terms > GONIO_ANALYTIC_TERMS_MAX) {
+        return gonio_mapped_fail(mapped, 0, "expected 1 to 8 terms of an analytic model", error);
+    }
+    gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX];
+    for (uint32_t t = 0; t < about->n_terms; t++) {
+        const char *name = about->terms[t].kind;
+        terms[t].kind = memchr(name, 0, sizeof about->terms[t].kind) != NULL ? gonio_analytic_kind_find(name) : NULL;
+        if (terms[t].kind == NULL) {
+            return gonio_mapped_fail(mapped, 0, "an unknown kind of analytic BRDF", error);
+        }
+        count += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+    }
+    const size_t begin = at;
+    const double *parameters = gonio_mapped_take(mapped, &at, count * sizeof *parameters);
+    if (parameters == NULL) {
+        return gonio_mapped_fail(mapped, begin, "fewer parameters than its terms and channels need", error);
+    }
+    for (uint32_t t = 0; t < about->n_terms; t++) {
+        terms[t].parameters = parameters;
+        parameters += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+    }
+    if (gonio_analytic_new(terms, (int)about->n_terms, mapped->channels, mapped->names, out, error) != GONIO_OK) {
+        return gonio_mapped_fail(mapped, begin, "a parameter is outside its bounds", error);
+    }
+    gonio_mapped_release(mapped); // everything was copied
+    *mapped = (gonio_mapped){0};
+    return GONIO_OK;
+}
+
 static const gonio_model_ops ops = {
     .api_version = GONIO_MODEL_API_VERSION,
     .kind = "analytic",
+    .save = save,
     .eval = eval,
     .eval_channel = eval_channel,
     .free = release,

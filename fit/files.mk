@@ -1,9 +1,9 @@
 # Samples -> model.
 eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
-lib-y  += fit/resolve.c fit/metrics.c fit/analytic.c fit/spec.c
+lib-y  += fit/resolve.c fit/metrics.c fit/spec.c
 lib-y  += fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
 # Accurate fits: least squares, lobes below the spline, the choice between them.
-eval-y += fit/lobes.c fit/lobe_model.c
+eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c
 lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_method.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev

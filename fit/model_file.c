@@ -31,6 +31,7 @@ static const struct {
     const char *kind;
     gonio_model_reader read;
 } readers[] = {
+    {"analytic", gonio_analytic_model_read},
     {"lattice", gonio_lattice_model_read},
     {"lobe-spline", gonio_lobe_model_read},
 };

@@ -41,6 +41,7 @@ const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t
 gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what, gonio_error *error);
 
 // The readers of the kinds that libgonio-eval knows.
+gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 

@@ -1,4 +1,4 @@
-// gonio convert: any readable BRDF -> a samples CSV or a MERL table.
+// gonio convert: any readable BRDF -> a samples CSV or a MERL table; an analytic BRDF -> a model file.
 #include <stdio.h>
 #include <string.h>
 
@@ -29,6 +29,16 @@ static gonio_status to_merl(const char *in, const char *out, gonio_error *error)
     gonio_status status = open_model(in, &model, error);
     if (status == GONIO_OK) {
         status = gonio_write_merl(model, out, error);
+        gonio_model_free(model);
+    }
+    return status;
+}
+
+static gonio_status to_model(const char *in, const char *out, gonio_error *error) {
+    gonio_model *model;
+    gonio_status status = open_model(in, &model, error);
+    if (status == GONIO_OK) {
+        status = gonio_model_save(model, out, error);
         gonio_model_free(model);
     }
     return status;
@@ -73,7 +83,8 @@ static gonio_status to_samples(const char *in, const char *out, const convert_ar
 static int run(int argc, char **argv) {
     convert_arguments a = {0};
     const cli_option options[] = {
-        {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT", "samples or merl (by OUT's ending: .binary is merl)"},
+        {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT",
+         "samples, merl or model (by OUT's ending: .binary, .gonio; else samples)"},
         {"plan", 0, CLI_TEXT, &a.plan, NULL, "PLAN", "where to sample a model or table (" PLAN_DEFAULT ")"},
         CLI_INPUT_OPTIONS(a.input),
         {0}};
@@ -84,15 +95,20 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common)) {
         return 2;
     }
-    const char *to = a.to != NULL ? a.to : ends_with(names[1], ".binary") ? "merl" : "samples";
-    if (strcmp(to, "merl") != 0 && strcmp(to, "samples") != 0) {
-        return cli_usage(&common, "convert: --to: expected samples or merl, found '%s'", to);
+    const char *to = a.to != NULL                     ? a.to
+                     : ends_with(names[1], ".binary") ? "merl"
+                     : ends_with(names[1], ".gonio")  ? "model"
+                                                      : "samples";
+    const bool merl = strcmp(to, "merl") == 0, is_to_model = strcmp(to, "model") == 0;
+    if (!merl && !is_to_model && strcmp(to, "samples") != 0) {
+        return cli_usage(&common, "convert: --to: expected samples, merl or model, found '%s'", to);
     }
     cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     json_t *result = json_pack("{s:s,s:s,s:s}", "input", names[0], "output", names[1], "format", to);
-    const gonio_status status = strcmp(to, "merl") == 0 ? to_merl(names[0], names[1], &error)
-                                                        : to_samples(names[0], names[1], &a, &common, result, &error);
+    const gonio_status status = merl          ? to_merl(names[0], names[1], &error)
+                                : is_to_model ? to_model(names[0], names[1], &error)
+                                              : to_samples(names[0], names[1], &a, &common, result, &error);
     if (status != GONIO_OK) {
         json_decref(result);
         return cli_fail(&common, &error);
@@ -105,4 +121,5 @@ static int run(int argc, char **argv) {
     return 0;
 }
 
-const cli_verb cmd_convert = {"convert", "IN OUT [options]", "any readable BRDF to a samples CSV or a MERL table", run};
+const cli_verb cmd_convert = {"convert", "IN OUT [options]",
+                              "any readable BRDF to a samples CSV, a MERL table, or a spec to a model file", run};

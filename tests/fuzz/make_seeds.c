@@ -98,6 +98,10 @@ static void put_model(const char *folder) {
         fprintf(stderr, "cannot make a model\n");
         exit(1);
     }
+    snprintf(path, sizeof path, "%s/analytic", folder);
+    if (gonio_model_save(truth, path, NULL) != GONIO_OK) {
+        exit(1);
+    }
     gonio_model_free(truth);
     gonio_model_free(model);
     gonio_samples_free(s);

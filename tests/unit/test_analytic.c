@@ -12,6 +12,7 @@
 #include "fit/analytic.h"
 #include "fit/spec.h"
 #include "tests/unit/near.h"
+#include "tests/unit/scratch.h"
 
 static const char *const specs[] = {
     "lambert:rho=0.5",
@@ -200,6 +201,37 @@ static void parameters_are_one_vector(void **state) {
     gonio_model_free(m);
 }
 
+// A saved model gives the same bits; a file with parameters out of bounds is refused.
+static void saved_and_opened(void **state) {
+    (void)state;
+    char path[64];
+    scratch_file(path, "", 0);
+    for (size_t k = 0; k < SPECS; k++) {
+        gonio_model *m = from(specs[k]), *again;
+        assert_int_equal(gonio_model_save(m, path, NULL), GONIO_OK);
+        assert_int_equal(gonio_model_open(path, &again, NULL), GONIO_OK);
+        assert_int_equal(again->channels, m->channels);
+        assert_int_equal(again->isotropic, m->isotropic);
+        assert_string_equal(again->channel_names[0], m->channel_names[0]);
+        for (int i = 0; i < 100; i++) {
+            const gonio_pair p = {0.0157 * i, 0.3, 1.5 - 0.01 * i, 0.1 * i};
+            double a[3], b[3];
+            gonio_model_eval_pair(m, &p, a);
+            gonio_model_eval_pair(again, &p, b);
+            assert_memory_equal(a, b, (size_t)m->channels * sizeof *a);
+        }
+        gonio_model_free(again);
+        size_t count;
+        gonio_analytic_parameters(m, &count)[count - 1] = -1;
+        gonio_error error = {0};
+        assert_int_equal(gonio_model_save(m, path, NULL), GONIO_OK);
+        assert_int_equal(gonio_model_open(path, &again, &error), GONIO_E_INPUT);
+        assert_non_null(strstr(error.message, "outside its bounds"));
+        gonio_model_free(m);
+    }
+    unlink(path);
+}
+
 static void refused(const char *spec, const char *expected) {
     gonio_model *m;
     gonio_error error = {0};
@@ -253,6 +285,7 @@ int main(void) {
         cmocka_unit_test(albedos),
         cmocka_unit_test(closed_forms),
         cmocka_unit_test(parameters_are_one_vector),
+        cmocka_unit_test(saved_and_opened),
         cmocka_unit_test(bad_specs),
         cmocka_unit_test(shapes),
     };
