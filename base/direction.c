@@ -25,8 +25,12 @@ double gonio_radians(double deg) { return deg * (GONIO_PI / 180); }
 
 // deg -> rad scales by 0.01745..., so between octave boundaries either several degrees share a radian or some radians
 // have no degree at all. Trying the neighbours of the rounded quotient finds the degree wherever one exists.
+// Of several, the one that people wrote: 30, not 29.999999999999996.
 double gonio_degrees(double rad) {
-    const double first = rad * (180 / GONIO_PI);
+    const double first = rad * (180 / GONIO_PI), written = round(first * 1e9) / 1e9;
+    if (gonio_radians(written) == rad) {
+        return written;
+    }
     double below = first, above = first;
     for (int step = 0; step < 4; step++) {
         if (gonio_radians(below) == rad) {

@@ -134,9 +134,10 @@ typedef struct gonio_outcome {
 } gonio_outcome;
 
 // Join the steps' samples, correct drift, fit, add the pointing term, fit again, save the model to model_path and hash.
+// sets: of gonio_process_samples; each is released as it is joined. NULL: as the journal holds them.
 // stream (may be NULL): a stream that was given exactly these samples and stands in for the first fit. Release the
 // outcome with gonio_outcome_free.
-gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples *const *sets,
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples **sets,
                           gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
                           gonio_error *error);
 void gonio_outcome_free(gonio_outcome *outcome);

@@ -1,12 +1,14 @@
 // The setup as JSON texts in the journal: people read them, and a replay needs nothing else.
 //
 // One table a struct names every member once; writing and reading both follow it.
+#include <errno.h>
 #include <jansson.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "gonio/output.h"
 #include "host/acquire/acquire.h"
 
 typedef enum kind { REAL, REAL3, INTEGER, BOOLEAN, TEXT, SEED } kind;
@@ -179,12 +181,42 @@ static gonio_status get(gonio_session *session, const struct part *part, gonio_s
     return status;
 }
 
+// The camera's response curve is a file of the rig's; the session keeps its own copy.
+static gonio_status copy_file(const char *from, const char *to, gonio_error *error) {
+    FILE *source = fopen(from, "rb");
+    if (source == NULL) {
+        return gonio_fail_line(error, GONIO_E_INPUT, from, -1, "cannot read the response curve: %s", strerror(errno));
+    }
+    gonio_output *output;
+    gonio_status status = gonio_output_open(to, &output, error);
+    if (status == GONIO_OK) {
+        char buffer[4096];
+        size_t got;
+        while ((got = fread(buffer, 1, sizeof buffer, source)) > 0) {
+            fwrite(buffer, 1, got, gonio_output_stream(output));
+        }
+        status = gonio_output_commit(output, error);
+    }
+    fclose(source);
+    return status;
+}
+
+static gonio_status response_path(gonio_session *session, char path[256], gonio_error *error) {
+    return snprintf(path, 256, "%s/response.csv", gonio_session_path(session)) < 256
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_INPUT, "the session's path is too long for its response curve");
+}
+
 gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error) {
-    char bits[16];
+    char bits[16], path[256];
     snprintf(bits, sizeof bits, "%d", setup->camera.bits);
     gonio_status status = gonio_session_put(session, "camera.bits", bits, error);
     for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
         status = put(session, &parts[i], setup, error);
+    }
+    if (status == GONIO_OK && setup->facts.response_path[0] != 0) {
+        status = response_path(session, path, error);
+        status = status == GONIO_OK ? copy_file(setup->facts.response_path, path, error) : status;
     }
     return status;
 }
@@ -195,6 +227,9 @@ gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_e
     gonio_status status = GONIO_OK;
     for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
         status = get(session, &parts[i], setup, error);
+    }
+    if (status == GONIO_OK && setup->facts.response_path[0] != 0) {
+        status = response_path(session, setup->facts.response_path, error);
     }
     return status;
 }

@@ -9,25 +9,42 @@
 
 #include "host/acquire/acquire.h"
 
-static gonio_status join(const gonio_process *process, gonio_samples *const *sets, gonio_samples *all, double **clock_s,
-                         gonio_error *error) {
-    size_t total = 0, at = 0;
-    for (size_t i = 0; i < process->n; i++) {
-        total += sets[i] != NULL ? sets[i]->n : 0;
+// A step's samples to the end of all; *clock_s: the nominal clock of every one, when its step was done.
+static gonio_status append(gonio_samples *all, const gonio_samples *set, double step_clock_s, double **clock_s,
+                           gonio_error *error) {
+    double *larger = realloc(*clock_s, (all->n + set->n + 1) * sizeof *larger);
+    if (larger == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", all->n + set->n);
     }
-    gonio_status status = gonio_samples_reserve(all, total, error);
-    *clock_s = malloc((total + 1) * sizeof **clock_s);
-    if (status == GONIO_OK && *clock_s == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", total);
+    *clock_s = larger;
+    gonio_status status = GONIO_OK;
+    for (size_t k = 0; status == GONIO_OK && k < set->n; k++) {
+        const size_t c = k * (size_t)set->channels;
+        larger[all->n] = step_clock_s;
+        status = gonio_samples_add(all, &set->pairs[k], set->values + c, set->sigma_random + c,
+                                   set->sigma_systematic + c, error);
     }
+    return status;
+}
+
+// Every step's samples in order: from sets, which are released as they are joined (there may be millions), or, without
+// sets, from the journal.
+static gonio_status join(gonio_session *session, const gonio_process *process, gonio_samples **sets, gonio_samples *all,
+                         double **clock_s, gonio_error *error) {
+    gonio_status status = GONIO_OK;
     for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
-        const gonio_samples *set = sets[i];
-        for (size_t k = 0; status == GONIO_OK && set != NULL && k < set->n; k++) {
-            const size_t c = k * (size_t)set->channels;
-            (*clock_s)[at++] = process->steps[i].clock_end_s;
-            status = gonio_samples_add(all, &set->pairs[k], set->values + c, set->sigma_random + c,
-                                       set->sigma_systematic + c, error);
+        const gonio_step *step = &process->steps[i];
+        gonio_samples *set = NULL;
+        if (sets != NULL) {
+            set = sets[i];
+            sets[i] = NULL;
+        } else if (step->kind == GONIO_STEP_SAMPLE && step->done) {
+            status = gonio_session_step_samples(session, step->index, &set, error);
         }
+        if (status == GONIO_OK && set != NULL) {
+            status = append(all, set, step->clock_end_s, clock_s, error);
+        }
+        gonio_samples_free(set);
     }
     return status;
 }
@@ -74,7 +91,7 @@ static void count(const gonio_process *process, gonio_outcome *out) {
     }
 }
 
-gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples *const *sets,
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples **sets,
                           gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
                           gonio_error *error) {
     *out = (gonio_outcome){.drift_ratio = NAN};
@@ -83,7 +100,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_
     count(process, out);
     gonio_status status = gonio_process_new_samples(process, &out->samples, error);
     if (status == GONIO_OK) {
-        status = join(process, sets, out->samples, &clock_s, error);
+        status = join(session, process, sets, out->samples, &clock_s, error);
     }
     if (status == GONIO_OK) {
         status = correct_drift(session, process, clock_s, out, &changed, error);

@@ -220,7 +220,7 @@ static gonio_status evaluate(gonio_scan *scan, const gonio_step *step, const gon
     const gonio_status status =
         gonio_process_pose(&scan->process, step, exposures->items, exposures->n, &scan->samples, why, error);
     if (status == GONIO_OK && why[0] != 0) {
-        snprintf(text, sizeof text, "step %lld gives no sample: %s", (long long)step->index, why);
+        snprintf(text, sizeof text, "no sample: %s", why);
         note(scan, "no sample", text);
     }
     return status;

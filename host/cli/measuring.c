@@ -111,15 +111,12 @@ static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, go
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
     }
     gonio_process *process = gonio_scan_process(r->scan);
-    gonio_samples **sets = NULL;
-    gonio_status status = gonio_process_stored(r->session, process, &sets, error);
+    gonio_status status = gonio_finish(r->session, process, NULL, r->in_order ? r->stream : NULL, r->m->common->threads,
+                                       *model_path, outcome, error);
     if (status == GONIO_OK) {
-        status = gonio_finish(r->session, process, sets, r->in_order ? r->stream : NULL, r->m->common->threads,
-                              *model_path, outcome, error);
-    }
-    gonio_sets_free(sets, process->n);
-    if (status == GONIO_OK) {
-        status = gonio_session_put(r->session, "result.model_path", *model_path, error);
+        char *full = realpath(*model_path, NULL);
+        status = gonio_session_put(r->session, "result.model_path", full != NULL ? full : *model_path, error);
+        free(full);
     }
     return status == GONIO_OK ? gonio_outcome_put(r->session, outcome, error) : status;
 }
