@@ -94,9 +94,6 @@ gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *
 // frees with gonio_sets_free.
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
                                    gonio_progress_fn progress, void *context, gonio_samples ***out, gonio_error *error);
-// The journalled samples in the same form.
-gonio_status gonio_process_stored(gonio_session *session, const gonio_process *process, gonio_samples ***out,
-                                  gonio_error *error);
 void gonio_sets_free(gonio_samples **sets, size_t n);
 
 // ---- scan.c: drive the rig through the session's steps ----
@@ -133,13 +130,20 @@ typedef struct gonio_outcome {
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
 } gonio_outcome;
 
-// Join the steps' samples, correct drift, fit, add the pointing term, fit again, save the model to model_path and hash.
-// sets: of gonio_process_samples; each is released as it is joined. NULL: as the journal holds them.
-// stream (may be NULL): a stream that was given exactly these samples and stands in for the first fit. Release the
+// How to finish. sets: of gonio_process_samples, each released as it is joined; NULL: as the journal holds them. stream
+// (may be NULL): was given exactly these samples in this order and stands in for the first fit. progress may be NULL.
+typedef struct gonio_finish_options {
+    gonio_samples **sets;
+    gonio_fit_stream *stream;
+    int threads;
+    const char *model_path;
+    gonio_progress_fn progress;
+    void *context;
+} gonio_finish_options;
+// Join the steps' samples, correct drift, fit, add the pointing term, fit again, save the model and hash. Release the
 // outcome with gonio_outcome_free.
-gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples **sets,
-                          gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
-                          gonio_error *error);
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, const gonio_finish_options *options,
+                          gonio_outcome *out, gonio_error *error);
 void gonio_outcome_free(gonio_outcome *outcome);
 // Store the final samples and the results' checksums ("result.samples_sha256" ...), in one transaction.
 gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error);

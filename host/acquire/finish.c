@@ -91,34 +91,37 @@ static void count(const gonio_process *process, gonio_outcome *out) {
     }
 }
 
-gonio_status gonio_finish(gonio_session *session, gonio_process *process, gonio_samples **sets,
-                          gonio_fit_stream *stream, int threads, const char *model_path, gonio_outcome *out,
-                          gonio_error *error) {
+static gonio_status save(const gonio_finish_options *options, gonio_outcome *out, gonio_error *error) {
+    gonio_status status = gonio_model_save(out->model, options->model_path, error);
+    if (status == GONIO_OK) {
+        status = gonio_sha256_file(options->model_path, out->model_sha256, error);
+    }
+    return status == GONIO_OK ? gonio_sha256_samples(out->samples, out->samples_sha256, error) : status;
+}
+
+gonio_status gonio_finish(gonio_session *session, gonio_process *process, const gonio_finish_options *options,
+                          gonio_outcome *out, gonio_error *error) {
     *out = (gonio_outcome){.drift_ratio = NAN};
     double *clock_s = NULL;
     bool changed = false;
     count(process, out);
     gonio_status status = gonio_process_new_samples(process, &out->samples, error);
     if (status == GONIO_OK) {
-        status = join(session, process, sets, out->samples, &clock_s, error);
+        status = join(session, process, options->sets, out->samples, &clock_s, error);
     }
     if (status == GONIO_OK) {
         status = correct_drift(session, process, clock_s, out, &changed, error);
     }
     free(clock_s);
     if (status == GONIO_OK) {
-        gonio_fit_options options = gonio_setup_fit(&process->setup);
-        options.threads = threads;
-        status = fit_twice(process, changed ? NULL : stream, &options, out, error);
+        gonio_fit_options fit = gonio_setup_fit(&process->setup);
+        fit.threads = options->threads;
+        fit.progress = options->progress;
+        fit.progress_context = options->context;
+        status = fit_twice(process, changed ? NULL : options->stream, &fit, out, error);
     }
     if (status == GONIO_OK) {
-        status = gonio_model_save(out->model, model_path, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sha256_file(model_path, out->model_sha256, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sha256_samples(out->samples, out->samples_sha256, error);
+        status = save(options, out, error);
     }
     if (status != GONIO_OK) {
         gonio_outcome_free(out);

@@ -156,25 +156,6 @@ static gonio_status process_step(gonio_session *session, const gonio_process *pr
     return status;
 }
 
-gonio_status gonio_process_stored(gonio_session *session, const gonio_process *process, gonio_samples ***out,
-                                  gonio_error *error) {
-    *out = calloc(process->n + 1, sizeof **out);
-    if (*out == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu sample sets", process->n);
-    }
-    gonio_status status = GONIO_OK;
-    for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
-        if (process->steps[i].kind == GONIO_STEP_SAMPLE && process->steps[i].done) {
-            status = gonio_session_step_samples(session, process->steps[i].index, &(*out)[i], error);
-        }
-    }
-    if (status != GONIO_OK) {
-        gonio_sets_free(*out, process->n);
-        *out = NULL;
-    }
-    return status;
-}
-
 void gonio_sets_free(gonio_samples **sets, size_t n) {
     for (size_t i = 0; sets != NULL && i < n; i++) {
         gonio_samples_free(sets[i]);

@@ -34,6 +34,11 @@ static bool on_progress(void *context, double fraction, const char *what, double
     return !cli_interrupted();
 }
 
+static bool may_go_on(void *context, double fraction, const char *what, double error_now) {
+    (void)context, (void)fraction, (void)what, (void)error_now;
+    return !cli_interrupted();
+}
+
 static bool same(const gonio_samples *a, const gonio_samples *b) {
     if (a == NULL || b == NULL) {
         return a == b;
@@ -48,28 +53,29 @@ static bool same(const gonio_samples *a, const gonio_samples *b) {
 
 static gonio_status compare_sets(gonio_session *session, const gonio_process *process, gonio_samples *const *sets,
                                  verdict *v, gonio_error *error) {
-    gonio_samples **stored;
-    const gonio_status status = gonio_process_stored(session, process, &stored, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
     for (size_t i = process->n; i-- > 0;) {
-        if (!same(sets[i], stored[i])) {
+        gonio_samples *stored = NULL;
+        if (sets[i] != NULL) {
+            const gonio_status status = gonio_session_step_samples(session, (int64_t)i, &stored, error);
+            if (status != GONIO_OK) {
+                return status;
+            }
+        }
+        if (!same(sets[i], stored)) {
             v->steps_differing++;
             v->first_differing = (long long)i;
         }
+        gonio_samples_free(stored);
     }
-    gonio_sets_free(stored, process->n);
     return GONIO_OK;
 }
 
 // A model of its own for the checksum where none is asked for.
-static gonio_status model_path(const request *r, char path[64], gonio_error *error) {
+static gonio_status temporary_folder(char path[64], gonio_error *error) {
     const char *folder = getenv("TMPDIR");
     if (snprintf(path, 64, "%s/gonio-replay-XXXXXX", folder != NULL && strlen(folder) < 32 ? folder : "/tmp") >= 64) {
         return gonio_fail(error, GONIO_E_IO, "the path of the temporary folder is too long");
     }
-    (void)r;
     return mkdtemp(path) != NULL
                ? GONIO_OK
                : gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make a temporary folder: %s", strerror(errno));
@@ -77,16 +83,19 @@ static gonio_status model_path(const request *r, char path[64], gonio_error *err
 
 static gonio_status finish(const request *r, gonio_session *session, gonio_process *process, gonio_samples **sets,
                            gonio_outcome *outcome, gonio_error *error) {
+    gonio_finish_options options = {
+        .sets = sets, .threads = r->common->threads, .model_path = r->model, .progress = may_go_on};
     if (r->model != NULL) {
-        return gonio_finish(session, process, sets, NULL, r->common->threads, r->model, outcome, error);
+        return gonio_finish(session, process, &options, outcome, error);
     }
     char folder[64], file[80];
-    gonio_status status = model_path(r, folder, error);
+    gonio_status status = temporary_folder(folder, error);
     if (status != GONIO_OK) {
         return status;
     }
     snprintf(file, sizeof file, "%s/model", folder);
-    status = gonio_finish(session, process, sets, NULL, r->common->threads, file, outcome, error);
+    options.model_path = file;
+    status = gonio_finish(session, process, &options, outcome, error);
     unlink(file);
     rmdir(folder);
     return status;

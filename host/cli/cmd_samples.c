@@ -107,7 +107,7 @@ static gonio_status find_model(gonio_session *session, const gonio_process *proc
                                gonio_error *error) {
     char *path = NULL, *expected = NULL, hash[GONIO_SHA256_HEX];
     *model = NULL;
-    if (gonio_session_get(session, "result.model_path", &path, NULL) == GONIO_OK &&
+    if (gonio_session_model_path(session, &path, NULL) == GONIO_OK &&
         gonio_session_get(session, "result.model_sha256", &expected, NULL) == GONIO_OK &&
         gonio_sha256_file(path, hash, NULL) == GONIO_OK && strcmp(hash, expected) == 0) {
         gonio_model_open(path, model, NULL);

@@ -59,10 +59,6 @@ static gonio_status open_stream(run *r, gonio_error *error) {
     options.threads = r->m->common->threads;
     gonio_status status = gonio_fit_stream_new(gonio_calib_channels(process->calib),
                                                gonio_calib_channel_names(process->calib), &options, &r->stream, error);
-    gonio_samples **sets = NULL;
-    if (status == GONIO_OK) {
-        status = gonio_process_stored(r->session, process, &sets, error);
-    }
     r->in_order = true;
     for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
         const gonio_step *step = &process->steps[i];
@@ -70,11 +66,15 @@ static gonio_status open_stream(run *r, gonio_error *error) {
         r->done += step->kind == GONIO_STEP_SAMPLE && step->done;
         // A step that the doctor undid leaves a gap: what is measured into it comes out of order.
         r->in_order &= !step->done || i == 0 || process->steps[i - 1].done;
-        if (sets[i] != NULL && sets[i]->n > 0) {
-            status = gonio_fit_stream_add(r->stream, sets[i], error);
+        gonio_samples *samples = NULL;
+        if (step->kind == GONIO_STEP_SAMPLE && step->done) {
+            status = gonio_session_step_samples(r->session, step->index, &samples, error);
         }
+        if (samples != NULL && samples->n > 0) {
+            status = gonio_fit_stream_add(r->stream, samples, error);
+        }
+        gonio_samples_free(samples);
     }
-    gonio_sets_free(sets, process->n);
     return status;
 }
 
@@ -103,6 +103,12 @@ static gonio_status scan_all(run *r, gonio_error *error) {
     return status;
 }
 
+static bool on_fit(void *context, double fraction, const char *what, double error_now) {
+    run *r = context;
+    cli_progress_update(&r->progress, 100 * fraction, what, error_now);
+    return !cli_interrupted();
+}
+
 static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, gonio_error *error) {
     const bool own_path = r->m->model == NULL;
     if (asprintf(model_path, "%s%s", own_path ? gonio_session_path(r->session) : r->m->model,
@@ -111,10 +117,16 @@ static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, go
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
     }
     gonio_process *process = gonio_scan_process(r->scan);
-    gonio_status status = gonio_finish(r->session, process, NULL, r->in_order ? r->stream : NULL, r->m->common->threads,
-                                       *model_path, outcome, error);
+    const gonio_finish_options options = {.stream = r->in_order ? r->stream : NULL,
+                                          .threads = r->m->common->threads,
+                                          .model_path = *model_path,
+                                          .progress = on_fit,
+                                          .context = r};
+    cli_progress_start(&r->progress, "fit", 100);
+    gonio_status status = gonio_finish(r->session, process, &options, outcome, error);
+    cli_progress_end(&r->progress);
     if (status == GONIO_OK) {
-        char *full = realpath(*model_path, NULL);
+        char *full = own_path ? strdup("model.gonio") : realpath(*model_path, NULL);
         status = gonio_session_put(r->session, "result.model_path", full != NULL ? full : *model_path, error);
         free(full);
     }

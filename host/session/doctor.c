@@ -198,18 +198,44 @@ static gonio_status check_step(gonio_session *session, const gonio_step *step, i
 
 static gonio_status check_final(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
     gonio_samples *samples = NULL;
-    bool final;
+    bool final = false;
+    char hash[GONIO_SHA256_HEX];
+    char *expected = NULL;
     gonio_error why = {0};
-    const gonio_status status = gonio_session_final_samples(session, &samples, &final, &why);
-    gonio_samples_free(samples);
-    if (status == GONIO_OK || report->samples_bad > 0 || strstr(why.message, "no samples yet") != NULL) {
-        return GONIO_OK;
+    gonio_status status = gonio_session_final_samples(session, &samples, &final, &why);
+    const bool unreadable = status != GONIO_OK && strstr(why.message, "no samples yet") == NULL;
+    if (unreadable) {
+        note(report, "%s", why.message);
+    } else if (final && gonio_session_get(session, "result.samples_sha256", &expected, NULL) == GONIO_OK &&
+               gonio_sha256_samples(samples, hash, &why) == GONIO_OK && strcmp(hash, expected) != 0) {
+        note(report, "the final samples have SHA-256 %.12s..., %.12s... was journalled", hash, expected);
+        report->results_ok = false;
     }
-    report->samples_bad++;
-    note(report, "%s", why.message);
-    return repair ? session_exec(session, "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'",
-                                 error)
-                  : GONIO_OK;
+    gonio_samples_free(samples);
+    free(expected);
+    if (unreadable && report->samples_bad == 0) {
+        report->results_ok = false;
+    }
+    return repair && !report->results_ok
+               ? session_exec(session, "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'",
+                              error)
+               : GONIO_OK;
+}
+
+// The model is a file like any other: its owner may have moved it. Another content is worth a word.
+static void check_model(gonio_session *session, gonio_doctor_report *report) {
+    char *path = NULL, *expected = NULL, hash[GONIO_SHA256_HEX];
+    if (gonio_session_model_path(session, &path, NULL) == GONIO_OK &&
+        gonio_session_get(session, "result.model_sha256", &expected, NULL) == GONIO_OK) {
+        if (access(path, F_OK) != 0) {
+            note(report, "%s: the model is not there any more; resume fits it again", path);
+        } else if (gonio_sha256_file(path, hash, NULL) != GONIO_OK || strcmp(hash, expected) != 0) {
+            note(report, "%s: not the model that was journalled; resume fits it again", path);
+            report->results_ok = false;
+        }
+    }
+    free(path);
+    free(expected);
 }
 
 static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
@@ -230,7 +256,9 @@ static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_re
         }
     }
     free(steps);
+    report->results_ok = true;
     if (status == GONIO_OK) {
+        check_model(session, report);
         status = check_final(session, repair, report, error);
     }
     if (status == GONIO_OK) {

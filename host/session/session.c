@@ -190,9 +190,21 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
     return status;
 }
 
+// Stopped before its steps were entered: nothing was measured, and the next measure may have the folder.
+static bool holds_nothing(const char *path) {
+    gonio_session *session;
+    if (gonio_session_open(path, true, &session, NULL) != GONIO_OK) {
+        return false;
+    }
+    int64_t steps = 1;
+    const bool nothing = session_integer(session, "SELECT count(*) FROM steps", &steps, NULL) == GONIO_OK && steps == 0;
+    gonio_session_close(session); // which leaves no -wal behind
+    return nothing;
+}
+
 gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error) {
     *out = NULL;
-    if (gonio_session_is(path)) {
+    if (gonio_session_is(path) && !holds_nothing(path)) {
         return gonio_fail_line(error, GONIO_E_USAGE, path, -1,
                                "a session is already there; `gonio resume` goes on with it, or name another folder");
     }

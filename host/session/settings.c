@@ -38,6 +38,20 @@ gonio_status gonio_session_get(gonio_session *session, const char *key, char **v
     return status;
 }
 
+gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio_error *error) {
+    const gonio_status status = gonio_session_get(session, "result.model_path", path, error);
+    if (status != GONIO_OK || (*path)[0] == '/') {
+        return status;
+    }
+    char *joined;
+    if (asprintf(&joined, "%s/%s", session->path, *path) < 0) {
+        joined = NULL;
+    }
+    free(*path);
+    *path = joined;
+    return joined != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+}
+
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error) {
     sqlite3_stmt *statement;
     const gonio_status status = session_prepare(

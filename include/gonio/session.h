@@ -31,10 +31,11 @@ typedef struct gonio_step {
     int frames;
 } gonio_step;
 
-gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error); // fails where one exists
+gonio_status gonio_session_create(const char *path, gonio_session **out,
+                                  gonio_error *error); // fails where one with steps exists
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error);
-void gonio_session_close(gonio_session *session); // NULL is allowed
-bool gonio_session_is(const char *path);          // a folder with a session.db
+void gonio_session_close(gonio_session *session);             // NULL is allowed
+bool gonio_session_is(const char *path);                      // a folder with a session.db
 const char *gonio_session_path(const gonio_session *session); // as it was opened; lives as long as the session
 
 // Make what follows one transaction: all of it is stored at the commit, or nothing. Not nested.
@@ -77,6 +78,9 @@ gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step
 // journalled ones come.
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error);
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error);
+// The file of the journalled model, "result.model_path" (in the session's folder where it is relative); the caller
+// frees it. GONIO_E_INPUT where the session is not finished.
+gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio_error *error);
 // Open, read the final samples, close: what a verb does whose INPUT is a session.
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error);
 
@@ -92,6 +96,8 @@ typedef struct gonio_doctor_report {
     int64_t samples_bad;        // steps whose samples do not match their checksum or lack; frames can restore them
     int64_t strays;             // files under frames/ that no step owns
     bool database_ok;
+    bool results_ok; // the journalled checksums of the final samples and of the model file are theirs, where there are
+                     // any
     char detail[4096]; // one line a finding, cut where it grows too long
 } gonio_doctor_report;
 // Verify everything. A damaged session is GONIO_OK with what is wrong in the report; an error is what prevented the
