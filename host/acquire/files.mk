@@ -2,3 +2,4 @@
 lib-y  += host/acquire/steps.c host/acquire/window.c host/acquire/describe.c host/acquire/scan.c
 lib-y  += host/acquire/expose.c host/acquire/process.c host/acquire/finish.c
 pkgs-y += jansson
+unit-y += tests/unit/test_acquire.c
