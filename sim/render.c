@@ -33,6 +33,7 @@ typedef struct tile {
     const gonio_render_options *options;
     sim_colour colour;
     gonio_vec3 light;
+    double tangent; // a pixel's side at distance 1
     pixel *pixels;
 } tile;
 
@@ -83,10 +84,21 @@ static void shade(const tile *t, const sim_hit *hit, gonio_vec3 toward_eye, doub
     }
 }
 
-// The shorter side spans the sphere's outline, which perspective widens to tan(asin(1/distance)).
-static gonio_vec3 eye_ray(const gonio_render_options *o, double u, double v) {
-    const double half = MARGIN * tan(asin(1 / EYE_DISTANCE)), shorter = fmin(o->width, o->height);
-    const double x = (2 * u - o->width) / shorter * half, y = (o->height - 2 * v) / shorter * half;
+// The object's outline fits into the frame: the largest tangents of its points seen from the eye, of a sphere
+// tan(asin(1/distance)), against the frame's sides.
+static double frame_tangent(const sim_mesh *mesh, const gonio_render_options *o) {
+    const double sphere = tan(asin(1 / EYE_DISTANCE));
+    double x = mesh == NULL ? sphere : 0, y = x;
+    for (size_t v = 0; mesh != NULL && v < mesh->vertices; v++) {
+        const float *p = mesh->positions + 3 * v;
+        x = fmax(x, fabs((double)p[0]) / (EYE_DISTANCE - (double)p[2]));
+        y = fmax(y, fabs((double)p[1]) / (EYE_DISTANCE - (double)p[2]));
+    }
+    return 2 * MARGIN * fmax(x / o->width, y / o->height);
+}
+
+static gonio_vec3 eye_ray(const tile *t, double u, double v) {
+    const double x = (u - t->options->width / 2.0) * t->tangent, y = (t->options->height / 2.0 - v) * t->tangent;
     const double length = sqrt(x * x + y * y + 1);
     return (gonio_vec3){x / length, y / length, -1 / length};
 }
@@ -95,7 +107,7 @@ static pixel trace_pixel(const tile *t, int column, int row) {
     const gonio_vec3 eye = {0, 0, EYE_DISTANCE};
     double sum[3] = {0}, cover = 0;
     for (int k = 0; k < GRID * GRID; k++) {
-        const gonio_vec3 ray = eye_ray(t->options, column + (k % GRID + 0.5) / GRID, row + (k / GRID + 0.5) / GRID);
+        const gonio_vec3 ray = eye_ray(t, column + (k % GRID + 0.5) / GRID, row + (k / GRID + 0.5) / GRID);
         sim_hit hit;
         if (sim_caster_hit(t->caster, eye, ray, &hit)) {
             double rgb[3];
@@ -192,6 +204,7 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                   .caster = caster,
                   .options = o,
                   .light = gonio_direction(gonio_radians(o->light_theta_deg), gonio_radians(o->light_phi_deg)),
+                  .tangent = frame_tangent(mesh, o),
                   .pixels = pixels + (size_t)k * size};
         status = sim_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
         if (status == GONIO_OK) {

@@ -39,7 +39,7 @@ static int measure(const gonio_rig *rig, const gonio_model *model, gonio_window 
         const gonio_stamp stamp = {.pose = 1, .frame = r, .clock_s = 1000};
         gonio_frame frame = {.pixels = pixels};
         const double start = now_s();
-        if (rig->camera->capture(rig->camera_device, &window, 0.02, 0, &stamp, 1, &frame, &error) != GONIO_OK) {
+        if (rig->camera->capture(rig->camera_device, &window, 0.005, 0, &stamp, 1, &frame, &error) != GONIO_OK) {
             return fail(&error);
         }
         const double taken = now_s() - start;
