@@ -1,6 +1,6 @@
 # Samples -> model.
 eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
-lib-y  += fit/resolve.c fit/metrics.c fit/spec.c
+lib-y  += fit/resolve.c fit/metrics.c fit/spec.c fit/check.c
 lib-y  += fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
 # Accurate fits: least squares, lobes below the spline, the choice between them.
 eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c

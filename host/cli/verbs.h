@@ -11,5 +11,6 @@
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \
     X(convert)                                                                                                         \
+    X(check)                                                                                                           \
     X(calibrate)                                                                                                       \
     X(render)

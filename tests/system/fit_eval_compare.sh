@@ -63,6 +63,16 @@ exits "the spec against the table's samples" 0 "$GONIO" compare spec:ggx:rho_d=0
 check "agrees to rounding" json "d['errors']['max_rel']<1e-9 and d['samples']>12000"
 exits "the table as a spec" 0 "$GONIO" eval "spec:file:$work/t.binary" "$work/d.csv"
 
+# ---- check ----
+exits "check" 0 "$GONIO" check spec:lambert:rho=0.5/0.6/0.7 --json
+check "its figures" json "d['reciprocity']==0 and d['isotropy']==0 and abs(d['energy']-0.7)<1e-3 and len(d['separability'])==8"
+exits "a limit that is exceeded" 1 "$GONIO" check spec:lambert:rho=0.5 --max-energy 0.4
+exits "check of samples" 0 "$GONIO" check "$work/s.csv" --apply mirror,energy -o "$work/applied.csv" --json
+check "writes the changed ones" [ "$(wc -l <"$work/applied.csv")" -eq 3001 ]
+exits "a spec as a model file" 0 "$GONIO" convert "spec:$truth" "$work/truth.gonio"
+exits "is the same BRDF" 0 "$GONIO" compare "$work/truth.gonio" "$work/s.csv" --json
+check "exactly" json "d['errors']['max_abs']==0"
+
 # ---- real data ----
 if [ -r "$GONIO_DATA/cornell/garnet_red.brdf" ]; then
     exits "the thesis' fit of garnet_red" 0 "$GONIO" fit "$GONIO_DATA/cornell/garnet_red.brdf" --thesis --level 3 --json
