@@ -27,7 +27,11 @@ void cli_progress_update(cli_progress *progress, double done, const char *detail
     progress->shown = true;
     const double elapsed = now - progress->started_s;
     const double rate = elapsed > 0 ? done / elapsed : 0;
-    char eta[32] = "", error_text[48] = "";
+    char rate_text[32] = "", eta[32] = "", error_text[48] = "";
+    // Work counted as a fraction of one has no rate that would tell anyone something.
+    if (progress->total != 1) {
+        snprintf(rate_text, sizeof rate_text, "  %.3g/s", rate);
+    }
     if (progress->total > 0 && rate > 0) {
         snprintf(eta, sizeof eta, "  ETA %.0f s", fmax(0, (progress->total - done) / rate));
     }
@@ -35,7 +39,7 @@ void cli_progress_update(cli_progress *progress, double done, const char *detail
         snprintf(error_text, sizeof error_text, "  error %.4g", error_now);
     }
     const double percent = progress->total > 0 ? 100 * done / progress->total : 0;
-    fprintf(stderr, "%s%s %5.1f %%  %.3g/s%s%s  %s%s", progress->tty ? "\r\033[K" : "", progress->what, percent, rate,
+    fprintf(stderr, "%s%s %5.1f %%%s%s%s  %s%s", progress->tty ? "\r\033[K" : "", progress->what, percent, rate_text,
             eta, error_text, detail != NULL ? detail : "", progress->tty ? "" : "\n");
     fflush(stderr);
 }
