@@ -346,4 +346,9 @@ void gonio_stage_modbus_limits(const void *device, int k, double *min_deg, doubl
     *max_deg = fmax(one, other);
 }
 
+double gonio_stage_modbus_user_deg(const void *device, int k, double dial_deg) {
+    const axis *a = &((const stage *)device)->axes[k];
+    return a->sign * (dial_deg - a->zero_deg);
+}
+
 int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage *)device)->lost_steps; }

@@ -35,6 +35,8 @@ gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, go
 gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_AXES], gonio_error *error);
 // The limits of an axis in user coordinates, as the controller holds them.
 void gonio_stage_modbus_limits(const void *device, int axis, double *min_deg, double *max_deg);
+// An axis's user position of a dial position, both in degrees.
+double gonio_stage_modbus_user_deg(const void *device, int axis, double dial_deg);
 int64_t gonio_stage_modbus_lost_steps(const void *device); // events since it was opened
 
 #endif

@@ -6,6 +6,7 @@ lib-y  += host/drivers/debounce.c host/drivers/interlock_gpio.c host/drivers/lam
 lib-y  += host/drivers/controller.c host/drivers/controller_motion.c host/drivers/controller_map.c
 lib-y  += host/drivers/stage_modbus.c host/drivers/lamp_modbus.c
 lib-y  += host/drivers/shadow.c host/drivers/hardware.c host/drivers/hardware_keys.c
+cli-y  += host/cli/rig_actions.c host/cli/rig_reports.c
 unit-y += tests/unit/test_usbtmc.c tests/unit/test_pixels.c tests/unit/test_camera_v4l2.c tests/unit/test_interlock_gpio.c tests/unit/test_controller.c
 pkgs-y += libusb-1.0 libgpiod libmodbus
 deps-y += libusb-1.0-0-dev libgpiod-dev libmodbus-dev libumockdev-dev umockdev
