@@ -59,8 +59,8 @@ static gonio_status reopen(gonio_controller *c, gonio_error *error) {
         const gonio_status status = gonio_modbus_reopen(c->modbus, error);
         c->counts.reopened += status == GONIO_OK;
         pthread_mutex_unlock(&c->lock);
-        if (status == GONIO_OK || gonio_deadline_left_ms(deadline) == 0) {
-            return status;
+        if (status == GONIO_OK || gonio_deadline_left_ms(deadline) == 0 || status == GONIO_E_MISMATCH) {
+            return status; // a replay that leaves its tape has nothing to wait for
         }
         controller_pause(c, 100);
     }

@@ -1,0 +1,131 @@
+#!/bin/sh
+# Real drivers through the program: the controller as a process (TCP and pty), an independent Modbus slave, simulated
+# camera on real arms, and the actions of `gonio rig`.
+. tests/system/lib.sh
+controller=${GONIO%/*}/gonio-controller
+if [ ! -x "$controller" ]; then
+    skip "real drivers" "$controller is not built"
+    finish
+    exit
+fi
+
+# start NAME ARGUMENTS ...: a controller in the background; its first line of output is in $work/NAME.out.
+controllers=
+start() {
+    name=$1
+    shift
+    mkfifo "$work/$name.in"
+    "$controller" "$@" <"$work/$name.in" >"$work/$name.out" 2>&1 &
+    controllers="$controllers $!"
+    eval "exec $descriptor>\"$work/$name.in\"" # held open: its end is the controller's end
+}
+stop_all() {
+    for pid in $controllers; do kill "$pid" 2>/dev/null; done
+    rm -rf "$work"
+}
+trap stop_all EXIT
+# wait_for COMMAND ...: up to 5 s
+wait_for() {
+    i=0
+    until "$@" 2>/dev/null; do
+        i=$((i + 1))
+        [ $i -gt 100 ] && return 1
+        sleep 0.05
+    done
+}
+
+descriptor=8 start tcp --tcp 0 --speed 30
+descriptor=9 start pty --pty "$work/controller" --speed 30
+wait_for grep -q '^port' "$work/tcp.out"
+wait_for test -e "$work/controller"
+port=$(sed -n 's/^port //p' "$work/tcp.out")
+
+# The machine's switches stand at -370 degrees of its 100 steps a degree.
+rig() {
+    cat <<END
+[rig]
+driver = sim
+[controller]
+port = $1
+deadman_s = 300
+[stage]
+driver = modbus
+END
+    for axis in light_theta light_phi camera_theta camera_phi; do
+        printf '[axis %s]\nsteps_per_deg = 100\nspeed_deg_per_s = 300\nacceleration_deg_per_s2 = 2000\n' $axis
+        printf 'jerk_deg_per_s3 = 40000\nhome_deg = -370\nhome_fast_deg_per_s = 200\n'
+    done
+}
+rig "tcp:127.0.0.1:$port" >"$work/tcp.ini"
+rig "$work/controller" >"$work/pty.ini"
+for axis in light_theta light_phi camera_theta camera_phi; do
+    sed -n "/axis $axis/,\$p" "$work/tcp.ini" | sed -n '1,4p' | grep -v steps_per_deg
+done | sed '1i [rig]\ndriver = sim' >"$work/plain.ini"
+sample=ward:rho_d=0.3,rho_s=0.2,alpha=0.15
+
+exits "identify" 0 "$GONIO" rig identify --rig "$work/tcp.ini" --sample $sample --json
+check "its controller is named" grep -q '"controller":{"firmware"' "$work/out"
+exits "a move before homing is refused" 1 "$GONIO" rig move light_theta=10 --rig "$work/tcp.ini" --sample $sample
+says "and says so" "not homed"
+exits "home" 0 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample --json
+check "homing tells what had drifted" grep -q home_difference_deg "$work/out"
+exits "a move beyond the limits is refused" 1 "$GONIO" rig move light_theta=400 --rig "$work/tcp.ini" --sample $sample
+says "with the limits" "limits are"
+exits "a wrong axis is wrong usage" 2 "$GONIO" rig move shoulder=4 --rig "$work/tcp.ini" --sample $sample
+exits "no port is a device fault" 1 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set controller.port=/dev/null/x
+exits "an unknown key is bad input" 3 sh -c "printf '[controller]\nport = x\nbauds = 3\n' > $work/bad.ini; $GONIO rig status --rig $work/bad.ini --sample $sample"
+
+# Equal seeds, equal samples, whichever stage moves.
+measure() {
+    "$GONIO" measure --rig "$1" --sample $sample --plan nusselt:6 --seed 3 --json "$2" 2>"$work/measure.err" |
+        sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p'
+}
+plain=$(measure "$work/plain.ini" "$work/plain")
+tcp=$(measure "$work/tcp.ini" "$work/tcp.session")
+tail -n 3 "$work/measure.err" >"$work/said"
+pty=$(measure "$work/pty.ini" "$work/pty.session")
+if [ -n "$plain" ] && [ "$plain" = "$tcp" ]; then pass "a measure over Modbus TCP gives the in-process stage's samples"; else
+    fail "a measure over Modbus TCP gives the in-process stage's samples" "in process '$plain', TCP '$tcp'" "$(cat "$work/said")"
+fi
+if [ -n "$plain" ] && [ "$plain" = "$pty" ]; then pass "a measure over a serial line gives the in-process stage's samples"; else
+    fail "a measure over a serial line gives the in-process stage's samples" "in process '$plain', pty '$pty'" "$(tail -n 3 "$work/measure.err")"
+fi
+
+# The emergency stop of the controller ends a measure with a named fault, and the resumed one ends with the same samples.
+("$GONIO" measure --rig "$work/pty.ini" --sample $sample --plan nusselt:6 --seed 3 "$work/stopped" >"$work/stop.log" 2>&1; echo $? >"$work/stop.status") &
+wait_for test -s "$work/stopped/session.db"
+sleep 0.4
+echo "hold estop 1" >&9
+wait_for test -s "$work/stop.status"
+if [ "$(cat "$work/stop.status")" = 1 ] && grep -q EMERGENCY "$work/stop.log"; then pass "an emergency stop ends a measure and is named"; else
+    fail "an emergency stop ends a measure and is named" "status $(cat "$work/stop.status")" "$(tail -n 3 "$work/stop.log")"
+fi
+exits "nothing moves while it is pressed" 1 "$GONIO" resume "$work/stopped"
+echo "release estop" >&9
+sleep 0.2
+resumed=$("$GONIO" resume --json "$work/stopped" 2>"$work/resume.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
+if [ -n "$plain" ] && [ "$plain" = "$resumed" ]; then pass "the resumed measure has the same samples"; else
+    fail "the resumed measure has the same samples" "'$plain', resumed '$resumed'" "$(tail -n 3 "$work/resume.err")"
+fi
+
+# A record of a session's line answers in the controller's place.
+exits "record" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "controller.record=$work/tape" --json
+mv "$work/out" "$work/recorded"
+exits "replay" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "controller.replay=$work/tape,controller.port=/dev/null/x" --json
+check "the replay says what the record said" cmp "$work/recorded" "$work/out"
+exits "a replay of something else is noticed" 1 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample --set "controller.replay=$work/tape"
+
+# An independent slave: another implementation of the protocol, with this table's first registers.
+if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
+    /usr/bin/python3 tests/system/pymodbus_slave.py "$work/slave.port" >"$work/slave.log" 2>&1 &
+    controllers="$controllers $!"
+    wait_for test -s "$work/slave.port"
+    sed "s/^port = .*/port = tcp:127.0.0.1:$(cat "$work/slave.port")/" "$work/tcp.ini" >"$work/slave.ini"
+    exits "an independent slave is identified" 0 "$GONIO" rig identify --rig "$work/slave.ini" --sample $sample --json
+    check "with what it says" grep -q '"firmware":"7.8.9","protocol":1,"board":77' "$work/out"
+    exits "its alarm is named" 1 "$GONIO" rig home --rig "$work/slave.ini" --sample $sample --set controller.retries=1
+    says "with its number" "alarm 6 HOME_MISSING"
+else
+    skip "an independent slave" "python3-pymodbus is not installed"
+fi
+finish
