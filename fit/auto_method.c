@@ -7,6 +7,7 @@
 #include "fit/auto_choose.h"
 #include "fit/lsq_large.h"
 #include "fit/method.h"
+#include "fit/uncertainty.h"
 
 static bool mirrored(const gonio_samples *samples, const gonio_fit_options *options) {
     return options->symmetry == GONIO_SYMMETRY_AUTO ? samples->isotropic
@@ -27,13 +28,17 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
         return status;
     }
     const gonio_auto_trial *chosen = &choice.trials[choice.chosen];
-    gonio_lobe_model_parts parts;
-    status = gonio_lsq_dense_parts(choice.dense, data, &choice.bases[chosen->base], choice.lambdas, &parts, error);
+    gonio_lobe_model_parts parts = {0};
+    const gonio_lsq_base *base = &choice.bases[chosen->base];
+    status = gonio_lsq_dense_parts(choice.dense, data, base, choice.lambdas, &parts, error);
+    if (status == GONIO_OK) {
+        status = gonio_uncertainty_dense(choice.dense, data, base, choice.lambdas, &parts, error);
+    }
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
         status = gonio_lobe_model_new(&parts, out, error);
-        gonio_lobe_model_parts_release(&parts);
     }
+    gonio_lobe_model_parts_release(&parts);
     if (status == GONIO_OK) {
         report->level = chosen->form.level;
         report->coordinates = chosen->form.coordinates;
@@ -112,16 +117,19 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     if (status == GONIO_OK) {
         status = gonio_lsq_large_choose(data, options, candidates, n, &choice, error);
     }
-    gonio_lobe_model_parts parts;
+    gonio_lobe_model_parts parts = {0};
     if (status == GONIO_OK) {
         status = gonio_lsq_large_parts(data, options, &choice, &parts, error);
     }
     if (status == GONIO_OK) {
+        status = gonio_uncertainty_held(&choice, data, &parts, error);
+    }
+    if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
         status = gonio_lobe_model_new(&parts, out, error);
-        gonio_lobe_model_parts_release(&parts);
         describe_large(&choice, data, report);
     }
+    gonio_lobe_model_parts_release(&parts);
     gonio_lsq_large_choice_release(&choice);
     gonio_auto_choice_release(&small);
     return status;

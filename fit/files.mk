@@ -5,5 +5,6 @@ lib-y  += fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_kernel.c
 # Accurate fits: least squares, lobes below the spline, the choice between them.
 eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c
 lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_method.c
+lib-y  += fit/uncertainty.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev

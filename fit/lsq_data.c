@@ -15,6 +15,7 @@ void gonio_lsq_data_release(gonio_lsq_data *data) {
     free(data->targets);
     free(data->weights);
     free(data->links);
+    free(data->noise);
     *data = (gonio_lsq_data){0};
 }
 
@@ -153,8 +154,9 @@ static gonio_status allocate(gonio_lsq_data *data, size_t n, gonio_error *error)
     data->targets = malloc(n * c * sizeof *data->targets);
     data->weights = calloc(n, sizeof *data->weights);
     data->links = malloc(c * sizeof *data->links);
+    data->noise = calloc(c, sizeof *data->noise);
     const bool all = data->pairs != NULL && data->values != NULL && data->targets != NULL && data->weights != NULL &&
-                     data->links != NULL;
+                     data->links != NULL && data->noise != NULL;
     if (!all) {
         gonio_lsq_data_release(data);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to prepare %zu samples (%.3g GB)", n,
@@ -346,6 +348,31 @@ static void fill_weights(gonio_lsq_data *data, const gonio_samples *samples, con
     }
 }
 
+static gonio_status fill_noise(gonio_lsq_data *data, const gonio_samples *samples, gonio_error *error) {
+    const size_t c = (size_t)data->channels, step = 1 + samples->n / PROBES;
+    if (samples->sigma_random == NULL) {
+        return GONIO_OK;
+    }
+    double *work = malloc((samples->n / step + 1) * sizeof *work);
+    if (work == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank uncertainties");
+    }
+    for (size_t k = 0; k < c; k++) {
+        size_t m = 0;
+        for (size_t i = 0; i < samples->n; i += step) {
+            double slope;
+            const double t = gonio_link_apply(data->kind, &data->links[k], samples->values[i * c + k]);
+            gonio_link_invert(data->kind, &data->links[k], t, &slope);
+            const double sigma = samples->sigma_random[i * c + k] / slope;
+            work[m++] = isfinite(sigma) ? sigma : 0;
+        }
+        qsort(work, m, sizeof *work, by_value);
+        data->noise[k] = work[m / 2];
+    }
+    free(work);
+    return GONIO_OK;
+}
+
 static void fill_targets(gonio_lsq_data *data) {
     const size_t c = (size_t)data->channels;
     for (size_t i = 0; i < data->n * c; i++) {
@@ -385,6 +412,7 @@ gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samp
                                                      : GONIO_LINK_POSITIVE;
         fill_weights(data, samples, entries, n);
         fill_targets(data);
+        status = fill_noise(data, samples, error);
     }
     free(entries);
     if (status != GONIO_OK) {
@@ -406,6 +434,7 @@ gonio_status gonio_lsq_data_select(const gonio_lsq_data *data, const bool *keep,
         return status;
     }
     memcpy(out->links, data->links, c * sizeof *out->links);
+    memcpy(out->noise, data->noise, c * sizeof *out->noise);
     size_t at = 0;
     for (size_t i = 0; i < data->n; i++) {
         if (keep[i]) {
@@ -431,6 +460,7 @@ gonio_status gonio_lsq_data_channels(const gonio_lsq_data *data, const int *whic
     for (size_t k = 0; k < (size_t)count; k++) {
         const size_t c = (size_t)data->channels, channel = (size_t)which[k];
         out->links[k] = data->links[channel];
+        out->noise[k] = data->noise[channel];
         for (size_t i = 0; i < data->n; i++) {
             out->values[i * (size_t)count + k] = data->values[i * c + channel];
             out->targets[i * (size_t)count + k] = data->targets[i * c + channel];

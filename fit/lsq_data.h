@@ -15,6 +15,7 @@ typedef struct gonio_lsq_data {
     double *weights; // n; their mean is 1
     gonio_link_kind kind;
     gonio_link *links; // [channels]
+    double *noise;     // [channels]: median standard uncertainty of the link values; 0 where the samples carry none
 } gonio_lsq_data;
 
 typedef struct gonio_lsq_data_options {
