@@ -8,3 +8,6 @@ cli-y  += host/cli/cmd_plan.c host/cli/cmd_rig.c host/cli/measuring.c host/cli/r
 pkgs-y += inih
 deps-y += libinih-dev
 cli-y  += host/cli/cmd_calibrate.c host/cli/calibrate_camera.c host/cli/calibrate_noise.c host/cli/frame_list.c
+cli-y  += host/cli/cmd_tradeoff.c host/cli/tradeoff_plot.c
+pkgs-y += cairo
+deps-y += libcairo2-dev

@@ -10,6 +10,7 @@
     X(fit)                                                                                                             \
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \
+    X(tradeoff)                                                                                                        \
     X(convert)                                                                                                         \
     X(check)                                                                                                           \
     X(calibrate)                                                                                                       \

@@ -1,0 +1,223 @@
+// gonio tradeoff: every method on the same samples; a CSV, two plots, the Pareto front.
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "fit/tradeoff.h"
+#include "gonio/output.h"
+#include "host/cli/input.h"
+#include "host/cli/tradeoff_plot.h"
+
+typedef struct table {
+    gonio_tradeoff_row *rows;
+    size_t n;
+} table;
+
+// What was asked for and what the method made of it, for people: "half-vector log lambda=1e-5".
+static void describe(const gonio_tradeoff_row *row, char *text, size_t size) {
+    snprintf(text, size, "%s %s%s%s", gonio_coordinates_name(row->report.coordinates),
+             row->report.domain == GONIO_LOG ? "log" : "linear", row->report.options[0] != '\0' ? " " : "",
+             row->report.options);
+}
+
+static void print_number(FILE *f, double value) {
+    if (isfinite(value)) {
+        fprintf(f, ",%.6g", value);
+    } else {
+        fputc(',', f);
+    }
+}
+
+static void print_errors(FILE *f, const gonio_errors *e) {
+    const double values[] = {e->rmse, e->max_abs, e->max_rel, e->median_rel, e->rms_log, e->rmse_70};
+    for (size_t k = 0; k < sizeof values / sizeof *values; k++) {
+        print_number(f, e->samples > 0 ? values[k] : NAN);
+    }
+}
+
+static gonio_status write_csv(const table *t, const char *path, gonio_error *error) {
+    gonio_output *output;
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    FILE *f = gonio_output_stream(output);
+    fputs("method,level,options,fit_seconds,eval_ns,batch_ns,bytes", f);
+    for (int side = 0; side < 2; side++) {
+        static const char *const names[] = {"rmse", "max_abs", "max_rel", "median_rel", "rms_log", "rmse_70"};
+        for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+            fprintf(f, ",%s_%s", side == 0 ? "train" : "held_out", names[k]);
+        }
+    }
+    fputs(",pareto\n", f);
+    for (size_t i = 0; i < t->n; i++) {
+        const gonio_tradeoff_row *r = &t->rows[i];
+        if (r->status != GONIO_OK) {
+            continue;
+        }
+        char text[512];
+        describe(r, text, sizeof text);
+        for (char *c = text; *c != '\0'; c++) {
+            *c = *c == ',' ? ';' : *c;
+        }
+        fprintf(f, "%s,%d,%s,%.4g", r->form.method, r->report.level, text, r->report.fit_seconds);
+        print_number(f, r->eval_ns);
+        print_number(f, r->batch_ns);
+        fprintf(f, ",%zu", r->report.bytes);
+        print_errors(f, &r->report.train);
+        print_errors(f, &r->report.held_out);
+        fprintf(f, ",%s\n", r->pareto ? "true" : "false");
+    }
+    return gonio_output_commit(output, error);
+}
+
+static gonio_status write_all(const table *t, const char *folder, gonio_error *error) {
+    char path[4096];
+    snprintf(path, sizeof path, "%s/tradeoff.csv", folder);
+    gonio_status status = write_csv(t, path, error);
+    if (status == GONIO_OK) {
+        snprintf(path, sizeof path, "%s/error_bytes.png", folder);
+        status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_BYTES, path, error);
+    }
+    if (status == GONIO_OK) {
+        snprintf(path, sizeof path, "%s/error_ns.png", folder);
+        status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_NS, path, error);
+    }
+    return status;
+}
+
+static bool keep_going(void *context, double fraction, const char *what, double error_now) {
+    (void)context;
+    (void)fraction;
+    (void)what;
+    (void)error_now;
+    return !cli_interrupted();
+}
+
+static gonio_status measure(const gonio_samples *samples, gonio_fit_options *options, table *t, gonio_error *error) {
+    const size_t n = gonio_tradeoff_forms(NULL, 0);
+    gonio_tradeoff_form *forms = malloc(n * sizeof *forms);
+    t->rows = calloc(n, sizeof *t->rows);
+    gonio_status status =
+        forms != NULL && t->rows != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu rows", n);
+    cli_progress progress;
+    cli_progress_start(&progress, "tradeoff", (double)n);
+    if (status == GONIO_OK) {
+        gonio_tradeoff_forms(forms, n);
+    }
+    options->progress = keep_going;
+    for (; t->n < n && status == GONIO_OK; t->n++) {
+        cli_progress_update(&progress, (double)t->n, forms[t->n].method, NAN);
+        status = gonio_tradeoff_measure(samples, options, &forms[t->n], &t->rows[t->n], error);
+        if (status == GONIO_OK && cli_interrupted()) {
+            status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu rows", t->n + 1, n);
+        }
+    }
+    cli_progress_end(&progress);
+    gonio_tradeoff_mark_pareto(t->rows, t->n);
+    free(forms);
+    return status;
+}
+
+static json_t *to_json(const table *t, const char *input) {
+    json_t *rows = json_array(), *failed = json_array();
+    for (size_t i = 0; i < t->n; i++) {
+        const gonio_tradeoff_row *r = &t->rows[i];
+        if (r->status != GONIO_OK) {
+            json_array_append_new(failed, json_pack("{s:s,s:i,s:s}", "method", r->form.method, "level", r->form.level,
+                                                    "message", r->error.message));
+            continue;
+        }
+        char text[512];
+        describe(r, text, sizeof text);
+        json_array_append_new(
+            rows, json_pack("{s:s,s:i,s:s,s:o,s:o,s:o,s:I,s:o,s:o,s:b}", "method", r->form.method, "level",
+                            r->report.level, "options", text, "fit_seconds", cli_json_real(r->report.fit_seconds),
+                            "eval_ns", cli_json_real(r->eval_ns), "batch_ns", cli_json_real(r->batch_ns), "bytes",
+                            (json_int_t)r->report.bytes, "train", cli_json_errors(&r->report.train), "held_out",
+                            cli_json_errors(&r->report.held_out), "pareto", (int)r->pareto));
+    }
+    return json_pack("{s:s,s:o,s:o}", "input", input, "rows", rows, "failed", failed);
+}
+
+static void print(const table *t, const char *folder) {
+    printf("%-14s %5s %9s %9s %9s %10s %10s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel", "rms_log",
+           "form (held-out errors; * none better in error, bytes and ns)");
+    for (size_t i = 0; i < t->n; i++) {
+        const gonio_tradeoff_row *r = &t->rows[i];
+        if (r->status != GONIO_OK) {
+            printf("%-14s %5d  failed: %s\n", r->form.method, r->form.level, r->error.message);
+            continue;
+        }
+        const gonio_errors *e = r->report.held_out.samples > 0 ? &r->report.held_out : &r->report.train;
+        char text[512];
+        describe(r, text, sizeof text);
+        printf("%-14s %5d %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, r->report.level,
+               r->report.fit_seconds, r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log,
+               r->pareto ? '*' : ' ', text);
+    }
+    printf("%s/tradeoff.csv, error_bytes.png, error_ns.png\n", folder);
+}
+
+static gonio_status prepare(const char *folder, gonio_error *error) {
+    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        return gonio_fail_line(error, GONIO_E_IO, folder, -1, "cannot make the folder: %s", strerror(errno));
+    }
+    return GONIO_OK;
+}
+
+static int run(int argc, char **argv) {
+    cli_input in = {0};
+    gonio_fit_options fit;
+    gonio_fit_options_default(&fit);
+    const char *folder = NULL, *input;
+    const cli_option options[] = {
+        {"output", 'o', CLI_TEXT, &folder, NULL, "DIR", "folder for tradeoff.csv and the plots"},
+        {"hold-out", 0, CLI_DOUBLE, &fit.hold_out, NULL, "FRACTION", "of the geometries (0.2); 0: none"},
+        {"folds", 0, CLI_INT, &fit.folds, NULL, "K", "K-fold errors instead of one hold-out"},
+        CLI_INPUT_OPTIONS(in),
+        {0}};
+    extern const cli_verb cmd_tradeoff;
+    int count;
+    cli_common common;
+    if (!cli_parse(&cmd_tradeoff, options, argc, argv, &input, 1, 1, &count, &common)) {
+        return 2;
+    }
+    if (folder == NULL) {
+        return cli_usage(&common, "tradeoff: where to? -o DIR");
+    }
+    cli_use_threads(&common);
+    cli_catch_interrupts();
+    fit.seed = common.seed;
+    fit.threads = common.threads;
+    gonio_error error = {.line = -1, .byte = -1};
+    gonio_samples *samples;
+    table t = {0};
+    gonio_status status = cli_input_read(input, &in, &common, &samples, &error);
+    if (status == GONIO_OK) {
+        status = prepare(folder, &error);
+        if (status == GONIO_OK) {
+            status = measure(samples, &fit, &t, &error);
+        }
+        if (status == GONIO_OK) {
+            status = write_all(&t, folder, &error);
+        }
+        gonio_samples_free(samples);
+    }
+    int exit_status = 0;
+    if (status != GONIO_OK) {
+        exit_status = cli_fail(&common, &error);
+    } else if (common.json) {
+        exit_status = cli_json(to_json(&t, input));
+    } else {
+        print(&t, folder);
+    }
+    free(t.rows);
+    return exit_status;
+}
+
+const cli_verb cmd_tradeoff = {"tradeoff", "INPUT -o DIR [options]",
+                               "every method on the same samples: fit time, ns, bytes, errors, the Pareto front", run};

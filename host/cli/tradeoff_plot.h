@@ -1,0 +1,13 @@
+// Scatter plots of the trade-off as PNG.
+#ifndef GONIO_CLI_TRADEOFF_PLOT_H
+#define GONIO_CLI_TRADEOFF_PLOT_H
+
+#include "fit/tradeoff.h"
+
+typedef enum cli_tradeoff_axis { CLI_TRADEOFF_BYTES, CLI_TRADEOFF_NS } cli_tradeoff_axis;
+
+// Held-out error against bytes or ns, both logarithmic; the Pareto front joined and named. Written whole or not at all.
+gonio_status cli_tradeoff_plot(const gonio_tradeoff_row *rows, size_t n, cli_tradeoff_axis axis, const char *path,
+                               gonio_error *error);
+
+#endif
