@@ -1,6 +1,6 @@
 # The simulated rig and the preview renderer.
 lib-y += sim/sim.c sim/settings.c sim/sample.c sim/random.c sim/scene.c sim/sensor.c sim/camera.c sim/response.c \
-         sim/stage.c sim/lamp.c sim/mount.c sim/fault.c sim/render.c sim/caster.c sim/mesh.c sim/colour.c
+         sim/stage.c sim/lamp.c sim/mount.c sim/fault.c sim/render.c sim/caster.c sim/mesh.c sim/normals.c sim/colour.c
 pkgs-y += assimp libpng
 libs-y += -lembree3
 deps-y += libembree-dev libassimp-dev libpng-dev

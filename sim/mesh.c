@@ -14,10 +14,10 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include "sim/normals.h"
+
 // Cutting a face into triangles takes the square of its corners.
 #define CORNERS_MAX 1024
-// Edges sharper than this stay edges.
-#define SMOOTHING_DEG 60
 // Neither JoinIdenticalVertices nor FindDegenerates: their thresholds are absolute and eat meshes in metres or smaller.
 #define STEPS                                                                                                          \
     (aiProcess_Triangulate | aiProcess_PreTransformVertices | aiProcess_GenSmoothNormals |                             \
@@ -102,12 +102,12 @@ static gonio_status check_scene(const struct aiScene *scene, const char *path, g
     return polygons > 0 ? GONIO_OK : gonio_fail_line(error, GONIO_E_INPUT, path, -1, "it has no faces");
 }
 
-static gonio_status import(const char *path, const struct aiScene **out, gonio_error *error) {
+// *normals: whether the file has them; the tangents' step needs some, ours replace them (normals.c).
+static gonio_status import(const char *path, const struct aiScene **out, bool *normals, gonio_error *error) {
     struct aiPropertyStore *properties = aiCreatePropertyStore();
     if (properties == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to read a mesh");
     }
-    aiSetImportPropertyFloat(properties, AI_CONFIG_PP_GSN_MAX_SMOOTHING_ANGLE, SMOOTHING_DEG);
     aiSetImportPropertyInteger(properties, AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
     const struct aiScene *scene = aiImportFileExWithProperties(path, 0, NULL, properties);
     aiReleasePropertyStore(properties);
@@ -115,6 +115,10 @@ static gonio_status import(const char *path, const struct aiScene **out, gonio_e
     if (status != GONIO_OK) {
         aiReleaseImport(scene);
         return status;
+    }
+    *normals = true;
+    for (unsigned m = 0; scene != NULL && m < scene->mNumMeshes; m++) {
+        *normals = *normals && scene->mMeshes[m]->mNormals != NULL;
     }
     *out = scene != NULL ? aiApplyPostProcessing(scene, STEPS) : NULL;
     if (*out == NULL) {
@@ -226,7 +230,8 @@ gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_er
         return status;
     }
     const struct aiScene *scene;
-    status = import(path, &scene, error);
+    bool normals;
+    status = import(path, &scene, &normals, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -238,6 +243,9 @@ gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_er
     aiReleaseImport(scene);
     if (status == GONIO_OK) {
         status = normalise(mesh, path, error);
+    }
+    if (status == GONIO_OK && !normals) {
+        status = sim_normals_smooth(mesh, error);
     }
     if (status != GONIO_OK) {
         sim_mesh_free(mesh);

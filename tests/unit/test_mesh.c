@@ -61,6 +61,35 @@ static void a_cube_stays_a_cube(void **state) {
     sim_mesh_free(mesh);
 }
 
+// Two large faces in the plane z = 0 and a sliver that sticks up between them: its direction must not count as much as
+// theirs. A roof of 90 deg keeps its ridge, one of 40 deg loses it.
+static void normals_weigh_faces_by_area(void **state) {
+    (void)state;
+    const char *const sliver = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 1 0.01\nf 1 2 3\nf 1 3 4\nf 1 5 3\n";
+    sim_mesh *mesh;
+    assert_int_equal(read_text(".obj", sliver, strlen(sliver), false, &mesh, NULL), GONIO_OK);
+    for (size_t v = 0; v < 6; v++) {
+        assert_true((double)mesh->normals[3 * mesh->indices[v] + 2] > 0.999);
+    }
+    sim_mesh_free(mesh);
+    for (int steep = 0; steep < 2; steep++) {
+        char roof[200];
+        snprintf(roof, sizeof roof,
+                 "v 0 -1 0\nv 0 1 0\nv 1 -1 %g\nv 1 1 %g\nv -1 -1 %g\nv -1 1 %g\nf 1 3 4 2\nf 1 2 6 5\n",
+                 steep ? -1.0 : -0.36, steep ? -1.0 : -0.36, steep ? -1.0 : -0.36, steep ? -1.0 : -0.36);
+        assert_int_equal(read_text(".obj", roof, strlen(roof), false, &mesh, NULL), GONIO_OK);
+        int ridge = 0;
+        for (size_t v = 0; v < mesh->vertices; v++) {
+            if (fabs((double)mesh->positions[3 * v]) < 1e-6) {
+                assert_near((double)mesh->normals[3 * v + 2], steep ? sqrt(0.5) : 1, 1e-6);
+                ridge++;
+            }
+        }
+        assert_int_equal(ridge, 4);
+        sim_mesh_free(mesh);
+    }
+}
+
 static void ply_and_upward_axis(void **state) {
     (void)state;
     const char *const triangle =
@@ -176,11 +205,9 @@ static void damaged_files_do_no_harm(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_cube_stays_a_cube),
-        cmocka_unit_test(ply_and_upward_axis),
-        cmocka_unit_test(texture_coordinates_give_tangents),
-        cmocka_unit_test(bad_files_are_refused),
-        cmocka_unit_test(files_that_were_dangerous),
+        cmocka_unit_test(a_cube_stays_a_cube),      cmocka_unit_test(normals_weigh_faces_by_area),
+        cmocka_unit_test(ply_and_upward_axis),      cmocka_unit_test(texture_coordinates_give_tangents),
+        cmocka_unit_test(bad_files_are_refused),    cmocka_unit_test(files_that_were_dangerous),
         cmocka_unit_test(damaged_files_do_no_harm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
