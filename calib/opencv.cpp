@@ -7,6 +7,7 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/photo.hpp>
 
 #include <cerrno>
 #include <cmath>
@@ -241,6 +242,44 @@ extern "C" gonio_status opencv_undistortion_map(const gonio_camera_info *camera,
         cv::initUndistortRectifyMap(camera_matrix(*camera), distortion(*camera), cv::noArray(), camera_matrix(*camera),
                                     cv::Size(camera->width, camera->height), CV_32FC2, out, unused);
         std::memcpy(map, out.ptr<float>(), out.total() * 2 * sizeof *map);
+        return GONIO_OK;
+    });
+}
+
+extern "C" gonio_status opencv_response(bool robertson, int n, const gonio_image *images, int channel,
+                                        const double *exposure_s, double exposure[256], gonio_error *error) {
+    return guarded(error, "response", [&] {
+        std::vector<cv::Mat> frames;
+        std::vector<float> times;
+        for (int i = 0; i < n; i++) {
+            const cv::Mat whole(images[i].height, images[i].width, CV_16UC(images[i].channels), images[i].pixels);
+            cv::Mat one;
+            cv::extractChannel(whole, one, channel);
+            one.convertTo(one, CV_8U);
+            // OpenCV 4.6's Robertson writes three channels whatever the images have.
+            cv::merge(std::vector<cv::Mat>(3, one), one);
+            frames.push_back(one);
+            times.push_back(static_cast<float>(exposure_s[i]));
+        }
+        cv::Mat response;
+        if (robertson) {
+            cv::createCalibrateRobertson()->process(frames, response, times);
+        } else {
+            cv::createCalibrateDebevec(200)->process(frames, response, times);
+        }
+        for (int v = 0; v < 256; v++) {
+            exposure[v] = response.at<cv::Vec3f>(v)[0];
+        }
+        return GONIO_OK;
+    });
+}
+
+extern "C" gonio_status opencv_shift(const gonio_image *onto, const gonio_image *image, int shift[2],
+                                     gonio_error *error) {
+    return guarded(error, "alignment", [&] {
+        const cv::Point found = cv::createAlignMTB()->calculateShift(eight_bit(*onto), eight_bit(*image));
+        shift[0] = found.x;
+        shift[1] = found.y;
         return GONIO_OK;
     });
 }

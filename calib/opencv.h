@@ -27,6 +27,13 @@ gonio_status opencv_calibrate(int n, const gonio_corners *corners, gonio_view *v
                               gonio_error *error);
 gonio_status opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
 
+// Debevec and Malik's or Robertson's response of 8-bit images: exposure[256] up to a factor.
+gonio_status opencv_response(bool robertson, int n, const gonio_image *images, int channel, const double *exposure_s,
+                             double exposure[256], gonio_error *error);
+
+// By how much `image` must move to lie on `onto` (equal sizes).
+gonio_status opencv_shift(const gonio_image *onto, const gonio_image *image, int shift[2], gonio_error *error);
+
 #ifdef __cplusplus
 }
 #endif

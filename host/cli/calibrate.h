@@ -8,6 +8,7 @@
 // argv[0] is the kind ("camera"); each returns the exit status.
 int calibrate_camera(int argc, char **argv);
 int calibrate_noise(int argc, char **argv);
+int calibrate_response(int argc, char **argv);
 
 // One row of a frame list: CSV with the header "file,exposure_s" and optionally ",light" (1: lit, 0: dark). Paths are
 // relative to the list's folder.

@@ -8,7 +8,7 @@ static int run(int argc, char **argv) {
     static const struct {
         const char *name;
         int (*run)(int argc, char **argv);
-    } kinds[] = {{"camera", calibrate_camera}, {"noise", calibrate_noise}};
+    } kinds[] = {{"camera", calibrate_camera}, {"noise", calibrate_noise}, {"response", calibrate_response}};
     for (size_t k = 0; argc > 1 && k < sizeof kinds / sizeof *kinds; k++) {
         if (strcmp(argv[1], kinds[k].name) == 0) {
             return kinds[k].run(argc - 1, argv + 1);

@@ -107,6 +107,53 @@ void gonio_camera_apply(const gonio_camera_calibration *calibration, gonio_camer
 // radiometry never resamples.
 gonio_status gonio_camera_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
 
+// ---- response of a camera that is not linear ----
+typedef enum gonio_response_method {
+    GONIO_RESPONSE_SPLINE,    // monotone, no model assumed
+    GONIO_RESPONSE_EMOR,      // Grossberg and Nayar's basis of real cameras, from their file emor.txt
+    GONIO_RESPONSE_DEBEVEC,   // OpenCV; 8 bits, exposure times trusted
+    GONIO_RESPONSE_ROBERTSON, // OpenCV; 8 bits, exposure times trusted
+} gonio_response_method;
+
+typedef struct gonio_response_options {
+    gonio_response_method method;
+    const char *emor_path;
+    int terms;          // EMoR: how many basis functions
+    double times_sigma; // relative standard uncertainty of the nominal exposure times; 0: exact
+    double low, high;   // the range of relative values that is used
+} gonio_response_options;
+
+#define GONIO_RESPONSE_POINTS 257
+#define GONIO_RESPONSE_FRAMES 64
+// The curve: relative exposure of evenly spaced relative values 0..1 (1 at full scale), rising; and the exposure times
+// as fitted. Response and times are known jointly up to a power only: the first and last times are held at nominal.
+typedef struct gonio_response_curve {
+    double exposure[GONIO_RESPONSE_POINTS];
+    double low, high; // relative values between which the curve rests on data
+    int frames;
+    double exposure_s[GONIO_RESPONSE_FRAMES];
+    double rms_stops; // residuals, weighted
+    // How far each image lies from what the others say, median |ln|, and whether that is so much more than theirs (it is
+    // shifted, or something moved) that the merge leaves it out.
+    double disagreement[GONIO_RESPONSE_FRAMES];
+    bool rejected[GONIO_RESPONSE_FRAMES];
+} gonio_response_curve;
+
+void gonio_response_options_default(gonio_response_options *options);
+// From n images of one still scene, equal in size and kind, at different exposures. channel: 0..2 of colour images.
+gonio_status gonio_response_fit(int n, const gonio_image *images, int channel, const double *exposure_s,
+                                const gonio_response_options *options, gonio_response_curve *curve, gonio_error *error);
+// Shift images of one scene that were taken by hand onto the one of middle exposure, by whole pixels (Ward's median
+// threshold bitmaps, through OpenCV); what comes in from outside is 0. shifts (may be NULL): [n][2], u and v.
+gonio_status gonio_images_align(int n, gonio_image *images, const double *exposure_s, int (*shifts)[2],
+                                gonio_error *error);
+// The CSV that gonio_rig_facts.response_path names.
+gonio_status gonio_response_write(const gonio_response_curve *curve, const char *path, gonio_error *error);
+// Relative radiance of every pixel (relative exposure / s), weighted by the curve's own precision; NaN: no valid
+// exposure.
+void gonio_response_merge(int n, const gonio_image *images, int channel, const gonio_response_curve *curve,
+                          float *radiance);
+
 #ifdef __cplusplus
 }
 #endif

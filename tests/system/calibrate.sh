@@ -47,4 +47,16 @@ if [ -r "$data/chessboard/left01.jpg" ]; then
 else
     n=$((n + 1)); echo "ok $n - calibrate camera on photographs # SKIP no data in $data"
 fi
+printf "file,exposure_s\nx.png,1\n" >"$folder/bad.csv"
+[ "$(status_of "$GONIO" calibrate response "$folder/bad.csv")" = 3 ] && grep -q "x.png" "$folder/err"; ok $? "response: an image that is none"
+[ "$(status_of "$GONIO" calibrate response "$folder/bad.csv" --method magic)" = 2 ]; ok $? "response: unknown method"
+if [ -r "$data/hdr_memorial/list.txt" ]; then
+    { echo file,exposure_s; sed "s#^\([^ ]*\) \(.*\)#$(cd "$data" && pwd)/hdr_memorial/\1,\2#" "$data/hdr_memorial/list.txt"; } >"$folder/stack.csv"
+    "$GONIO" calibrate response "$folder/stack.csv" --channel 1 --times-sigma 0.01 -o "$folder/curve.csv" >"$folder/out"
+    ok $? "calibrate response on eight photographs"
+    grep -q "memorial0061.*stands apart" "$folder/out"; ok $? "the shifted image is named"
+    head -2 "$folder/curve.csv" | grep -q "^relative exposure,relative value$"; ok $? "curve written"
+else
+    n=$((n + 1)); echo "ok $n - calibrate response on photographs # SKIP no data in $data"
+fi
 echo "1..$n"
