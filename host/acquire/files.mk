@@ -3,3 +3,4 @@ lib-y  += host/acquire/steps.c host/acquire/window.c host/acquire/describe.c hos
 lib-y  += host/acquire/expose.c host/acquire/process.c host/acquire/finish.c
 pkgs-y += jansson
 unit-y += tests/unit/test_acquire.c
+bench-y += tests/bench/acquisition.c
