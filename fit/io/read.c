@@ -14,7 +14,8 @@ static const gonio_format *const formats[] = {&gonio_format_rgl,
                                               &gonio_format_samples,
                                               NULL};
 
-#define KNOWN "a samples CSV (header theta_i,phi_i,theta_o,phi_o,...), Cornell, NIST or CEA text, MERL, RGL"
+#define KNOWN_TABLES "a MERL or RGL table"
+#define KNOWN "a samples CSV (header theta_i,phi_i,theta_o,phi_o,...), Cornell, NIST or CEA text, " KNOWN_TABLES
 
 void gonio_read_options_default(gonio_read_options *options) {
     *options = (gonio_read_options){.negatives = GONIO_NEGATIVES_REJECT, .mueller = "f_r11", .seed = 1};
@@ -57,7 +58,7 @@ bool gonio_model_file_is(const char *path) {
     return is;
 }
 
-static gonio_status unknown_format(const gonio_source *source, gonio_error *error) {
+static gonio_status unknown_format(const gonio_source *source, const char *expected, gonio_error *error) {
     const unsigned char *d = (const unsigned char *)source->data;
     static const struct {
         const char *mark;
@@ -81,21 +82,22 @@ static gonio_status unknown_format(const gonio_source *source, gonio_error *erro
     }
     char line[81];
     if (gonio_source_first_line(source, line, sizeof line)[0] != 0) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, -1,
-                               "unknown text, beginning with '%s'; expected " KNOWN, line);
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, -1, "unknown text, beginning with '%s'; expected %s",
+                               line, expected);
     }
-    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "no BRDF file of a known format; expected " KNOWN);
+    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "no BRDF file of a known format; expected %s",
+                           expected);
 }
 
-static gonio_status open_source(const char *path, gonio_source *source, const gonio_format **format,
-                                gonio_error *error) {
+static gonio_status open_source(const char *path, const char *expected, gonio_source *source,
+                                const gonio_format **format, gonio_error *error) {
     *source = (gonio_source){.path = path};
     gonio_status status = gonio_file_read(path, 0, &source->data, &source->size, error);
     if (status != GONIO_OK) {
         return status;
     }
     if (source->size == 0) {
-        status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected " KNOWN);
+        status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected %s", expected);
     } else {
         for (int i = 0; formats[i] != NULL; i++) {
             if (formats[i]->is(source)) {
@@ -103,7 +105,7 @@ static gonio_status open_source(const char *path, gonio_source *source, const go
                 return GONIO_OK;
             }
         }
-        status = unknown_format(source, error);
+        status = unknown_format(source, expected, error);
     }
     free(source->data);
     return status;
@@ -114,7 +116,7 @@ gonio_status gonio_read(const char *path, const gonio_read_options *options, gon
     *out = NULL;
     gonio_source source;
     const gonio_format *format;
-    gonio_status status = open_source(path, &source, &format, error);
+    gonio_status status = open_source(path, KNOWN, &source, &format, error);
     if (status == GONIO_OK) {
         status = format->read(&source, options, out, report, error);
         free(source.data);
@@ -134,7 +136,7 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
     *out = NULL;
     gonio_source source;
     const gonio_format *format;
-    gonio_status status = open_source(path, &source, &format, error);
+    gonio_status status = open_source(path, "a model file (GONIOMDL), " KNOWN_TABLES, &source, &format, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -142,7 +144,8 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
         status = format->table(&source, out, error);
     } else {
         status = gonio_fail_byte(error, GONIO_E_INPUT, path, -1,
-                                 "it holds scattered samples (%s), no table; `gonio fit` makes a model of them",
+                                 "it holds scattered samples (%s), neither a model nor a table; `gonio fit` makes a "
+                                 "model of them",
                                  format->name);
     }
     free(source.data);

@@ -75,7 +75,7 @@ bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, d
 // rho_d=0.3/0.2/0.1, or "file:PATH" (a measured table or a model file). Not in libgonio-eval. Unknown names, keys and
 // impossible values are GONIO_E_USAGE, and the message lists what exists. The caller frees the model.
 gonio_status gonio_model_from_spec(const char *spec, gonio_model **out, gonio_error *error);
-// MODEL of the command line: a model file, or "spec:SPEC".
+// MODEL of the command line: a model file, "spec:SPEC", or a measured table (MERL, RGL). The caller frees the model.
 gonio_status gonio_model_resolve(const char *name, gonio_model **out, gonio_error *error);
 
 #ifdef __cplusplus
