@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/lattice.h"
+#include "fit/lattice_eval.h"
 #include "fit/mba.h"
 
 #define INNER_SEED 0x696e6e6572u // so that inner folds are not the outer ones
@@ -62,7 +62,8 @@ static double score_channel(size_t n, const double *predicted, const double *tru
 typedef struct trial {
     const gonio_samples *held;
     double *predicted, *truth, *work; // held->n each
-    double *x;                        // held->n x 4: coordinates
+    float *values;                    // held->n x channels
+    gonio_position *positions;        // held->n
 } trial;
 
 static gonio_status trial_init(trial *t, const gonio_samples *held, gonio_error *error) {
@@ -70,8 +71,10 @@ static gonio_status trial_init(trial *t, const gonio_samples *held, gonio_error 
     t->predicted = malloc(held->n * sizeof(double));
     t->truth = malloc(held->n * sizeof(double));
     t->work = malloc(held->n * sizeof(double));
-    t->x = malloc(held->n * GONIO_DIMS_MAX * sizeof(double));
-    const bool all = t->predicted != NULL && t->truth != NULL && t->work != NULL && t->x != NULL;
+    t->values = malloc(held->n * (size_t)held->channels * sizeof *t->values);
+    t->positions = malloc(held->n * sizeof *t->positions);
+    const bool all =
+        t->predicted != NULL && t->truth != NULL && t->work != NULL && t->values != NULL && t->positions != NULL;
     return all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to compare choices");
 }
 
@@ -79,22 +82,23 @@ static void trial_release(trial *t) {
     free(t->predicted);
     free(t->truth);
     free(t->work);
-    free(t->x);
+    free(t->values);
+    free(t->positions);
 }
 
 static double score(const trial *t, const gonio_scatter *scatter, const gonio_lattice *lattice) {
-    const int channels = scatter->channels;
-    const size_t n = t->held->n;
-    double sum = 0, values[channels];
-    for (int c = 0; c < channels; c++) {
+    const size_t n = t->held->n, channels = (size_t)scatter->channels;
+    gonio_lattice_eval_positions(lattice, n, t->positions, t->values);
+    double sum = 0;
+    for (size_t c = 0; c < channels; c++) {
         for (size_t i = 0; i < n; i++) {
-            gonio_lattice_eval(lattice, t->x + i * GONIO_DIMS_MAX, values);
-            t->predicted[i] = gonio_transform_invert(scatter->kind, &scatter->transforms[c], values[c]);
-            t->truth[i] = t->held->values[i * (size_t)channels + (size_t)c];
+            t->predicted[i] =
+                gonio_transform_invert(scatter->kind, &scatter->transforms[c], (double)t->values[i * channels + c]);
+            t->truth[i] = t->held->values[i * channels + c];
         }
         sum += score_channel(n, t->predicted, t->truth, t->work);
     }
-    return sum / channels;
+    return sum / (double)channels;
 }
 
 // Scores of levels 0 .. limit of one form, added to scores[].
@@ -107,7 +111,9 @@ static gonio_status score_levels(const gonio_samples *train, const trial *t, con
         return status;
     }
     for (size_t i = 0; i < t->held->n; i++) {
-        gonio_scatter_locate(form->coordinates, scatter.dims, &t->held->pairs[i], t->x + i * GONIO_DIMS_MAX);
+        double x[GONIO_DIMS_MAX];
+        gonio_scatter_locate(form->coordinates, scatter.dims, &t->held->pairs[i], x);
+        t->positions[i] = gonio_position_of(x, scatter.dims);
     }
     gonio_mba *mba;
     status = gonio_mba_new(&scatter, options->thesis ? NULL : scatter.mean, options->threads, &mba, error);
@@ -219,6 +225,43 @@ static gonio_status choose_open(const gonio_samples *samples, const gonio_fit_op
     return status;
 }
 
+// At most this many channels, evenly spread, take part in a choice: neighbours in a spectrum agree on it.
+#define CHANNELS_COMPARED 4
+
+static gonio_status spread_channels(const gonio_samples *samples, gonio_samples **out, gonio_error *error) {
+    gonio_status status = gonio_samples_new(CHANNELS_COMPARED, samples->sigma_random != NULL, out, error);
+    const size_t channels = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        double z[CHANNELS_COMPARED], sigma[CHANNELS_COMPARED] = {0};
+        for (size_t c = 0; c < CHANNELS_COMPARED; c++) {
+            const size_t at = i * channels + c * (channels - 1) / (CHANNELS_COMPARED - 1);
+            z[c] = samples->values[at];
+            sigma[c] = samples->sigma_random != NULL ? samples->sigma_random[at] : 0;
+        }
+        (*out)->isotropic = samples->isotropic;
+        status = gonio_samples_add(*out, &samples->pairs[i], z, sigma, NULL, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+static gonio_status compare_forms(const gonio_samples *samples, const gonio_fit_options *options, form_scores *forms,
+                                  int n, int lowest, int limit, gonio_mba_choice *choice, gonio_error *error) {
+    if (samples->channels <= CHANNELS_COMPARED) {
+        return choose_open(samples, options, forms, n, lowest, limit, choice, error);
+    }
+    gonio_samples *few;
+    gonio_status status = spread_channels(samples, &few, error);
+    if (status == GONIO_OK) {
+        status = choose_open(few, options, forms, n, lowest, limit, choice, error);
+        gonio_samples_free(few);
+    }
+    return status;
+}
+
 gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_options *options, gonio_mba_choice *choice,
                               gonio_error *error) {
     form_scores forms[6] = {0};
@@ -236,5 +279,5 @@ gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_opti
     if (n == 1 && !open_level) {
         return GONIO_OK;
     }
-    return choose_open(samples, options, forms, n, open_level ? 0 : limit, limit, choice, error);
+    return compare_forms(samples, options, forms, n, open_level ? 0 : limit, limit, choice, error);
 }

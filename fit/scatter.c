@@ -83,7 +83,7 @@ static double channel_eps(const gonio_samples *samples, size_t channel, double s
         sorted[i] = fabs(samples->values[i * c + channel]) / scale;
     }
     qsort(sorted, n, sizeof *sorted, by_value);
-    double eps = fmax(sorted[n / 2] * 1e-2, sorted[n - 1] * 1e-6);
+    double eps = fmax(sorted[n / 2] * 3e-2, sorted[n - 1] * 1e-7);
     if (samples->sigma_random != NULL) {
         for (size_t i = 0; i < n; i++) {
             sorted[i] = samples->sigma_random[i * c + channel] / scale;
