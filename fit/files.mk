@@ -1,7 +1,11 @@
 # Samples -> model.
 eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
+eval-y += fit/mph.c fit/sparse.c fit/cbmba_model.c
 lib-y  += fit/resolve.c fit/metrics.c fit/spec.c fit/check.c
 lib-y  += fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
+lib-y  += fit/cbmba.c fit/cbmba_hash.c fit/cbmba_method.c
+pkgs-y += cmph
+deps-y += libcmph-dev
 # Accurate fits: least squares, lobes below the spline, the choice between them.
 eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c
 lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_method.c

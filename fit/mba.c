@@ -25,6 +25,7 @@ struct gonio_mba {
     gonio_team *team; // NULL: one thread
     double *sums;     // scratch of the levels
     size_t sums_size;
+    int first_level;
     bool begun;
 };
 
@@ -59,6 +60,8 @@ void gonio_mba_free(gonio_mba *mba) {
         free(mba);
     }
 }
+
+void gonio_mba_begin_at(gonio_mba *mba, int level) { mba->first_level = level; }
 
 const gonio_lattice *gonio_mba_lattice(const gonio_mba *mba) { return &mba->lattice; }
 
@@ -247,7 +250,7 @@ gonio_status gonio_mba_next(gonio_mba *mba, gonio_error *error) {
     if (mba->begun) {
         status = gonio_lattice_refine(&mba->lattice, error);
     } else {
-        status = gonio_lattice_init(&mba->lattice, s->dims, 0, s->channels, error);
+        status = gonio_lattice_init(&mba->lattice, s->dims, mba->first_level, s->channels, error);
         if (status == GONIO_OK) {
             gonio_lattice_fill(&mba->lattice, mba->start);
             mba->begun = true;

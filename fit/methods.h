@@ -2,6 +2,7 @@
 // gonio_method_<identifier>`. The default method is "auto" where it is registered, else the first.
 #define GONIO_FIT_METHODS(X)                                                                                           \
     X(mba, "mba")                                                                                                      \
+    X(cbmba, "cbmba")                                                                                                  \
     X(lsq, "lsq")                                                                                                      \
     X(auto, "auto")                                                                                                    \
     X(cook_torrance, "cook-torrance")                                                                                  \

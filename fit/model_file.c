@@ -34,6 +34,7 @@ static const struct {
     {"analytic", gonio_analytic_model_read},
     {"lattice", gonio_lattice_model_read},
     {"lobe-spline", gonio_lobe_model_read},
+    {"cbmba", gonio_cbmba_model_read},
 };
 
 typedef struct head {

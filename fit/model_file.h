@@ -44,5 +44,6 @@ gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset
 gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+gonio_status gonio_cbmba_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 
 #endif

@@ -212,8 +212,8 @@ static void repeat_values(gonio_scatter *scatter, size_t n) {
     }
 }
 
-gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *samples,
-                                const gonio_scatter_options *options, gonio_error *error) {
+gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *samples,
+                                   const gonio_scatter_options *options, gonio_error *error) {
     const bool reciprocal = (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
     *scatter = (gonio_scatter){.n = samples->n * (reciprocal ? 2 : 1),
                                .dims = samples->isotropic ? 3 : 4,
@@ -244,9 +244,17 @@ gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *sam
         repeat_values(scatter, samples->n);
     }
     fill_mean(scatter);
-    status = gonio_scatter_sort(scatter, error);
-    if (status != GONIO_OK) {
-        gonio_scatter_release(scatter);
+    return GONIO_OK;
+}
+
+gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *samples,
+                                const gonio_scatter_options *options, gonio_error *error) {
+    gonio_status status = gonio_scatter_prepare(scatter, samples, options, error);
+    if (status == GONIO_OK) {
+        status = gonio_scatter_sort(scatter, error);
+        if (status != GONIO_OK) {
+            gonio_scatter_release(scatter);
+        }
     }
     return status;
 }

@@ -37,6 +37,9 @@ typedef struct gonio_scatter {
 gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *samples,
                                 const gonio_scatter_options *options, gonio_error *error);
 void gonio_scatter_release(gonio_scatter *scatter);
+// The same without sorting.
+gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *samples,
+                                   const gonio_scatter_options *options, gonio_error *error);
 // Sort each block of GONIO_SCATTER_BLOCK samples by cell; gonio_scatter_init has done it.
 #define GONIO_SCATTER_BLOCK ((size_t)1 << 20)
 gonio_status gonio_scatter_sort(gonio_scatter *scatter, gonio_error *error);

@@ -1,0 +1,270 @@
+// From a scatter to the parts of a CBMBA model.
+#include "fit/cbmba.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// values -= the lattice at every sample.
+static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, float *values) {
+    enum { BATCH = 64 };
+    const size_t c = (size_t)s->channels;
+    gonio_position positions[BATCH] = {{{0}}};
+    float at[BATCH * c];
+    for (size_t begin = 0; begin < s->n; begin += BATCH) {
+        const size_t n = s->n - begin < BATCH ? s->n - begin : BATCH;
+        for (size_t i = 0; i < n; i++) {
+            memcpy(positions[i].x, s->positions + (begin + i) * (size_t)s->dims, (size_t)s->dims * sizeof(uint32_t));
+        }
+        gonio_lattice_eval_positions(lattice, n, positions, at);
+        for (size_t i = 0; i < n * c; i++) {
+            values[begin * c + i] -= at[i];
+        }
+    }
+}
+
+static gonio_status fit_specular(const gonio_scatter *residual, int from, int to, int threads, gonio_lattice *specular,
+                                 gonio_error *error) {
+    gonio_mba *mba;
+    gonio_status status = gonio_mba_new(residual, NULL, threads, &mba, error);
+    if (status == GONIO_OK) {
+        gonio_mba_begin_at(mba, from);
+    }
+    for (int level = from; level <= to && status == GONIO_OK; level++) {
+        status = gonio_mba_next(mba, error);
+    }
+    if (status == GONIO_OK) {
+        gonio_mba_take(mba, specular);
+    }
+    gonio_mba_free(mba);
+    return status;
+}
+
+gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int specular_level,
+                               int threads, gonio_lattice *diffuse, gonio_lattice *specular, gonio_error *error) {
+    *diffuse = *specular = (gonio_lattice){0};
+    const size_t values = scatter->n * (size_t)scatter->channels * sizeof(float);
+    gonio_scatter residual = *scatter;
+    residual.values = malloc(values);
+    if (residual.values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the residuals of %zu samples", scatter->n);
+    }
+    gonio_status status = gonio_mba_fit(scatter, start, diffuse_level, threads, diffuse, error);
+    if (status == GONIO_OK) {
+        memcpy(residual.values, scatter->values, values);
+        subtract(scatter, diffuse, residual.values);
+        status = fit_specular(&residual, diffuse_level + 1, specular_level, threads, specular, error);
+    }
+    free(residual.values);
+    if (status != GONIO_OK) {
+        gonio_lattice_release(diffuse);
+    }
+    return status;
+}
+
+static float magnitude(const gonio_lattice *l, size_t point) {
+    float largest = 0;
+    for (size_t c = 0; c < (size_t)l->channels; c++) {
+        largest = fmaxf(largest, fabsf(l->points[point * (size_t)l->channels + c]));
+    }
+    return largest;
+}
+
+static int descending(const void *left, const void *right) {
+    const float a = *(const float *)left, b = *(const float *)right;
+    return (a < b) - (a > b);
+}
+
+// keep[i] for the (100 - percent) % largest control points, never for a zero; ties by index. *kept: how many.
+static gonio_status choose_points(const gonio_lattice *l, double percent, bool *keep, size_t *kept,
+                                  gonio_error *error) {
+    const size_t quota = (size_t)llround((double)l->count * (1 - percent / 100));
+    float *sorted = malloc(l->count * sizeof *sorted);
+    if (sorted == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", l->count);
+    }
+    for (size_t i = 0; i < l->count; i++) {
+        sorted[i] = magnitude(l, i);
+    }
+    qsort(sorted, l->count, sizeof *sorted, descending);
+    const float limit = quota == 0 ? INFINITY : sorted[quota - 1];
+    size_t ties = quota; // places left for points that equal the limit
+    while (ties > 0 && sorted[quota - ties] > limit) {
+        ties--;
+    }
+    free(sorted);
+    *kept = 0;
+    for (size_t i = 0; i < l->count; i++) {
+        const float m = magnitude(l, i);
+        keep[i] = m > 0 && (m > limit || (m == limit && ties > 0));
+        ties -= keep[i] && m == limit;
+        *kept += keep[i];
+    }
+    return GONIO_OK;
+}
+
+static size_t brick_of(const gonio_lattice *l, size_t side, size_t point) {
+    const size_t k = point % l->size, j = point / l->size % l->size, i = point / l->size / l->size;
+    return (i / 4 * side + j / 4) * side + k / 4;
+}
+
+static size_t place_in_brick(const gonio_lattice *l, size_t point) {
+    const size_t k = point % l->size, j = point / l->size % l->size, i = point / l->size / l->size;
+    return (i % 4 * 4 + j % 4) * 4 + k % 4;
+}
+
+// Number the bricks that hold a kept point; 0 is the empty one.
+static gonio_status number_bricks(const gonio_lattice *l, const bool *keep, gonio_sparse *s, gonio_error *error) {
+    s->side = gonio_sparse_side(l->level);
+    const size_t cells = s->side * s->side * s->side;
+    uint16_t *table = calloc(cells, sizeof *table);
+    s->table = table;
+    if (table == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the table of bricks");
+    }
+    for (size_t i = 0; i < l->count; i++) {
+        if (keep[i]) {
+            table[brick_of(l, s->side, i)] = 1;
+        }
+    }
+    size_t bricks = 1;
+    for (size_t b = 0; b < cells; b++) {
+        if (table[b] != 0) {
+            if (bricks > UINT16_MAX) {
+                return gonio_fail(error, GONIO_E_RANGE,
+                                  "more than %d bricks hold control points: drop more, or store "
+                                  "them as a hash",
+                                  UINT16_MAX);
+            }
+            table[b] = (uint16_t)bricks++;
+        }
+    }
+    s->bricks = bricks;
+    return GONIO_OK;
+}
+
+static void encode(const gonio_sparse *s, void *data, float *scales, const float *values) {
+    const size_t blocks = s->bricks * (size_t)s->channels;
+    for (size_t b = 0; b < blocks; b++) {
+        const float *from = values + b * GONIO_BRICK_POINTS;
+        float largest = 0;
+        for (size_t i = 0; i < GONIO_BRICK_POINTS; i++) {
+            largest = fmaxf(largest, fabsf(from[i]));
+        }
+        const float scale = largest / 127;
+        for (size_t i = 0; i < GONIO_BRICK_POINTS; i++) {
+            const size_t at = b * GONIO_BRICK_POINTS + i;
+            if (s->storage == GONIO_STORAGE_FLOAT) {
+                ((float *)data)[at] = from[i];
+            } else if (s->storage == GONIO_STORAGE_HALF) {
+                ((uint16_t *)data)[at] = gonio_half_encode(from[i]);
+            } else {
+                ((int8_t *)data)[at] = (int8_t)(scale > 0 ? lrintf(from[i] / scale) : 0);
+            }
+        }
+        if (scales != NULL) {
+            scales[b] = scale;
+        }
+    }
+}
+
+static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_sparse *s, gonio_error *error) {
+    gonio_status status = number_bricks(l, keep, s, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t c = (size_t)l->channels, elements = s->bricks * c * GONIO_BRICK_POINTS;
+    float *values = calloc(elements, sizeof *values);
+    void *data = malloc(elements * gonio_sparse_element(s->storage));
+    float *scales = s->storage == GONIO_STORAGE_BYTE ? malloc(s->bricks * c * sizeof *scales) : NULL;
+    s->data = data;
+    s->scales = scales;
+    if (values == NULL || data == NULL || (s->storage == GONIO_STORAGE_BYTE && scales == NULL)) {
+        free(values);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu bricks", s->bricks);
+    }
+    for (size_t i = 0; i < l->count; i++) {
+        for (size_t k = 0; k < c && keep[i]; k++) {
+            const size_t brick = s->table[brick_of(l, s->side, i)];
+            values[(brick * c + k) * GONIO_BRICK_POINTS + place_in_brick(l, i)] = l->points[i * c + k];
+        }
+    }
+    encode(s, data, scales, values);
+    free(values);
+    return GONIO_OK;
+}
+
+static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t kept, gonio_sparse *s,
+                              gonio_error *error) {
+    const size_t c = (size_t)l->channels;
+    uint32_t *keys = malloc((kept + 1) * sizeof *keys), *key = malloc((kept + 1) * sizeof *key);
+    float *values = malloc((kept * c + 1) * sizeof *values);
+    s->key = key;
+    s->values = values;
+    s->keys = kept;
+    gonio_status status = GONIO_OK;
+    if (keys == NULL || key == NULL || values == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu hashed control points", kept);
+    }
+    size_t n = 0;
+    for (size_t i = 0; i < l->count && status == GONIO_OK; i++) {
+        if (keep[i]) {
+            keys[n++] = (uint32_t)i;
+        }
+    }
+    if (status == GONIO_OK && kept > 0) {
+        void *packed = NULL;
+        status = gonio_cbmba_hash(keys, kept, &packed, &s->packed_length, error);
+        s->packed = packed;
+        if (status == GONIO_OK && !gonio_mph_unpack(packed, s->packed_length, &s->mph)) {
+            status = gonio_fail(error, GONIO_E_FAILED, "libcmph's perfect hash has an unknown layout");
+        }
+    }
+    for (size_t i = 0; i < kept && status == GONIO_OK; i++) {
+        const size_t entry = gonio_mph_search(&s->mph, keys[i]);
+        key[entry] = keys[i];
+        memcpy(values + entry * c, l->points + keys[i] * c, c * sizeof *values);
+    }
+    free(keys);
+    return status;
+}
+
+static gonio_status pack_diffuse(const gonio_lattice *l, gonio_storage storage, void **out, gonio_error *error) {
+    const size_t n = l->count * (size_t)l->channels;
+    const bool half = storage == GONIO_STORAGE_HALF || storage == GONIO_STORAGE_BYTE;
+    *out = malloc(n * (half ? sizeof(uint16_t) : sizeof(float)));
+    if (*out == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (half) {
+            ((uint16_t *)*out)[i] = gonio_half_encode(l->points[i]);
+        } else {
+            ((float *)*out)[i] = l->points[i];
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
+                              gonio_storage storage, gonio_cbmba_parts *parts, gonio_error *error) {
+    *parts = (gonio_cbmba_parts){.diffuse_level = diffuse->level};
+    parts->sparse = (gonio_sparse){.level = specular->level, .channels = specular->channels, .storage = storage};
+    bool *keep = malloc(specular->count * sizeof *keep);
+    if (keep == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", specular->count);
+    }
+    gonio_status status = choose_points(specular, drop_percent, keep, &parts->kept, error);
+    if (status == GONIO_OK) {
+        status = pack_diffuse(diffuse, storage, &parts->diffuse, error);
+    }
+    if (status == GONIO_OK) {
+        status = storage == GONIO_STORAGE_HASH ? pack_hash(specular, keep, parts->kept, &parts->sparse, error)
+                                               : pack_bricks(specular, keep, &parts->sparse, error);
+    }
+    free(keep);
+    if (status != GONIO_OK) {
+        gonio_cbmba_parts_release(parts);
+    }
+    return status;
+}

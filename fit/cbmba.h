@@ -1,0 +1,19 @@
+// Making a compressed bi-level model (CBMBA; Kameya 2002, chapter 6).
+#ifndef GONIO_FIT_CBMBA_H
+#define GONIO_FIT_CBMBA_H
+
+#include "fit/cbmba_model.h"
+#include "fit/mba.h"
+
+// Fit levels 0 .. D into *diffuse and levels D + 1 .. S of what remains into *specular, a lattice of level S: their sum
+// is the dense fit at level S. 3-D only. The caller releases both.
+gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int specular_level,
+                               int threads, gonio_lattice *diffuse, gonio_lattice *specular, gonio_error *error);
+// Drop the drop_percent % specular control points of least magnitude (largest over the channels) and store the rest.
+// Release *parts with gonio_cbmba_parts_release unless a model took it over.
+gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
+                              gonio_storage storage, gonio_cbmba_parts *parts, gonio_error *error);
+// libcmph's minimal perfect hash of n distinct keys, packed; the caller frees *packed.
+gonio_status gonio_cbmba_hash(const uint32_t *keys, size_t n, void **packed, size_t *length, gonio_error *error);
+
+#endif

@@ -1,0 +1,24 @@
+// Models of kind "cbmba": a coarse dense lattice for the diffuse part and a sparse fine one for the specular part.
+#ifndef GONIO_FIT_CBMBA_MODEL_H
+#define GONIO_FIT_CBMBA_MODEL_H
+
+#include "fit/sparse.h"
+#include "fit/transform.h"
+#include "gonio/model.h"
+
+// What a model is made of; arrays of malloc that the model takes over.
+typedef struct gonio_cbmba_parts {
+    gonio_coordinates coordinates;
+    gonio_transform_kind kind;
+    int diffuse_level;
+    void *diffuse; // (2^D + 3)^3 x channels: half floats with HALF and BYTE storage, else float32
+    gonio_sparse sparse;
+    size_t kept; // specular control points kept
+} gonio_cbmba_parts;
+
+// Make a model; takes over parts' arrays (and empties them) on success. Transforms and names are copied.
+gonio_status gonio_cbmba_model_new(gonio_cbmba_parts *parts, const gonio_transform *transforms,
+                                   const char (*channel_names)[32], gonio_model **out, gonio_error *error);
+void gonio_cbmba_parts_release(gonio_cbmba_parts *parts);
+
+#endif
