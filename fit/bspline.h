@@ -7,6 +7,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #define GONIO_DIMS_MAX 4
 
@@ -33,9 +34,15 @@ static inline void gonio_bspline_slopes(double t, double w[4]) {
 // A coordinate as a fixed-point number: [0, 1] -> 0 .. 2^32 - 1. The cell of any level is then a shift and the place in
 // it a mask, exact and equal for all levels; the resolution, 2.3e-10, is far below any rig's pointing. Positions
 // outside [0, 1] are moved to the border, NaN to 0.
+//
+// Between 2^20 and 2^21 doubles lie 2^-32 apart: adding 2^20 rounds to that and leaves the number in the low word.
+static inline double gonio_bspline_inside(double x) { return x > 0 ? x < 1 - 0x1p-32 ? x : 1 - 0x1p-32 : 0; }
+
 static inline uint32_t gonio_bspline_fix(double x) {
-    const double scaled = x * 4294967296.0;
-    return scaled >= 4294967295.0 ? UINT32_MAX : scaled > 0 ? (uint32_t)scaled : 0;
+    const double moved = gonio_bspline_inside(x) + 0x1p20;
+    uint64_t bits;
+    memcpy(&bits, &moved, sizeof bits);
+    return (uint32_t)bits;
 }
 
 // Two shifts, since one by 32 (level 0) is undefined.

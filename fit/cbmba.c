@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// values -= the lattice at every sample.
-static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, float *values) {
+// values -= the lattice, and the sparse one where there is one, at every sample.
+static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, const gonio_sparse *sparse, float *values) {
     enum { BATCH = 64 };
     const size_t c = (size_t)s->channels;
     gonio_position positions[BATCH] = {{{0}}};
@@ -17,27 +17,13 @@ static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, float
             memcpy(positions[i].x, s->positions + (begin + i) * (size_t)s->dims, (size_t)s->dims * sizeof(uint32_t));
         }
         gonio_lattice_eval_positions(lattice, n, positions, at);
+        for (size_t i = 0; i < n && sparse != NULL; i++) {
+            gonio_sparse_add(sparse, &positions[i], at + i * c);
+        }
         for (size_t i = 0; i < n * c; i++) {
             values[begin * c + i] -= at[i];
         }
     }
-}
-
-static gonio_status fit_specular(const gonio_scatter *residual, int from, int to, int threads, gonio_lattice *specular,
-                                 gonio_error *error) {
-    gonio_mba *mba;
-    gonio_status status = gonio_mba_new(residual, NULL, threads, &mba, error);
-    if (status == GONIO_OK) {
-        gonio_mba_begin_at(mba, from);
-    }
-    for (int level = from; level <= to && status == GONIO_OK; level++) {
-        status = gonio_mba_next(mba, error);
-    }
-    if (status == GONIO_OK) {
-        gonio_mba_take(mba, specular);
-    }
-    gonio_mba_free(mba);
-    return status;
 }
 
 gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int specular_level,
@@ -52,8 +38,8 @@ gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start
     gonio_status status = gonio_mba_fit(scatter, start, diffuse_level, threads, diffuse, error);
     if (status == GONIO_OK) {
         memcpy(residual.values, scatter->values, values);
-        subtract(scatter, diffuse, residual.values);
-        status = fit_specular(&residual, diffuse_level + 1, specular_level, threads, specular, error);
+        subtract(scatter, diffuse, NULL, residual.values);
+        status = gonio_mba_fit(&residual, NULL, specular_level, threads, specular, error);
     }
     free(residual.values);
     if (status != GONIO_OK) {
@@ -184,8 +170,8 @@ static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu bricks", s->bricks);
     }
     for (size_t i = 0; i < l->count; i++) {
-        for (size_t k = 0; k < c && keep[i]; k++) {
-            const size_t brick = s->table[brick_of(l, s->side, i)];
+        const size_t brick = s->table[brick_of(l, s->side, i)];
+        for (size_t k = 0; k < c && brick > 0; k++) {
             values[(brick * c + k) * GONIO_BRICK_POINTS + place_in_brick(l, i)] = l->points[i * c + k];
         }
     }
@@ -229,23 +215,6 @@ static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t k
     return status;
 }
 
-static gonio_status pack_diffuse(const gonio_lattice *l, gonio_storage storage, void **out, gonio_error *error) {
-    const size_t n = l->count * (size_t)l->channels;
-    const bool half = storage == GONIO_STORAGE_HALF || storage == GONIO_STORAGE_BYTE;
-    *out = malloc(n * (half ? sizeof(uint16_t) : sizeof(float)));
-    if (*out == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", n);
-    }
-    for (size_t i = 0; i < n; i++) {
-        if (half) {
-            ((uint16_t *)*out)[i] = gonio_half_encode(l->points[i]);
-        } else {
-            ((float *)*out)[i] = l->points[i];
-        }
-    }
-    return GONIO_OK;
-}
-
 gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
                               gonio_storage storage, gonio_cbmba_parts *parts, gonio_error *error) {
     *parts = (gonio_cbmba_parts){.diffuse_level = diffuse->level};
@@ -255,8 +224,10 @@ gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice 
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", specular->count);
     }
     gonio_status status = choose_points(specular, drop_percent, keep, &parts->kept, error);
-    if (status == GONIO_OK) {
-        status = pack_diffuse(diffuse, storage, &parts->diffuse, error);
+    const size_t bytes = diffuse->count * (size_t)diffuse->channels * sizeof(float);
+    parts->diffuse = malloc(bytes);
+    if (status == GONIO_OK && parts->diffuse == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", diffuse->count);
     }
     if (status == GONIO_OK) {
         status = storage == GONIO_STORAGE_HASH ? pack_hash(specular, keep, parts->kept, &parts->sparse, error)
@@ -265,6 +236,34 @@ gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice 
     free(keep);
     if (status != GONIO_OK) {
         gonio_cbmba_parts_release(parts);
+        return status;
     }
+    memcpy(parts->diffuse, diffuse->points, bytes);
+    return GONIO_OK;
+}
+
+gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_scatter *scatter, int threads,
+                                 gonio_error *error) {
+    gonio_lattice diffuse = {.dims = 3,
+                             .level = parts->diffuse_level,
+                             .channels = scatter->channels,
+                             .size = gonio_bspline_size(parts->diffuse_level),
+                             .count = gonio_lattice_count(3, parts->diffuse_level),
+                             .points = parts->diffuse};
+    gonio_scatter residual = *scatter;
+    const size_t values = scatter->n * (size_t)scatter->channels * sizeof(float);
+    residual.values = malloc(values);
+    if (residual.values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the residuals of %zu samples", scatter->n);
+    }
+    memcpy(residual.values, scatter->values, values);
+    subtract(scatter, &diffuse, &parts->sparse, residual.values);
+    gonio_lattice correction = {0};
+    const gonio_status status = gonio_mba_fit(&residual, NULL, parts->diffuse_level, threads, &correction, error);
+    for (size_t i = 0; status == GONIO_OK && i < diffuse.count * (size_t)diffuse.channels; i++) {
+        diffuse.points[i] += correction.points[i];
+    }
+    gonio_lattice_release(&correction);
+    free(residual.values);
     return status;
 }

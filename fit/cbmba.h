@@ -5,14 +5,19 @@
 #include "fit/cbmba_model.h"
 #include "fit/mba.h"
 
-// Fit levels 0 .. D into *diffuse and levels D + 1 .. S of what remains into *specular, a lattice of level S: their sum
-// is the dense fit at level S. 3-D only. The caller releases both.
+// Fit levels 0 .. D into *diffuse, and what remains by a second multilevel fit, levels 0 .. S, into *specular. 3-D
+// only. The caller releases both.
 gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int specular_level,
                                int threads, gonio_lattice *diffuse, gonio_lattice *specular, gonio_error *error);
 // Drop the drop_percent % specular control points of least magnitude (largest over the channels) and store the rest.
-// Release *parts with gonio_cbmba_parts_release unless a model took it over.
+// Bricks hold 64 points whether they are used or not, so a brick that keeps one point keeps all that it has: less error
+// for the same bytes. Release *parts with gonio_cbmba_parts_release unless a model took it over.
 gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
                               gonio_storage storage, gonio_cbmba_parts *parts, gonio_error *error);
+// Fit what the packed parts leave of the samples at the diffuse level, and add it to the diffuse control points: what
+// was dropped comes back as far as the coarse lattice can hold it, at no byte more. Beyond chapter 6.
+gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_scatter *scatter, int threads,
+                                 gonio_error *error);
 // libcmph's minimal perfect hash of n distinct keys, packed; the caller frees *packed.
 gonio_status gonio_cbmba_hash(const uint32_t *keys, size_t n, void **packed, size_t *length, gonio_error *error);
 

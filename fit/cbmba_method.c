@@ -19,7 +19,7 @@ typedef struct triple {
 
 static gonio_status parse_storage(const char *name, gonio_storage *storage, gonio_error *error) {
     static const char *const names[] = {"float", "half", "byte", "hash"};
-    *storage = GONIO_STORAGE_HALF;
+    *storage = GONIO_STORAGE_BYTE;
     for (int i = 0; i < 4 && name != NULL; i++) {
         if (strcmp(name, names[i]) == 0) {
             *storage = (gonio_storage)i;
@@ -71,6 +71,13 @@ static gonio_status pack_model(const source *s, const gonio_lattice *diffuse, co
     if (status != GONIO_OK) {
         return status;
     }
+    if (t->storage != GONIO_STORAGE_HASH) {
+        status = gonio_cbmba_correct(&parts, &s->scatter, s->options->threads, error);
+        if (status != GONIO_OK) {
+            gonio_cbmba_parts_release(&parts);
+            return status;
+        }
+    }
     parts.coordinates = s->scatter.coordinates;
     parts.kind = s->scatter.kind;
     status = gonio_cbmba_model_new(&parts, s->scatter.transforms, s->names, out, error);
@@ -84,7 +91,7 @@ static gonio_status split(const source *s, const triple *t, gonio_lattice *diffu
                              s->options->threads, diffuse, specular, error);
 }
 
-static gonio_status fit_triple(const source *s, triple *t, gonio_model **out, gonio_error *error) {
+static gonio_status fit_triple(const source *s, const triple *t, gonio_model **out, gonio_error *error) {
     gonio_lattice diffuse, specular;
     gonio_status status = split(s, t, &diffuse, &specular, error);
     if (status != GONIO_OK) {
@@ -92,11 +99,6 @@ static gonio_status fit_triple(const source *s, triple *t, gonio_model **out, go
     }
     status = pack_model(s, &diffuse, &specular, t, out, error);
     const size_t limit = s->options->max_bytes;
-    if (status == GONIO_OK && limit > 0 && (*out)->bytes > limit && s->options->storage == NULL) {
-        gonio_model_free(*out);
-        t->storage = GONIO_STORAGE_BYTE;
-        status = pack_model(s, &diffuse, &specular, t, out, error);
-    }
     if (status == GONIO_OK && limit > 0 && (*out)->bytes > limit) {
         status = gonio_fail(error, GONIO_E_RANGE, "(%d,%d,%g) takes %zu bytes; the limit is %zu", t->diffuse,
                             t->specular, t->drop, (*out)->bytes, limit);

@@ -7,12 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/locate.h"
 #include "fit/model_file.h"
 
 typedef struct cbmba_model {
     gonio_model head;
     gonio_cbmba_parts parts;
-    gonio_lattice diffuse;       // a view on parts.diffuse where that is float32
+    gonio_lattice diffuse;       // a view on parts.diffuse
     gonio_transform *transforms; // [channels]
     char (*names)[32];           // NULL when they lie in the file
     gonio_mapped mapped;         // base NULL: the arrays are our own
@@ -28,14 +29,10 @@ _Static_assert(sizeof(description) == 64, "the description is one block");
 static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
     const cbmba_model *m = (const cbmba_model *)model;
     double x[3];
-    gonio_coordinates_isotropic(m->parts.coordinates, wi, wo, x);
-    const gonio_position position = gonio_position_of(x, 3);
-    if (m->diffuse.points != NULL) {
-        gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
-    } else {
-        memset(values, 0, (size_t)model->channels * sizeof *values);
-        gonio_half_lattice_add(m->parts.diffuse, m->parts.diffuse_level, model->channels, &position, values);
-    }
+    gonio_position position;
+    gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
+    gonio_position_set(&position, x[0], x[1], x[2], 0);
+    gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
     gonio_sparse_add(&m->parts.sparse, &position, values);
 }
 
@@ -81,10 +78,8 @@ static void release(gonio_model *model) {
     free(m);
 }
 
-static bool is_half(gonio_storage storage) { return storage == GONIO_STORAGE_HALF || storage == GONIO_STORAGE_BYTE; }
-
-static size_t diffuse_bytes(int level, int channels, gonio_storage storage) {
-    return gonio_lattice_count(3, level) * (size_t)channels * (is_half(storage) ? 2 : 4);
+static size_t diffuse_bytes(int level, int channels) {
+    return gonio_lattice_count(3, level) * (size_t)channels * sizeof(float);
 }
 
 static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
@@ -103,7 +98,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     gonio_file_part parts[6] = {
         {&about, sizeof about},
         {m->transforms, c * sizeof *m->transforms},
-        {m->parts.diffuse, diffuse_bytes(m->parts.diffuse_level, model->channels, s->storage)},
+        {m->parts.diffuse, diffuse_bytes(m->parts.diffuse_level, model->channels)},
     };
     if (s->storage == GONIO_STORAGE_HASH) {
         parts[3] = (gonio_file_part){s->key, s->keys * sizeof *s->key};
@@ -134,10 +129,9 @@ static void fill_head(cbmba_model *m) {
     m->head.channels = s->channels;
     m->head.isotropic = true;
     m->head.control_points = diffuse + m->parts.kept;
-    m->head.bytes = diffuse_bytes(m->parts.diffuse_level, s->channels, s->storage) + gonio_sparse_bytes(s);
-    m->diffuse = (gonio_lattice){3,           m->parts.diffuse_level,
-                                 s->channels, gonio_bspline_size(m->parts.diffuse_level),
-                                 diffuse,     is_half(s->storage) ? NULL : m->parts.diffuse};
+    m->head.bytes = diffuse_bytes(m->parts.diffuse_level, s->channels) + gonio_sparse_bytes(s);
+    m->diffuse = (gonio_lattice){
+        3, m->parts.diffuse_level, s->channels, gonio_bspline_size(m->parts.diffuse_level), diffuse, m->parts.diffuse};
 }
 
 gonio_status gonio_cbmba_model_new(gonio_cbmba_parts *parts, const gonio_transform *transforms,
@@ -226,10 +220,9 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
                         .keys = about->keys,
                         .packed_length = about->packed};
     const gonio_transform *transforms = gonio_mapped_take(mapped, &at, c * sizeof *transforms);
-    const void *diffuse =
-        transforms != NULL
-            ? gonio_mapped_take(mapped, &at, diffuse_bytes(m->parts.diffuse_level, mapped->channels, s->storage))
-            : NULL;
+    const void *diffuse = transforms != NULL
+                              ? gonio_mapped_take(mapped, &at, diffuse_bytes(m->parts.diffuse_level, mapped->channels))
+                              : NULL;
     if (diffuse == NULL) {
         return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
     }

@@ -11,7 +11,7 @@ typedef struct gonio_cbmba_parts {
     gonio_coordinates coordinates;
     gonio_transform_kind kind;
     int diffuse_level;
-    void *diffuse; // (2^D + 3)^3 x channels: half floats with HALF and BYTE storage, else float32
+    float *diffuse; // (2^D + 3)^3 x channels
     gonio_sparse sparse;
     size_t kept; // specular control points kept
 } gonio_cbmba_parts;

@@ -7,7 +7,8 @@
 #include "fit/rows.h"
 
 #define AHEAD 4            // positions between a prefetch and its use
-#define PREFETCH_MIN 65536 // floats; smaller lattices stay in the first-level or second-level cache by themselves
+// Floats. Smaller lattices stay in a second-level cache by themselves, where asking ahead costs more than it saves.
+#define PREFETCH_MIN (1u << 19)
 
 GONIO_INLINE void prefetch_rows(const gonio_lattice *l, const gonio_position *position, const int dims) {
     size_t first = 0;

@@ -2,6 +2,7 @@
 #ifndef GONIO_FIT_LATTICE_EVAL_H
 #define GONIO_FIT_LATTICE_EVAL_H
 
+#include "fit/clones.h"
 #include "fit/lattice.h"
 
 // Four numbers a position, so that one vector load reads it; those beyond the lattice's dims are ignored.
@@ -15,6 +16,18 @@ static inline gonio_position gonio_position_of(const double *x, int dims) {
         p.x[d] = gonio_bspline_fix(x[d]);
     }
     return p;
+}
+
+// The same from four numbers in registers, stored at once: a vector load right behind four small stores would stall.
+GONIO_INLINE void gonio_position_set(gonio_position *p, double x0, double x1, double x2, double x3) {
+    typedef uint32_t word8 __attribute__((vector_size(32)));
+    typedef uint32_t word4 __attribute__((vector_size(16), aligned(4), may_alias));
+    const gonio_d4 inside = {gonio_bspline_inside(x0), gonio_bspline_inside(x1), gonio_bspline_inside(x2),
+                             gonio_bspline_inside(x3)};
+    const gonio_d4 moved = inside + 0x1p20;
+    word8 bits;
+    memcpy(&bits, &moved, sizeof bits);
+    *(word4 *)p->x = __builtin_shufflevector(bits, bits, 0, 2, 4, 6);
 }
 
 // n positions, values n x channels. Lines are fetched ahead, so random positions cost less than one call each.

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "fit/lattice_eval.h"
+#include "fit/locate.h"
 #include "fit/model_file.h"
 
 typedef struct lattice_model {
@@ -26,35 +27,24 @@ typedef struct description {
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
-// Nusselt coordinates are on every renderer's inner loop, so they are computed here without calls; a square root of a
-// sum of squares, not hypot: unit vectors neither overflow nor, where it matters, underflow.
-static void locate_nusselt(gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
-    const double s = sqrt(wi.x * wi.x + wi.y * wi.y);
-    const double c = s > 0 ? wi.x / s : 1, d = s > 0 ? wi.y / s : 0;
-    x[0] = 0.5 * s + 0.5;
-    x[1] = 0.5 * (wo.x * c + wo.y * d) + 0.5;
-    x[2] = 0.5 * (wo.y * c - wo.x * d) + 0.5;
-}
-
-static void locate(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
+static inline void locate(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
     if (m->lattice.dims == 4) {
         gonio_coordinates_anisotropic(m->coordinates, wi, wo, x);
-    } else if (m->coordinates == GONIO_NUSSELT) {
-        locate_nusselt(wi, wo, x);
     } else {
-        gonio_coordinates_isotropic(m->coordinates, wi, wo, x);
+        gonio_locate_isotropic(m->coordinates, wi, wo, x);
     }
 }
 
-static gonio_position position_of(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo) {
-    double x[4];
+static inline void position_of(const lattice_model *m, gonio_vec3 wi, gonio_vec3 wo, gonio_position *position) {
+    double x[4] = {0};
     locate(m, wi, wo, x);
-    return gonio_position_of(x, m->lattice.dims);
+    gonio_position_set(position, x[0], x[1], x[2], x[3]);
 }
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const lattice_model *m = (const lattice_model *)model;
-    const gonio_position position = position_of(m, wi, wo);
+    gonio_position position;
+    position_of(m, wi, wo, &position);
     float v[model->channels];
     gonio_lattice_eval_positions(&m->lattice, 1, &position, v);
     for (int c = 0; c < model->channels; c++) {
@@ -64,7 +54,8 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
 
 static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
     const lattice_model *m = (const lattice_model *)model;
-    const gonio_position position = position_of(m, wi, wo);
+    gonio_position position;
+    position_of(m, wi, wo, &position);
     gonio_lattice_eval_positions(&m->lattice, 1, &position, values);
     for (int c = 0; c < model->channels; c++) {
         values[c] = (float)gonio_transform_invert(m->kind, &m->transforms[c], (double)values[c]);
@@ -89,7 +80,7 @@ static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, 
     for (size_t begin = 0; begin < n; begin += batch) {
         const size_t count = n - begin < batch ? n - begin : batch;
         for (size_t i = 0; i < count; i++) {
-            positions[i] = position_of(m, wi[begin + i], wo[begin + i]);
+            position_of(m, wi[begin + i], wo[begin + i], &positions[i]);
         }
         gonio_lattice_eval_positions(&m->lattice, count, positions, v);
         double *out = values + begin * channels;

@@ -135,15 +135,28 @@ GONIO_INLINE void accumulate_one(const gonio_mba_job *job, const int dims, const
     }
 }
 
-// Many channels: G, per k: (q z_k^2, z_k^3 f_0, z_k^3 f_1 ...), f_c = q r_c / sum w^2.
-GONIO_INLINE void fill_row(const gonio_d2 *z, double q, const double *f, int channels, size_t stride, double *row) {
+// Many channels: G, per k: (q z_k^2, z_k^3 f_0, z_k^3 f_1 ...); f holds one unused place and then f_c = q r_c / sum
+// w^2, padded with zeros to the stride.
+GONIO_INLINE void fill_row(const gonio_d2 *z, double q, const double *f, const size_t stride, double *row) {
     GONIO_UNROLL
     for (int k = 0; k < 4; k++) {
         double *out = row + (size_t)k * stride;
-        out[0] = q * z[k][0];
-        for (int c = 0; c < channels; c++) {
-            out[c + 1] = z[k][1] * f[c];
+        for (size_t v = 0; v < stride; v += 4) {
+            *(gonio_d4 *)(out + v) = z[k][1] * *(const gonio_d4 *)(f + v);
         }
+        out[0] = q * z[k][0];
+    }
+}
+
+// f from the values z and what the lattice gives for them.
+GONIO_INLINE void fill_residuals(const float *z, const float *values, size_t channels, double factor, double *f) {
+    size_t c = 0;
+    for (; c + 4 <= channels; c += 4) {
+        const gonio_f4 r = *(const gonio_f4 *)(z + c) - *(const gonio_f4 *)(values + c);
+        *(gonio_d4 *)(f + 1 + c) = factor * __builtin_convertvector(r, gonio_d4);
+    }
+    for (; c < channels; c++) {
+        f[1 + c] = factor * (double)(z[c] - values[c]);
     }
 }
 
@@ -187,8 +200,8 @@ GONIO_INLINE void accumulate_all(const gonio_mba_job *job, const int dims, const
     gonio_row_list list;
     gonio_rows_offsets(job->size, dims, &list);
     float scratch[4 * channels], values[channels];
-    double row[4 * stride], f[channels];
-    memset(row, 0, sizeof row);
+    double row[4 * stride], f[stride];
+    memset(f, 0, sizeof f);
     for (size_t i = job->begin; i < job->end; i++) {
         gonio_place place;
         powers p;
@@ -197,11 +210,8 @@ GONIO_INLINE void accumulate_all(const gonio_mba_job *job, const int dims, const
         gonio_rows_eval_all(job->points, &list, dims, channels, &place, scratch, values);
         raise(&place, dims, &p);
         const double q = s->weights != NULL ? (double)s->weights[i] : 1, factor = q / p.squares;
-        const float *z = s->values + i * (size_t)channels;
-        for (int c = 0; c < channels; c++) {
-            f[c] = (double)(z[c] - values[c]) * factor;
-        }
-        fill_row(p.pairs[dims - 1], q, f, channels, stride, row);
+        fill_residuals(s->values + i * (size_t)channels, values, (size_t)channels, factor, f);
+        fill_row(p.pairs[dims - 1], q, f, stride, row);
         add_all(sums + place.first * stride, &list, dims, &p, row, stride);
     }
 }

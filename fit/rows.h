@@ -61,7 +61,8 @@ GONIO_INLINE void sum_four(const gonio_f4 *in, const gonio_f4 *basis, const int 
     *out = (basis[0][axis] * in[0] + basis[1][axis] * in[1]) + (basis[2][axis] * in[2] + basis[3][axis] * in[3]);
 }
 
-// One channel. Rows in float, as the lattice is; its rounding, 1e-7 of the cell's largest control point, is the lattice's own.
+// One channel. Rows in float, as the lattice is; its rounding, 1e-7 of the cell's largest control point, is the
+// lattice's own.
 GONIO_INLINE double gonio_rows_eval_one(const float *points, size_t size, const int dims, const gonio_place *place) {
     const float *base = points + place->first;
     const size_t plane = size * size;
@@ -153,6 +154,15 @@ GONIO_INLINE void gonio_rows_eval_all(const float *points, const gonio_row_list 
     gonio_d4 last;
     gonio_rows_last(place, dims, &last);
     const gonio_f4 w = __builtin_convertvector(last, gonio_f4);
+    if (c >= 16) {
+        for (size_t v = 0; v < c; v += 16) {
+            const float *at = scratch + (v + 16 <= c ? v : c - 16);
+            *(gonio_f16 *)(values + (at - scratch)) =
+                (w[0] * *(const gonio_f16 *)at + w[1] * *(const gonio_f16 *)(at + c)) +
+                (w[2] * *(const gonio_f16 *)(at + 2 * c) + w[3] * *(const gonio_f16 *)(at + 3 * c));
+        }
+        return;
+    }
     for (size_t k = 0; k < c; k++) {
         values[k] =
             (w[0] * scratch[k] + w[1] * scratch[c + k]) + (w[2] * scratch[2 * c + k] + w[3] * scratch[3 * c + k]);

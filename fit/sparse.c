@@ -10,9 +10,9 @@
 
 #include "fit/rows.h"
 
-typedef uint16_t half4 __attribute__((vector_size(8), aligned(2), may_alias));
-typedef int8_t byte4 __attribute__((vector_size(4), aligned(1), may_alias));
-typedef uint32_t word4 __attribute__((vector_size(16)));
+typedef uint16_t half16 __attribute__((vector_size(32), aligned(2), may_alias));
+typedef int8_t byte16 __attribute__((vector_size(16), aligned(1), may_alias));
+typedef uint32_t word16 __attribute__((vector_size(64)));
 
 size_t gonio_sparse_element(gonio_storage storage) {
     return storage == GONIO_STORAGE_FLOAT ? 4 : storage == GONIO_STORAGE_HALF ? 2 : 1;
@@ -29,34 +29,36 @@ size_t gonio_sparse_bytes(const gonio_sparse *s) {
 }
 
 // A half's exponent and fraction, moved to a float's place, give the value times 2^-112, subnormals included.
-GONIO_INLINE void decode_half(const uint16_t *from, gonio_f4 *out) {
-    const word4 h = __builtin_convertvector(*(const half4 *)from, word4);
-    const word4 magnitude = (h & 0x7fff) << 13, sign = (h & 0x8000) << 16;
-    gonio_f4 f;
+GONIO_INLINE void decode_halves(const uint16_t *from, gonio_f16 *out) {
+    const word16 h = __builtin_convertvector(*(const half16 *)from, word16);
+    const word16 magnitude = (h & 0x7fff) << 13, sign = (h & 0x8000) << 16;
+    gonio_f16 f;
     memcpy(&f, &magnitude, sizeof f);
     f *= 0x1p112f;
-    word4 bits;
+    word16 bits;
     memcpy(&bits, &f, sizeof bits);
     bits |= sign;
     memcpy(out, &bits, sizeof *out);
 }
 
-GONIO_INLINE void load_row(const void *data, size_t element, const gonio_storage storage, gonio_f4 *out) {
+// The 16 control points of a brick with one first index: contiguous.
+GONIO_INLINE void load_plane(const void *data, size_t element, const gonio_storage storage, gonio_f16 *out) {
     if (storage == GONIO_STORAGE_FLOAT) {
-        *out = *(const gonio_f4 *)((const float *)data + element);
+        *out = *(const gonio_f16 *)((const float *)data + element);
     } else if (storage == GONIO_STORAGE_HALF) {
-        decode_half((const uint16_t *)data + element, out);
+        decode_halves((const uint16_t *)data + element, out);
     } else {
-        *out = __builtin_convertvector(*(const byte4 *)((const int8_t *)data + element), gonio_f4);
+        *out = __builtin_convertvector(*(const byte16 *)((const int8_t *)data + element), gonio_f16);
     }
 }
 
-// The bricks that the cell's points lie in, and the weights.
+// The bricks that the cell's points lie in, and the weights: of the first axis, and of the 16 points of a plane of the
+// bricks [j][k] over the other two, zero where a point is not the cell's.
 typedef struct brick_cell {
     uint32_t brick[2][2][2];
     uint32_t low[3]; // the cell's first point within its first brick
-    float weight[16];
-    float last[8];
+    float first[4];
+    gonio_f16 plane[2][2];
 } brick_cell;
 
 // False where all bricks are empty.
@@ -70,46 +72,68 @@ GONIO_INLINE bool find_bricks(const gonio_sparse *s, const gonio_position *posit
     const uint16_t *table = s->table + (first[0] * s->side + first[1]) * s->side + first[2];
     GONIO_UNROLL
     for (size_t k = 0; k < 8; k++) {
-        // A cell that begins with its brick lies in it alone.
-        const bool needed =
-            (k < 4 || cell->low[0] > 0) && ((k & 2) == 0 || cell->low[1] > 0) && ((k & 1) == 0 || cell->low[2] > 0);
+        // A cell that begins with its brick lies in it alone; its neighbours' weights are 0.
         const uint32_t id = table[((k >> 2) * s->side + (k >> 1 & 1)) * s->side + (k & 1)];
-        cell->brick[k >> 2][k >> 1 & 1][k & 1] = needed ? id : 0;
-        any |= needed ? id : 0;
+        cell->brick[k >> 2][k >> 1 & 1][k & 1] = id;
+        any |= id;
     }
     return any != 0;
 }
 
+// Four weights at place `low` of eight.
+GONIO_INLINE void spread_weights(const gonio_d4 *w, uint32_t low, float out[8]) {
+    const gonio_f4 zero = {0};
+    *(gonio_f4 *)out = zero;
+    *(gonio_f4 *)(out + 4) = zero;
+    *(gonio_f4 *)(out + low) = __builtin_convertvector(*w, gonio_f4);
+}
+
 GONIO_INLINE void fill_weights(const gonio_sparse *s, const gonio_position *position, brick_cell *cell) {
     gonio_place place;
-    gonio_row_list list;
-    gonio_d4 last;
+    float y[8], z[8];
     gonio_rows_locate(position->x, s->level, gonio_bspline_size(s->level), 3, &place);
-    gonio_rows_weights(&place, 3, &list);
-    gonio_rows_last(&place, 3, &last);
-    memcpy(cell->weight, list.weight, sizeof cell->weight);
-    memset(cell->last, 0, sizeof cell->last);
-    *(gonio_f4 *)(cell->last + cell->low[2]) = __builtin_convertvector(last, gonio_f4);
+    const gonio_d4 *b = place.basis;
+    const gonio_d4 x = {b[0][0], b[1][0], b[2][0], b[3][0]}, middle = {b[0][1], b[1][1], b[2][1], b[3][1]},
+                   last = {b[0][2], b[1][2], b[2][2], b[3][2]};
+    *(gonio_f4 *)cell->first = __builtin_convertvector(x, gonio_f4);
+    spread_weights(&middle, cell->low[1], y);
+    spread_weights(&last, cell->low[2], z);
+    GONIO_UNROLL
+    for (int n = 0; n < 4; n++) {
+        const float *v = y + 4 * (n / 2);
+        const gonio_f4 w = *(const gonio_f4 *)(z + 4 * (n % 2));
+        float *out = (float *)&cell->plane[n / 2][n % 2];
+        *(gonio_f4 *)out = v[0] * w;
+        *(gonio_f4 *)(out + 4) = v[1] * w;
+        *(gonio_f4 *)(out + 8) = v[2] * w;
+        *(gonio_f4 *)(out + 12) = v[3] * w;
+    }
 }
 
 GONIO_INLINE float sum_bricks(const gonio_sparse *s, const brick_cell *cell, size_t channel,
                               const gonio_storage storage) {
     const size_t channels = (size_t)s->channels;
-    gonio_f4 left = {0}, right = {0};
+    gonio_f16 total = {0};
     GONIO_UNROLL
-    for (uint32_t r = 0; r < 16; r++) {
-        const uint32_t i = cell->low[0] + r / 4, j = cell->low[1] + r % 4;
-        const uint32_t *ids = cell->brick[i >> 2][j >> 2];
-        const size_t in_brick = ((i & 3) * 4 + (j & 3)) * 4;
-        const size_t a = (size_t)ids[0] * channels + channel, b = (size_t)ids[1] * channels + channel;
-        gonio_f4 row;
-        load_row(s->data, a * GONIO_BRICK_POINTS + in_brick, storage, &row);
-        left += (storage == GONIO_STORAGE_BYTE ? cell->weight[r] * s->scales[a] : cell->weight[r]) * row;
-        load_row(s->data, b * GONIO_BRICK_POINTS + in_brick, storage, &row);
-        right += (storage == GONIO_STORAGE_BYTE ? cell->weight[r] * s->scales[b] : cell->weight[r]) * row;
+    for (uint32_t n = 0; n < 4; n++) {
+        gonio_f16 sum = {0}, points;
+        if ((cell->brick[0][n / 2][n % 2] | cell->brick[1][n / 2][n % 2]) == 0) {
+            continue;
+        }
+        GONIO_UNROLL
+        for (uint32_t r = 0; r < 4; r++) {
+            const uint32_t i = cell->low[0] + r;
+            const size_t block = (size_t)cell->brick[i >> 2][n / 2][n % 2] * channels + channel;
+            load_plane(s->data, block * GONIO_BRICK_POINTS + (i & 3) * 16, storage, &points);
+            sum += (storage == GONIO_STORAGE_BYTE ? cell->first[r] * s->scales[block] : cell->first[r]) * points;
+        }
+        total += sum * cell->plane[n / 2][n % 2];
     }
-    const gonio_f4 sum = left * *(const gonio_f4 *)cell->last + right * *(const gonio_f4 *)(cell->last + 4);
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    float lanes[16];
+    memcpy(lanes, &total, sizeof lanes);
+    const gonio_f4 four = (*(const gonio_f4 *)lanes + *(const gonio_f4 *)(lanes + 4)) +
+                          (*(const gonio_f4 *)(lanes + 8) + *(const gonio_f4 *)(lanes + 12));
+    return (four[0] + four[1]) + (four[2] + four[3]);
 }
 
 GONIO_INLINE void add_bricks(const gonio_sparse *s, const gonio_position *position, float *values,
@@ -168,32 +192,6 @@ void gonio_sparse_add(const gonio_sparse *sparse, const gonio_position *position
     }
 }
 
-// Rows of 4 x channels halves, four at a time.
-GONIO_CLONES void gonio_half_lattice_add(const uint16_t *points, int level, int channels,
-                                         const gonio_position *position, float *values) {
-    const size_t size = gonio_bspline_size(level), c = (size_t)channels;
-    gonio_place place;
-    gonio_row_list list;
-    gonio_d4 last;
-    gonio_rows_offsets(size, 3, &list);
-    gonio_rows_locate(position->x, level, size, 3, &place);
-    gonio_rows_weights(&place, 3, &list);
-    gonio_rows_last(&place, 3, &last);
-    const uint16_t *base = points + place.first * c;
-    for (size_t v = 0; v < c; v++) {
-        gonio_f4 sum = {0}, row;
-        GONIO_UNROLL
-        for (int r = 0; r < 16; r++) {
-            decode_half(base + list.offset[r] * c + 4 * v, &row);
-            sum += list.weight[r] * row;
-        }
-        // Element e of the row belongs to point e / channels, channel e % channels.
-        for (size_t e = 4 * v; e < 4 * v + 4; e++) {
-            values[e % c] += (float)last[e / c] * sum[e - 4 * v];
-        }
-    }
-}
-
 uint16_t gonio_half_encode(float value) {
     const uint16_t sign = signbit(value) ? 0x8000 : 0;
     const float a = fminf(fabsf(value), 65504);
@@ -207,8 +205,8 @@ uint16_t gonio_half_encode(float value) {
 }
 
 float gonio_half_decode(uint16_t half) {
-    const uint16_t four[4] = {half};
-    gonio_f4 out;
-    decode_half(four, &out);
+    const uint16_t halves[16] = {half};
+    gonio_f16 out;
+    decode_halves(halves, &out);
     return out[0];
 }

@@ -43,10 +43,6 @@ size_t gonio_sparse_bytes(const gonio_sparse *sparse);
 
 // The sparse lattice at the position, added to values[channels].
 void gonio_sparse_add(const gonio_sparse *sparse, const gonio_position *position, float *values);
-// A small dense lattice (channels fastest) of half floats at the position, added to values[channels].
-void gonio_half_lattice_add(const uint16_t *points, int level, int channels, const gonio_position *position,
-                            float *values);
-
 uint16_t gonio_half_encode(float value); // round to nearest even; beyond the range: the largest
 float gonio_half_decode(uint16_t half);
 

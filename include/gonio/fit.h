@@ -37,8 +37,7 @@ typedef struct gonio_fit_options {
     int threads;                       // 0: all
     int diffuse_level, specular_level; // CBMBA (D,S,C)
     double drop_percent;
-    const char *storage; // CBMBA: "float" "half" "byte" (bricks) or "hash" (the thesis'); NULL: half, byte where that
-                         // is needed to keep max_bytes
+    const char *storage;        // CBMBA: bricks of "float" "half" "byte", or the thesis' "hash"; NULL: byte
     double max_error;           // 0: no limit
     size_t max_bytes;           // 0: no limit
     double max_ns, max_seconds; // 0: no limit
