@@ -186,6 +186,10 @@ static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_fit
         if (errors.rmse <= options->tolerance) {
             return GONIO_OK;
         }
+        // Once every sample has its cells to itself, finer levels repeat the same answer in eight times the memory.
+        if (level >= 5 && errors.rmse > 0.999 * best) {
+            break;
+        }
         best = fmin(best, errors.rmse);
     }
     return gonio_fail(error, GONIO_E_CONVERGENCE, "no level reaches a %s RMSE of %g; the best reached %g",

@@ -14,6 +14,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fit/mba_kernel.h"
 #include "fit/team.h"
@@ -172,8 +173,8 @@ static void finish_plane(void *context, size_t plane) {
                  work->stride);
 }
 
-// The first and the last cell along the slowest axis that hold samples from..to. The samples' order is no finer than the
-// scatter's sorting grid, so at fine levels the extremes may be anywhere among them.
+// The first and the last cell along the slowest axis that hold samples from..to. The samples' order is no finer than
+// the scatter's sorting grid, so at fine levels the extremes may be anywhere among them.
 static void cell_range(const gonio_mba *mba, size_t from, size_t to, size_t *first, size_t *last) {
     const gonio_scatter *s = mba->scatter;
     *first = SIZE_MAX;
@@ -259,10 +260,29 @@ gonio_status gonio_mba_next(gonio_mba *mba, gonio_error *error) {
     return status == GONIO_OK ? fit_level(mba, error) : status;
 }
 
+gonio_status gonio_mba_check_memory(int dims, int level, int channels, size_t samples, gonio_error *error) {
+    const double machine = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+    const double needed = gonio_mba_memory(dims, level, channels, samples);
+    int fits = level;
+    while (fits > 0 && gonio_mba_memory(dims, fits, channels, samples) > machine) {
+        fits--;
+    }
+    return needed <= machine
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY,
+                            "level %d of %d channels in %d dimensions needs %.3g GB; this machine has %.3g GB, enough "
+                            "for level %d",
+                            level, channels, dims, needed / 1e9, machine / 1e9, fits);
+}
+
 gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, int level, int threads,
                            gonio_lattice *lattice, gonio_error *error) {
     gonio_mba *mba;
-    gonio_status status = gonio_mba_new(scatter, start, threads, &mba, error);
+    gonio_status status = gonio_mba_check_memory(scatter->dims, level, scatter->channels, scatter->n, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_mba_new(scatter, start, threads, &mba, error);
     for (int h = 0; h <= level && status == GONIO_OK; h++) {
         status = gonio_mba_next(mba, error);
     }

@@ -1,5 +1,6 @@
 // Method "mba": multilevel B-splines on a dense lattice; coordinates, domain and level chosen by held-out error where
 // the options leave them open.
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,6 +30,47 @@ static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_opt
     return status;
 }
 
+// A sum of positive and negative lobes cannot be exact everywhere: where the values span many decades, a linear fit
+// leaks the peak over the far field. The middle of the data tells: half the magnitudes are below it.
+#define LEAK_RANGE 1e5
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+static double dynamic_range(const gonio_samples *samples) {
+    double range = 0, *sorted = malloc(samples->n * sizeof *sorted);
+    for (size_t c = 0; c < (size_t)samples->channels && sorted != NULL; c++) {
+        for (size_t i = 0; i < samples->n; i++) {
+            sorted[i] = fabs(samples->values[i * (size_t)samples->channels + c]);
+        }
+        qsort(sorted, samples->n, sizeof *sorted, by_value);
+        range = fmax(range, sorted[samples->n - 1] / fmax(sorted[samples->n / 2], DBL_MIN));
+    }
+    free(sorted);
+    return range;
+}
+
+static void append(gonio_fit_report *report, const char *text) {
+    const size_t length = strlen(report->note);
+    snprintf(report->note + length, sizeof report->note - length, "%s%s", length > 0 ? "; " : "", text);
+}
+
+static void warn(const gonio_samples *samples, const gonio_mba_choice *choice, const gonio_model *model,
+                 gonio_fit_report *report) {
+    char text[200];
+    const double bytes = gonio_mba_memory(model->isotropic ? 3 : 4, choice->level, model->channels, samples->n);
+    if (choice->scatter.domain == GONIO_LINEAR && dynamic_range(samples) > LEAK_RANGE) {
+        append(report, "the peak is more than 1e5 times the median: the linear domain leaks it over the far field, "
+                       "--domain log does not");
+    }
+    if (bytes > 1e9) {
+        snprintf(text, sizeof text, "fitting level %d took %.3g GB of memory", choice->level, bytes / 1e9);
+        append(report, text);
+    }
+}
+
 static gonio_status fit_mba(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                             gonio_fit_report *report, gonio_error *error) {
     gonio_mba_choice choice;
@@ -42,6 +84,7 @@ static gonio_status fit_mba(const gonio_samples *samples, const gonio_fit_option
         report->domain = choice.scatter.domain;
         snprintf(report->options, sizeof report->options, "level=%d", choice.level);
         snprintf(report->note, sizeof report->note, "%s", choice.note);
+        warn(samples, &choice, *out, report);
     }
     return status;
 }

@@ -1,0 +1,249 @@
+// The fit driver: choices, splits, tolerance, limits, streaming.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "fit/lattice_model.h"
+#include "gonio/fit.h"
+#include "tests/simulate.h"
+#include "tests/unit/near.h"
+
+#define WARD "ward:rho_d=0.3,rho_s=0.2,alpha=0.15"
+
+static gonio_fit_options options(const char *method) {
+    gonio_fit_options o;
+    gonio_fit_options_default(&o);
+    o.method = method;
+    return o;
+}
+
+static gonio_model *fit(const gonio_samples *samples, const gonio_fit_options *o, gonio_fit_report *report) {
+    gonio_model *model;
+    gonio_error error = {0};
+    if (gonio_fit(samples, o, &model, report, &error) != GONIO_OK) {
+        fail_msg("%s", error.message);
+    }
+    return model;
+}
+
+static void assert_same_bits(const gonio_model *a, const gonio_model *b) {
+    const gonio_lattice *x = gonio_lattice_model_lattice(a), *y = gonio_lattice_model_lattice(b);
+    assert_non_null(x);
+    assert_int_equal(x->count, y->count);
+    assert_memory_equal(x->points, y->points, x->count * (size_t)x->channels * sizeof(float));
+}
+
+static void methods_are_listed(void **state) {
+    (void)state;
+    const char *const *names = gonio_fit_methods();
+    assert_string_equal(names[0], "mba");
+    gonio_samples *samples = simulate_samples(WARD, 10, 1, 1);
+    gonio_model *model;
+    gonio_error error = {0};
+    const gonio_fit_options o = options("no-such");
+    assert_int_equal(gonio_fit(samples, &o, &model, NULL, &error), GONIO_E_USAGE);
+    assert_non_null(strstr(error.message, "mba"));
+    assert_null(model);
+    gonio_samples_free(samples);
+}
+
+static void impossible_options_are_wrong_usage(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 10, 1, 1);
+    gonio_model *model;
+    gonio_fit_options o[6];
+    for (int i = 0; i < 6; i++) {
+        o[i] = options("mba");
+    }
+    o[0].level = 10;
+    o[1].hold_out = 1;
+    o[2].folds = 1;
+    o[3].tolerance = -1;
+    o[4].thesis = o[4].domain_set = true;
+    o[4].domain = GONIO_LOG;
+    o[5] = options("cbmba");
+    o[5].diffuse_level = 6;
+    for (int i = 0; i < 6; i++) {
+        gonio_error error = {0};
+        assert_int_equal(gonio_fit(samples, &o[i], &model, NULL, &error), GONIO_E_USAGE);
+    }
+    gonio_samples_free(samples);
+}
+
+// The saved model is fitted to all samples, whatever is held out for the figures.
+static void held_out_figures_do_not_change_the_model(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 600, 1, 2);
+    gonio_fit_options o = options("mba");
+    gonio_fit_report none, fifth, folds;
+    o.level = 4;
+    o.hold_out = 0;
+    gonio_model *a = fit(samples, &o, &none);
+    o.hold_out = 0.2;
+    gonio_model *b = fit(samples, &o, &fifth);
+    o.folds = 5;
+    gonio_model *c = fit(samples, &o, &folds);
+    assert_same_bits(a, b);
+    assert_same_bits(a, c);
+    assert_int_equal(none.held_out.samples, 0);
+    assert_true(isnan(none.held_out.rmse));
+    assert_int_equal(fifth.held_out.samples, 120);
+    assert_int_equal(folds.held_out.samples, 600);
+    assert_int_equal(folds.train.samples, 600);
+    // Samples that the fit did not see are predicted worse.
+    assert_true(fifth.held_out.rms_log > fifth.train.rms_log);
+    assert_true(folds.held_out.rms_log > folds.train.rms_log);
+    gonio_model_free(a);
+    gonio_model_free(b);
+    gonio_model_free(c);
+    gonio_samples_free(samples);
+}
+
+static void tolerance_takes_the_smallest_level(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 1000, 1, 3);
+    gonio_fit_options o = options("mba");
+    double rmse[6];
+    for (int level = 0; level < 6; level++) {
+        gonio_fit_report report;
+        o.level = level;
+        gonio_model_free(fit(samples, &o, &report));
+        rmse[level] = report.held_out.rmse;
+    }
+    o.level = GONIO_LEVEL_AUTO;
+    o.tolerance = rmse[3];
+    gonio_fit_report report;
+    gonio_model_free(fit(samples, &o, &report));
+    assert_true(report.held_out.rmse <= o.tolerance);
+    for (int level = 0; level < report.level; level++) {
+        assert_true(rmse[level] > o.tolerance);
+    }
+    o.tolerance = 1e-12;
+    gonio_model *model;
+    gonio_error error = {0};
+    o.hold_out = 0.2;
+    assert_int_equal(gonio_fit(samples, &o, &model, NULL, &error), GONIO_E_CONVERGENCE);
+    gonio_samples_free(samples);
+}
+
+static void max_bytes_is_kept(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 2000, 1, 4);
+    gonio_fit_options o = options("mba");
+    gonio_fit_report report;
+    o.hold_out = 0;
+    o.max_bytes = 8000;
+    gonio_model_free(fit(samples, &o, &report));
+    assert_true(report.bytes <= 8000);
+    assert_int_equal(report.level, 3);
+    o.level = 5;
+    gonio_model *model;
+    gonio_error error = {0};
+    assert_int_equal(gonio_fit(samples, &o, &model, NULL, &error), GONIO_E_RANGE);
+    gonio_samples_free(samples);
+}
+
+// shared figures: the default fit of 1400 clean samples, judged where it saw none.
+static void default_choice_is_accurate(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 1400, 1, 5), *unseen = simulate_samples(WARD, 4000, 1, 6);
+    gonio_fit_options o = options("mba");
+    o.coordinates_set = true;
+    o.domain_set = true;
+    o.domain = GONIO_LOG;
+    gonio_fit_report report;
+    gonio_model *model = fit(samples, &o, &report);
+    gonio_errors errors;
+    assert_int_equal(gonio_errors_model(model, unseen, NULL, &errors, NULL), GONIO_OK);
+    assert_true(report.level >= 4 && report.level <= 7);
+    assert_true(errors.median_rel < 0.03);
+    // The report's held-out figures tell what unseen samples show.
+    assert_true(report.held_out.rms_log < 2 * errors.rms_log && errors.rms_log < 2 * report.held_out.rms_log);
+    gonio_model_free(model);
+    gonio_samples_free(samples);
+    gonio_samples_free(unseen);
+}
+
+static void streamed_fit_equals_the_batch(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 900, 2, 7), *part;
+    gonio_fit_options o = options("mba");
+    gonio_fit_report a, b;
+    gonio_model *batch = fit(samples, &o, &a), *streamed;
+    gonio_fit_stream *stream;
+    gonio_error error = {0};
+    assert_int_equal(gonio_fit_stream_new(2, (const char(*)[32])samples->channel_names, &o, &stream, &error), GONIO_OK);
+    assert_true(isnan(gonio_fit_stream_error(stream)));
+    bool keep[900];
+    for (size_t begin = 0; begin < samples->n; begin += 50) {
+        for (size_t i = 0; i < samples->n; i++) {
+            keep[i] = i >= begin && i < begin + 50;
+        }
+        assert_int_equal(gonio_samples_select(samples, keep, &part, NULL), GONIO_OK);
+        assert_int_equal(gonio_fit_stream_add(stream, part, &error), GONIO_OK);
+        gonio_samples_free(part);
+    }
+    assert_true(gonio_fit_stream_error(stream) > 0);
+    assert_int_equal(gonio_fit_stream_finish(stream, &streamed, &b, &error), GONIO_OK);
+    assert_same_bits(batch, streamed);
+    assert_memory_equal(&a.held_out, &b.held_out, sizeof a.held_out);
+    assert_int_equal(a.level, b.level);
+    gonio_fit_stream_free(stream);
+    gonio_model_free(batch);
+    gonio_model_free(streamed);
+    gonio_samples_free(samples);
+}
+
+static void anisotropic_samples_are_fitted_in_4d(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 4000, 1, 8), *unseen = simulate_samples(WARD, 500, 1, 9);
+    uint64_t seed = 1;
+    gonio_samples *both[2] = {samples, unseen};
+    for (int k = 0; k < 2; k++) {
+        both[k]->isotropic = false;
+        for (size_t i = 0; i < both[k]->n; i++) {
+            const double turn = 2 * GONIO_PI * simulate_uniform(&seed);
+            both[k]->pairs[i].phi_i += turn;
+            both[k]->pairs[i].phi_o += turn;
+            both[k]->values[i] *= 1 + 0.5 * cos(2 * both[k]->pairs[i].phi_i) * sin(both[k]->pairs[i].theta_i);
+        }
+    }
+    for (int system = 0; system < 3; system++) {
+        gonio_fit_options o = options("mba");
+        o.level = 3;
+        o.coordinates_set = o.domain_set = true;
+        o.coordinates = (gonio_coordinates)system;
+        o.domain = GONIO_LOG;
+        gonio_model *model = fit(samples, &o, NULL);
+        gonio_errors errors;
+        assert_false(model->isotropic);
+        assert_int_equal(model->control_points, 11 * 11 * 11 * 11);
+        assert_int_equal(gonio_errors_model(model, unseen, NULL, &errors, NULL), GONIO_OK);
+        assert_true(errors.median_rel < 0.2);
+        gonio_model_free(model);
+    }
+    gonio_samples_free(samples);
+    gonio_samples_free(unseen);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(methods_are_listed),
+        cmocka_unit_test(impossible_options_are_wrong_usage),
+        cmocka_unit_test(held_out_figures_do_not_change_the_model),
+        cmocka_unit_test(tolerance_takes_the_smallest_level),
+        cmocka_unit_test(max_bytes_is_kept),
+        cmocka_unit_test(default_choice_is_accurate),
+        cmocka_unit_test(streamed_fit_equals_the_batch),
+        cmocka_unit_test(anisotropic_samples_are_fitted_in_4d),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
