@@ -6,7 +6,7 @@
 
 #include "fit/rows.h"
 
-#define AHEAD 4            // positions between a prefetch and its use
+#define AHEAD 4 // positions between a prefetch and its use
 // Floats. Smaller lattices stay in a second-level cache by themselves, where asking ahead costs more than it saves.
 #define PREFETCH_MIN (1u << 19)
 

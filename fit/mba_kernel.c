@@ -216,17 +216,18 @@ GONIO_INLINE void accumulate_all(const gonio_mba_job *job, const int dims, const
     }
 }
 
+// (Clang makes the resolver of a cloned function global, so their names differ from those of other files.)
 // One function a shape, each cloned for the machine's vectors: constants let the compiler unroll the rows.
-GONIO_CLONES static void one_3d(const gonio_mba_job *job) { accumulate_one(job, 3, false); }
-GONIO_CLONES static void one_3d_runs(const gonio_mba_job *job) { accumulate_one(job, 3, true); }
-GONIO_CLONES static void one_4d(const gonio_mba_job *job) { accumulate_one(job, 4, false); }
-GONIO_CLONES static void rgb_3d(const gonio_mba_job *job) { accumulate_all(job, 3, 4); }
-GONIO_CLONES static void rgb_4d(const gonio_mba_job *job) { accumulate_all(job, 4, 4); }
-GONIO_CLONES static void spectral_3d(const gonio_mba_job *job) { accumulate_all(job, 3, 32); }
-GONIO_CLONES static void any_3d(const gonio_mba_job *job) {
+GONIO_CLONES static void fit_one_3d(const gonio_mba_job *job) { accumulate_one(job, 3, false); }
+GONIO_CLONES static void fit_one_3d_runs(const gonio_mba_job *job) { accumulate_one(job, 3, true); }
+GONIO_CLONES static void fit_one_4d(const gonio_mba_job *job) { accumulate_one(job, 4, false); }
+GONIO_CLONES static void fit_rgb_3d(const gonio_mba_job *job) { accumulate_all(job, 3, 4); }
+GONIO_CLONES static void fit_rgb_4d(const gonio_mba_job *job) { accumulate_all(job, 4, 4); }
+GONIO_CLONES static void fit_spectral_3d(const gonio_mba_job *job) { accumulate_all(job, 3, 32); }
+GONIO_CLONES static void fit_any_3d(const gonio_mba_job *job) {
     accumulate_all(job, 3, gonio_mba_stride(job->scatter->channels));
 }
-GONIO_CLONES static void any_4d(const gonio_mba_job *job) {
+GONIO_CLONES static void fit_any_4d(const gonio_mba_job *job) {
     accumulate_all(job, 4, gonio_mba_stride(job->scatter->channels));
 }
 
@@ -234,16 +235,16 @@ void gonio_mba_accumulate(const gonio_mba_job *job) {
     const bool spatial = job->scatter->dims == 3;
     switch (gonio_mba_stride(job->scatter->channels)) {
     case 2:
-        (!spatial ? one_4d : job->runs ? one_3d_runs : one_3d)(job);
+        (!spatial ? fit_one_4d : job->runs ? fit_one_3d_runs : fit_one_3d)(job);
         break;
     case 4:
-        (spatial ? rgb_3d : rgb_4d)(job);
+        (spatial ? fit_rgb_3d : fit_rgb_4d)(job);
         break;
     case 32:
-        (spatial ? spectral_3d : any_4d)(job);
+        (spatial ? fit_spectral_3d : fit_any_4d)(job);
         break;
     default:
-        (spatial ? any_3d : any_4d)(job);
+        (spatial ? fit_any_3d : fit_any_4d)(job);
         break;
     }
 }
