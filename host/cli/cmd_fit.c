@@ -154,6 +154,7 @@ static int run(int argc, char **argv) {
         {"folds", 0, CLI_INT, &o->folds, &a.has_folds, "K", "K-fold errors instead of one hold-out"},
         {"diffuse-level", 0, CLI_INT, &o->diffuse_level, NULL, "D", "cbmba: level of the diffuse lattice"},
         {"drop", 0, CLI_DOUBLE, &o->drop_percent, NULL, "C", "cbmba: per cent of the cells to drop"},
+        {"storage", 0, CLI_TEXT, &o->storage, NULL, "NAME", "cbmba: bricks of float, half or byte, or the hash (byte)"},
         {"lambda", 0, CLI_DOUBLE, &o->lambda, NULL, "X", "lsq: smoothness; below 0: from the training data"},
         {"iterations", 0, CLI_INT, &o->iterations, NULL, "N", "lsq: at most N iterations"},
         {"max-error", 0, CLI_DOUBLE, &o->max_error, NULL, "X", "auto: the largest held-out error"},

@@ -166,7 +166,7 @@ static gonio_model *fit(const gonio_samples *samples, gonio_fit_options *o, goni
 
 static void the_smallest_model_keeps_the_error(void **state) {
     (void)state;
-    gonio_samples *samples = simulate_samples(WARD, 2000, 1, 3);
+    gonio_samples *samples = simulate_samples(WARD, 600, 1, 3);
     gonio_fit_options o;
     gonio_fit_report loose, tight;
     gonio_fit_options_default(&o);
