@@ -13,3 +13,34 @@ $(B)/firmware/tools/%: $(B)/firmware/tools/%.o
 protocol: $(B)/firmware/tools/protocol ## write docs/protocol.md from firmware/regmap.def
 	$(Q)mkdir -p docs && $< > docs/protocol.md
 .PHONY: protocol
+
+# ---- the boards: make firmware ----
+deps-y   += gcc-arm-none-eabi qemu-system-arm mbpoll socat python3 python3-pymodbus python3-serial
+ARM      ?= arm-none-eabi-
+ARMFLAGS := -mthumb -mfloat-abi=soft -O2 -g -std=c17 -ffreestanding -fno-common -ffunction-sections -fdata-sections \
+            -ffp-contract=off $(WARN) -I. -fstack-usage -fcallgraph-info=su
+FLASH_LIMIT := 32768
+RAM_LIMIT   := 8192
+fw-flags-lm3s6965evb := -mcpu=cortex-m3
+fw-flags-stm32f405   := -mcpu=cortex-m4
+fw-core-c := $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/cortex_m/cortex_m.c
+
+firmware: $(B)/firmware/lm3s6965evb.elf $(B)/firmware/stm32f405.elf $(B)/firmware/lm3s6965evb-trace.elf ## cross-build the controller; sizes and stack against their limits
+.PHONY: firmware
+
+# $(call fw-image,name,board,sources,flags,linker script,check)
+define fw-image
+fw-objs-$(1) := $(patsubst %.c,$(B)/firmware/$(1)/%.o,$(3))
+$$(fw-objs-$(1)): $(B)/firmware/$(1)/%.o: %.c
+	$$(call say,ARMCC,$$<)
+	$$(Q)mkdir -p $$(@D) && $(ARM)gcc $$(ARMFLAGS) $$(fw-flags-$(2)) $(4) -MMD -MP -c -o $$@ $$<
+$(B)/firmware/$(1).elf: $$(fw-objs-$(1)) firmware/board/$(2)/$(5) firmware/board/cortex_m/sections.ld firmware/tools/stack.py
+	$$(call say,ARMLD,$$@)
+	$$(Q)$(ARM)gcc $$(fw-flags-$(2)) -mthumb -nostdlib -T firmware/board/$(2)/$(5) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
+	$$(Q)$(ARM)size $$@ > $$(@:.elf=.size)
+	$(if $(6),$$(Q)printf '%-12s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
+-include $$(fw-objs-$(1):.o=.d)
+endef
+$(eval $(call fw-image,lm3s6965evb,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c,,link.ld,check))
+$(eval $(call fw-image,stm32f405,stm32f405,$(fw-core-c) firmware/board/stm32f405/board.c,,link.ld,check))
+$(eval $(call fw-image,lm3s6965evb-trace,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c firmware/board/lm3s6965evb/trace.c,-DFW_TRACE,trace.ld,))

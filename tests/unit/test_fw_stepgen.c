@@ -36,7 +36,7 @@ static void check_edges(struct run *run, const struct fw_stepgen *g, const struc
         }
         if ((g->edges >> (4 + i) & 1) != 0) {
             assert_int_equal(run->high >> i & 1, 1);
-            assert_int_equal(tick - run->last[i], PULSE);
+            assert_in_range(tick - run->last[i], PULSE, PULSE + 7);
         }
     }
     run->high = (run->high | (g->edges & 15u)) & ~(g->edges >> 4u);
@@ -84,7 +84,7 @@ static void every_edge_within_a_tick(void **state) {
         memset(&g, 0, sizeof g);
         const struct run run = follow(&g, &limits, distance, 2);
         if (run.worst > 1.0L)
-            fail_msg("case %u: %Lf ticks", i, run.worst);
+            fail_msg("case %u: %f ticks", i, (double)run.worst);
         assert_true(g.position[0] == (int64_t)distance[0] && g.position[1] == -(int64_t)distance[1]);
         assert_true(g.position[2] == (int64_t)distance[2] && g.position[3] == 0);
     }

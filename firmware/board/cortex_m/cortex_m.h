@@ -1,0 +1,65 @@
+// What the Cortex-M boards share: core peripherals (ARMv7-M Architecture Reference Manual, B3), start-up, time, mark.
+#ifndef FW_CORTEX_M_H
+#define FW_CORTEX_M_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "firmware/core/core.h"
+
+#define REG32(address) (*(volatile uint32_t *)(uintptr_t)(address))
+
+#define SYST_CSR REG32(0xE000E010)
+#define SYST_RVR REG32(0xE000E014)
+#define SYST_CVR REG32(0xE000E018)
+#define NVIC_ISER(n) REG32(0xE000E100 + 4 * (n))
+#define NVIC_ISPR(n) REG32(0xE000E200 + 4 * (n))
+#define NVIC_IPR(irq) (*(volatile uint8_t *)(uintptr_t)(0xE000E400 + (irq)))
+#define SCB_ICSR REG32(0xE000ED04)
+#define SCB_AIRCR REG32(0xE000ED0C)
+#define SCB_SHPR(n) (*(volatile uint8_t *)(uintptr_t)(0xE000ED18 - 4 + (n))) // n: exception number 4..15
+#define SCB_SHCSR REG32(0xE000ED24)
+
+enum { ICSR_PENDSTSET = 1 << 26, ICSR_PENDSVSET = 1 << 28 };
+#define AIRCR_RESET 0x05FA0004u
+
+// Priorities (contract/tick.h); the chips implement the upper 3 or 4 bits.
+enum { PRIORITY_INPUTS = 0x00, PRIORITY_STEP = 0x20, PRIORITY_UART = 0x40, PRIORITY_PRODUCER = 0xE0 };
+
+static inline void irq_enable(unsigned irq, uint8_t priority) {
+    NVIC_IPR(irq) = priority;
+    NVIC_ISER(irq / 32) = 1u << irq % 32;
+}
+
+// The one controller of a board.
+extern struct fw_core fw_core;
+
+// ---- time: SysTick counts processor cycles down through all its 24 bits ----
+
+// cycles: a tick. Starts SysTick.
+void cortex_m_time_start(uint32_t cycles);
+// Cycles until tick `due`, which is less than 2^23 cycles away; negative: it has passed. Any. Tick t begins when the
+// count of cycles is t times the cycles of a tick, modulo 2^24 as well.
+static inline int32_t cycles_until(uint32_t due, uint32_t cycles_per_tick) {
+    return (int32_t)((SYST_CVR + due * cycles_per_tick) << 8) >> 8;
+}
+
+// ---- mark: words that start-up does not clear; they tell why it starts where the reset register cannot ----
+
+// Why this start, from the mark that the run before left: WATCHDOG unless it said otherwise; POWER without a mark.
+enum fw_cause cortex_m_marked_cause(void);
+// Leave a mark; the next start reports it. address: of a fault.
+void cortex_m_mark(enum fw_cause cause, uint32_t address);
+// The address in the mark; 0: none.
+uint32_t cortex_m_marked_address(void);
+// Mark and reset.
+_Noreturn void cortex_m_reset(enum fw_cause cause, uint32_t address);
+
+// ---- each board has ----
+extern const uint32_t board_vectors[];
+int main(void);
+void cortex_m_start(void); // reset vector
+void cortex_m_fault(void); // all fault vectors
+void cortex_m_wrap(void);  // SysTick vector
+
+#endif

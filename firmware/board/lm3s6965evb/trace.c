@@ -1,0 +1,149 @@
+#include "firmware/board/lm3s6965evb/trace.h"
+
+#include "firmware/contract/watchdog.h"
+
+// Four axes at 40,000 steps/s and more, at incommensurable rates, so that their edges meet in every phase.
+static const int64_t way[FW_AXES] = {10300, -10200, 10100, -10000};
+enum { SPEED = 45000, ACCELERATION = 1000000, JERK = 100000000, RATE = 162400, CYCLES = 50 };
+// The same move goes forth and back, each time another part of it is looked at: the start, the middle of the
+// acceleration, full speed, the deceleration.
+static const uint32_t from_ms[] = {0, 25, 120, 250};
+enum { RUNS = sizeof from_ms / sizeof from_ms[0], BINS = 20, BIN_CYCLES = 10, EVENTS = 8000 };
+
+static uint32_t log[EVENTS];
+uint32_t *volatile trace_at = log + EVENTS;
+uint32_t *const trace_end = log + EVENTS;
+static uint32_t bin[BINS]; // of lateness, 0.2 ticks each, bin 10 from 0 on
+static uint32_t hash = 2166136261u, looked_at, wrong, idle;
+static uint32_t began_ms;
+static bool armed;
+static unsigned run;
+
+// ---- semihosting (Arm, "Semihosting for AArch32 and AArch64") ----
+
+static uint32_t semihost(uint32_t operation, uintptr_t argument) {
+    register uint32_t r0 __asm("r0") = operation;
+    register uintptr_t r1 __asm("r1") = argument;
+    __asm volatile("bkpt 0xAB" : "+r"(r0) : "r"(r1) : "memory");
+    return r0;
+}
+
+static void text(const char *string) {
+    enum { SYS_WRITE0 = 4 };
+    semihost(SYS_WRITE0, (uintptr_t)string);
+}
+
+static void number(const char *name, uint32_t value) {
+    char digits[12] = "";
+    unsigned at = sizeof digits - 1;
+    do
+        digits[--at] = (char)('0' + value % 10);
+    while ((value /= 10) > 0);
+    text(name);
+    text(" ");
+    text(digits + at);
+    text("\n");
+}
+
+// ---- the moves ----
+
+static void begin_run(void) {
+    struct fw_registers *r = &fw_core.registers;
+    for (unsigned i = 0; i < FW_AXES; i++)
+        r->target[i] = run % 2 == 0 ? way[i] : 0;
+    r->command_axes[0] = 15;
+    r->command_id[0] = run + 1;
+    began_ms = fw_core.ms;
+    armed = true;
+    if (fw_core_command(&fw_core, FW_COMMAND_MOVE) != FW_REFUSAL_NONE)
+        text("refused\n");
+}
+
+void trace_begin(void) {
+    struct fw_registers *r = &fw_core.registers;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        r->speed_max[i] = SPEED;
+        r->acceleration[i] = ACCELERATION;
+        r->jerk[i] = JERK;
+    }
+    r->step_rate_max[0] = RATE;
+    r->settle[0] = 0;
+    fw_core.known = 15;
+    begin_run();
+}
+
+// Cycles from the tick to the event; the clock counts down, through 24 bits.
+static int32_t lateness(uint32_t event, uint32_t due) { return -((int32_t)(((event >> 8) + due * CYCLES) << 8) >> 8); }
+
+static void look_at(uint32_t event, uint32_t due, uint8_t edges) {
+    const uint32_t at = ((uint32_t)lateness(event, due) + BINS / 2 * BIN_CYCLES) / BIN_CYCLES;
+    bin[at < BINS ? at : BINS - 1]++;
+    looked_at++;
+    wrong += (event & 255) != edges;
+    hash = (hash ^ event) * 16777619u;
+}
+
+// Work the same steps out again, without a timer, to learn when each event was due.
+static void look_at_run(uint32_t first) {
+    static struct fw_stepgen again;
+    uint32_t distance[FW_AXES];
+    uint8_t down = 0;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        distance[i] = (uint32_t)(way[i] < 0 ? -way[i] : way[i]);
+        down |= (uint8_t)(((way[i] < 0) != (run % 2 != 0)) << i);
+    }
+    fw_stepgen_prepare(&again, fw_core.step.ramp, distance, down, fw_core.step.pulse);
+    fw_stepgen_start(&again, first);
+    const uint32_t *event = log;
+    while (event < trace_at) {
+        // The log begins somewhere under way.
+        const int32_t late = lateness(*event, again.due);
+        if (event > log || (late > -2 * CYCLES && late < 4 * CYCLES && again.edges == (*event & 255)))
+            look_at(*event++, again.due, again.edges);
+        const enum fw_step_action action = fw_stepgen_next(&again);
+        if (action == FW_STEP_PRODUCE)
+            fw_stepgen_produce(&again);
+        else if (action == FW_STEP_END)
+            break;
+        fw_board_watchdog_feed(&fw_core);
+    }
+    trace_at = trace_end;
+}
+
+static bool arrived(void) {
+    bool all = true;
+    for (unsigned i = 0; i < FW_AXES; i++)
+        all = all && fw_core.step.position[i] == (run % 2 == 0 ? way[i] : 0);
+    return all;
+}
+
+static void report(void) {
+    number("alarm", fw_core.registers.alarm[0]);
+    number("looked_at", looked_at);
+    number("wrong_edges", wrong);
+    number("late_edges", fw_core.registers.late_edges[0]);
+    number("turns_of_main", idle);
+    for (unsigned i = 0; i < BINS; i++)
+        number("bin", bin[i]);
+    number("hash", hash);
+}
+
+void trace_poll(void) {
+    enum { SYS_EXIT = 0x18, STOPPED = 0x20026 };
+    idle++;
+    if (armed && fw_core.ms - began_ms >= from_ms[run]) {
+        trace_at = log;
+        armed = false;
+    }
+    if (fw_core.state == FW_STATE_MOVING)
+        return;
+    number("arrived", arrived());
+    // The last event ends the segment after the last of the ramp.
+    look_at_run(fw_core.step.due - (fw_core.step.ramp->duration / 2 + 1) * FW_SEGMENT_TICKS);
+    if (++run < RUNS && fw_core.state == FW_STATE_IDLE) {
+        begin_run();
+        return;
+    }
+    report();
+    semihost(SYS_EXIT, STOPPED);
+}

@@ -1,0 +1,76 @@
+// Registers of the STM32F405 that this board uses (RM0090, "STM32F405/415 ... reference manual").
+#ifndef FW_STM32F405_H
+#define FW_STM32F405_H
+
+#include "firmware/board/cortex_m/cortex_m.h"
+
+// RCC (RM0090 7.3)
+#define RCC_CR REG32(0x40023800)
+#define RCC_PLLCFGR REG32(0x40023804)
+#define RCC_CFGR REG32(0x40023808)
+#define RCC_AHB1ENR REG32(0x40023830)
+#define RCC_APB1ENR REG32(0x40023840)
+#define RCC_APB2ENR REG32(0x40023844)
+#define RCC_CSR REG32(0x40023874)
+enum { CSR_CLEAR = 1 << 24, CSR_BOR = 1 << 25, CSR_PIN = 1 << 26, CSR_POR = 1 << 27, CSR_IWDG = 1 << 29 };
+
+// PWR (5.4)
+#define PWR_CR REG32(0x40007000)
+
+// Flash interface (3.9)
+#define FLASH_ACR REG32(0x40023C00)
+#define FLASH_KEYR REG32(0x40023C04)
+#define FLASH_SR REG32(0x40023C0C)
+#define FLASH_CR REG32(0x40023C10)
+
+// GPIO (8.4)
+enum { GPIOA = 0x40020000, GPIOB = 0x40020400, GPIOC = 0x40020800 };
+#define GPIO_MODER(base) REG32((base) + 0x00)
+#define GPIO_PUPDR(base) REG32((base) + 0x0C)
+#define GPIO_IDR(base) REG32((base) + 0x10)
+#define GPIO_BSRR(base) REG32((base) + 0x18)
+#define GPIO_AFRL(base) REG32((base) + 0x20)
+#define GPIO_AFRH(base) REG32((base) + 0x24)
+
+// SYSCFG and EXTI (9.2, 12.3)
+#define SYSCFG_EXTICR(n) REG32(0x40013808 + 4 * (n))
+#define EXTI_IMR REG32(0x40013C00)
+#define EXTI_RTSR REG32(0x40013C08)
+#define EXTI_FTSR REG32(0x40013C0C)
+#define EXTI_PR REG32(0x40013C14)
+
+// USART 1 (30.6)
+#define USART_SR REG32(0x40011000)
+#define USART_DR REG32(0x40011004)
+#define USART_BRR REG32(0x40011008)
+#define USART_CR1 REG32(0x4001100C)
+enum { USART_RXNE = 1 << 5, USART_TC = 1 << 6, USART_TXE = 1 << 7 };
+
+// TIM 2 (steps) and TIM 3 (lamp) (18.4)
+#define TIM2_CR1 REG32(0x40000000)
+#define TIM2_DIER REG32(0x4000000C)
+#define TIM2_SR REG32(0x40000010)
+#define TIM2_EGR REG32(0x40000014)
+#define TIM2_CNT REG32(0x40000024)
+#define TIM2_ARR REG32(0x4000002C)
+#define TIM3_CR1 REG32(0x40000400)
+#define TIM3_CCMR1 REG32(0x40000418)
+#define TIM3_CCER REG32(0x40000420)
+#define TIM3_ARR REG32(0x4000042C)
+#define TIM3_CCR1 REG32(0x40000434)
+
+// IWDG (21.4)
+#define IWDG_KR REG32(0x40003000)
+#define IWDG_PR REG32(0x40003004)
+#define IWDG_RLR REG32(0x40003008)
+enum { IWDG_START = 0xCCCC, IWDG_UNLOCK = 0x5555, IWDG_FEED = 0xAAAA };
+
+// ADC 1 (13.13)
+#define ADC_SR REG32(0x40012000)
+#define ADC_CR2 REG32(0x40012008)
+#define ADC_SQR3 REG32(0x40012034)
+#define ADC_DR REG32(0x4001204C)
+
+enum { IRQ_PVD = 1, IRQ_EXTI0 = 6, IRQ_EXTI9_5 = 23, IRQ_TIM2 = 28, IRQ_USART1 = 37, IRQ_EXTI15_10 = 40, IRQS = 82 };
+
+#endif
