@@ -44,3 +44,4 @@ endef
 $(eval $(call fw-image,lm3s6965evb,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c,,link.ld,check))
 $(eval $(call fw-image,stm32f405,stm32f405,$(fw-core-c) firmware/board/stm32f405/board.c,,link.ld,check))
 $(eval $(call fw-image,lm3s6965evb-trace,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c firmware/board/lm3s6965evb/trace.c,-DFW_TRACE,trace.ld,))
+-include $(B)/firmware/board/posix/main.d $(B)/firmware/tools/protocol.d

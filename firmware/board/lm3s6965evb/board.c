@@ -15,7 +15,7 @@
 #include "firmware/contract/watchdog.h"
 
 enum { BOARD = 2, CLOCK_HZ = 50000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
-enum { STEPS = 0x0F, DIRECTIONS = 0xF0, MOTORS = 0x0F, HOMES = 0x3C, DRIVER = 0x40, STOPS = 0x0C };
+enum { STEPS = 0x0F, DIRECTIONS = 0xF0, MOTORS = 0x0F, HOMES = 0x3C, DRIVER = 0x40, STOPS = 0x0C, ESTOP = 0x04 };
 enum { SHUTTER = 1, TRIGGER = 2, PWM_PERIOD = 2500 }; // 20 kHz
 // An event that is nearer than NEAR is waited for, until LEAVE before it, for the way from there to the pins. The timer
 // fires ENTRY early, for the way into the interrupt.
@@ -97,10 +97,14 @@ void fw_board_inputs_pend(struct fw_core *core) {
 }
 
 static void input_interrupt(void) {
+    const bool estop_changed = (GPIO_MIS(GPIOF) & ESTOP) != 0;
     GPIO_ICR(GPIOA) = HOMES;
     GPIO_ICR(GPIOD) = 0xFF;
     GPIO_ICR(GPIOF) = STOPS;
-    fw_interlock_input(&fw_core, fw_board_inputs(&fw_core));
+    const uint16_t inputs = fw_board_inputs(&fw_core);
+    if (estop_changed) // pressed and let go since: it has been both ways
+        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
+    fw_interlock_input(&fw_core, inputs);
 }
 
 void fw_board_shutter(struct fw_core *core, bool open) {

@@ -29,6 +29,7 @@ enum {
 #define GPIO_DIR(base) REG32((base) + 0x400)
 #define GPIO_IBE(base) REG32((base) + 0x408)
 #define GPIO_IM(base) REG32((base) + 0x410)
+#define GPIO_MIS(base) REG32((base) + 0x418)
 #define GPIO_ICR(base) REG32((base) + 0x41C)
 #define GPIO_AFSEL(base) REG32((base) + 0x420)
 #define GPIO_PUR(base) REG32((base) + 0x510)

@@ -98,7 +98,7 @@ static void look_at_run(uint32_t first) {
     while (event < trace_at) {
         // The log begins somewhere under way.
         const int32_t late = lateness(*event, again.due);
-        if (event > log || (late > -2 * CYCLES && late < 4 * CYCLES && again.edges == (*event & 255)))
+        if (event > log || (late > -40 && late < 40 && again.edges == (*event & 255)))
             look_at(*event++, again.due, again.edges);
         const enum fw_step_action action = fw_stepgen_next(&again);
         if (action == FW_STEP_PRODUCE)

@@ -14,7 +14,7 @@
 #include "firmware/contract/watchdog.h"
 
 enum { BOARD = 3, CLOCK_HZ = 168000000, BUS_HZ = 84000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
-enum { STEPS = 0x000F, DIRECTIONS = 0x00F0, MOTORS = 0x0F00, INPUTS = 0xF3FF };
+enum { STEPS = 0x000F, DIRECTIONS = 0x00F0, MOTORS = 0x0F00, INPUTS = 0xF3FF, ESTOP = 1 << 14 };
 enum { SHUTTER = 1 << 4, TRIGGER = 1 << 5, DRIVER = 1 << 8, PWM_PERIOD = 4200 }; // 20 kHz
 // As on the lm3s6965evb: wait for an event nearer than NEAR, until LEAVE before it; the timer fires ENTRY early.
 enum { NEAR_CYCLES = 200, LEAVE_CYCLES = 60, ENTRY_CYCLES = 120 };
@@ -94,8 +94,12 @@ uint16_t fw_board_inputs(struct fw_core *core) {
 }
 
 static void input_interrupt(void) {
+    const bool estop_changed = (EXTI_PR & ESTOP) != 0;
     EXTI_PR = INPUTS;
-    fw_interlock_input(&fw_core, fw_board_inputs(&fw_core));
+    const uint16_t inputs = fw_board_inputs(&fw_core);
+    if (estop_changed) // pressed and let go since: it has been both ways
+        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
+    fw_interlock_input(&fw_core, inputs);
 }
 
 void fw_board_inputs_pend(struct fw_core *core) {

@@ -1,0 +1,337 @@
+"""Driven by firmware.sh. Every check prints a TAP line; the registers' addresses come from firmware/regmap.def."""
+import ctypes
+import ctypes.util
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+from pymodbus.diag_message import ReturnBusMessageCountRequest, ReturnQueryDataRequest
+from pymodbus.register_read_message import ReadWriteMultipleRegistersRequest
+from pymodbus.register_write_message import MaskWriteRegisterRequest
+from pymodbus.mei_message import ReadDeviceInformationRequest
+
+BUILD = sys.argv[1]
+TRIES = 12  # an emulated line stalls with a busy host; the slave then rightly drops the frame, and a master asks again
+WORDS = {"u16": 1, "u32": 2, "i32": 2, "i64": 4}
+number = failures = 0
+
+
+def ok(good, what):
+    global number, failures
+    number += 1
+    failures += not good
+    print(("ok" if good else "not ok"), number, "-", what, flush=True)
+    return good
+
+
+def skip(what, why):
+    global number
+    number += 1
+    print("ok", number, "-", what, "# SKIP", why, flush=True)
+
+
+def load_map():
+    registers, values = {}, {}
+    text = open("firmware/regmap.def", encoding="utf-8").read()
+    for line in text.split("\n"):
+        r = re.match(r"REGISTER\((\w+),\s*(\w+),\s*(\w+),\s*(\d+),\s*(\w),", line)
+        e = re.match(r"(COMMAND|STATE|ALARM|CAUSE|REFUSAL)\((\d+),\s*(\w+),", line)
+        if r:
+            registers[r.group(2)] = (int(r.group(1), 0), r.group(3), int(r.group(4)))
+        if e:
+            values[e.group(1) + "_" + e.group(3)] = int(e.group(2))
+    return registers, values
+
+
+REGISTERS, E = load_map()
+
+
+class Controller:
+    """The registers by name, through any pymodbus client."""
+
+    def __init__(self, client):
+        self.client, self.id = client, 0
+        client.connect()
+
+    def retry(self, call):
+        for _ in range(TRIES):
+            reply = call()
+            if "Modbus Error" not in str(reply):
+                return reply
+            time.sleep(0.05)
+        raise RuntimeError(str(reply))
+
+    def ask(self, request):
+        request.unit_id = 1  # pymodbus 3.0 forgets its slave argument in some requests
+        return self.retry(lambda: self.client.execute(request))
+
+    def get(self, name, axis=0):
+        address, kind, _ = REGISTERS[name]
+        words = WORDS[kind]
+        reply = self.retry(lambda: self.client.read_holding_registers(address + axis * words, words, slave=1))
+        value = 0
+        for word in reply.registers:
+            value = value << 16 | word
+        return value - (1 << 16 * words) if kind[0] == "i" and value >> (16 * words - 1) else value
+
+    def put(self, name, *values):
+        address, kind, _ = REGISTERS[name]
+        words = [v >> 16 * i & 0xFFFF for v in values for i in reversed(range(WORDS[kind]))]
+        return self.retry(lambda: self.client.write_registers(address, words, slave=1))
+
+    def command(self, name, axes=0, targets=(0, 0, 0, 0)):
+        self.id += 1
+        words = [self.id >> 16, self.id & 0xFFFF, axes, 1000]
+        words += [t >> 16 * i & 0xFFFF for t in targets for i in reversed(range(4))] + [E["COMMAND_" + name]]
+        return self.retry(lambda: self.client.write_registers(REGISTERS["command_id"][0], words, slave=1))
+
+    def until(self, name, value, seconds=30):
+        end = time.time() + seconds
+        while time.time() < end:
+            if self.get(name) == value:
+                return True
+            time.sleep(0.02)
+        return False
+
+
+def check_functions(c, where):
+    read = c.retry(lambda: c.client.read_input_registers(0, 2, slave=1))
+    ok(read.registers == [0x474F, 1], where + ": function 4")
+    c.retry(lambda: c.client.write_register(REGISTERS["token"][0], 0x1234, slave=1))
+    ok(c.get("token") == 0x1234, where + ": functions 6 and 3")
+    c.ask(MaskWriteRegisterRequest(REGISTERS["token"][0], 0xF2F2, 0x2525))
+    ok(c.get("token") == (0x1234 & 0xF2F2) | (0x2525 & ~0xF2F2 & 0xFFFF), where + ": function 22")
+    request = ReadWriteMultipleRegistersRequest(read_address=REGISTERS["token"][0], read_count=8,
+                                                write_address=REGISTERS["token"][0], write_registers=[0xBEEF])
+    both = c.ask(request)
+    ok(len(both.registers) == 8 and both.registers[0] == 0xBEEF, where + ": function 23 returns the token just written")
+    c.retry(lambda: c.client.write_coil(1, True, slave=1))
+    coils = c.retry(lambda: c.client.read_coils(0, 2, slave=1))
+    ok(coils.bits[:2] == [False, True], where + ": functions 5 and 1")
+    c.retry(lambda: c.client.write_coils(0, [False, False], slave=1))
+    coils = c.retry(lambda: c.client.read_coils(0, 2, slave=1))
+    ok(coils.bits[:2] == [False, False], where + ": function 15")
+    contacts = c.retry(lambda: c.client.read_discrete_inputs(0, 14, slave=1))
+    ok(contacts.bits[:14] == [False] * 14, where + ": function 2")
+    query = c.ask(ReturnQueryDataRequest(0xA537))
+    ok("42295" in str(query.message), where + ": function 8 returns the query")
+    count = c.ask(ReturnBusMessageCountRequest())
+    ok(count.sub_function_code == 11, where + ": function 8 counts")
+    device = c.ask(ReadDeviceInformationRequest(2, 0))
+    ok(device.information[0] == b"Gonio" and len(device.information) == 6, where + ": function 43/14")
+    bad = c.retry(lambda: c.client.read_holding_registers(0x0A, 1, slave=1))
+    ok(getattr(bad, "exception_code", 0) == 2, where + ": exception for a gap")
+
+
+def home_in_place(c):
+    c.put("home_order", 0, 0, 0, 0)
+    c.put("speed_max", *[20000] * 4)
+    c.put("acceleration", *[200000] * 4)
+    c.put("jerk", *[20000000] * 4)
+    c.put("settle", 1)
+    c.put("deadman", 0)
+    c.command("HOME", 15)
+    return c.until("state", E["STATE_IDLE"]) and c.get("homed") == 15
+
+
+def check_mbpoll(path, where):
+    for _ in range(TRIES):
+        run = subprocess.run(["mbpoll", "-m", "rtu", "-b", "115200", "-P", "none", "-a", "1", "-t", "4:hex", "-0", "-r",
+                              "0", "-c", "2", "-1", "-o", "1", path], capture_output=True, text=True, check=False)
+        if "0x474F" in run.stdout:
+            break
+    ok("0x474F" in run.stdout, where + ": mbpoll")
+
+
+def check_libmodbus(path, where):
+    lib = ctypes.CDLL("libmodbus.so.5")
+    lib.modbus_new_rtu.restype = ctypes.c_void_p
+    context = ctypes.c_void_p(lib.modbus_new_rtu(path.encode(), 115200, ctypes.c_char(b"N"), 8, 1))
+    lib.modbus_set_slave(context, 1)
+    lib.modbus_connect(context)
+    got, put = (ctypes.c_uint16 * 8)(), (ctypes.c_uint16 * 1)(0x5AA5)
+    token = REGISTERS["token"][0]
+    for _ in range(TRIES):
+        n = lib.modbus_write_and_read_registers(context, token, 1, put, token, 8, got)
+        if n == 8:
+            break
+        time.sleep(0.1)
+        lib.modbus_flush(context)
+    ok(n == 8 and got[0] == 0x5AA5, where + ": libmodbus, function 23")
+    lib.modbus_close(context)
+    lib.modbus_free(context)
+
+
+class Process:
+    """A program that is ended with its block."""
+
+    def __init__(self, *command, **options):
+        self.p = subprocess.Popen(command, text=True, **options)
+
+    def __enter__(self):
+        return self.p
+
+    def __exit__(self, *_):
+        self.p.kill()
+        self.p.wait()
+
+
+def posix(folder):
+    link, flash = folder + "/line", folder + "/flash"
+    command = [BUILD + "/gonio-controller", "--pty", link, "--flash", flash, "--speed", "10"]
+    with Process(*command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as p:
+        p.stdout.readline()
+        c = Controller(ModbusSerialClient(link, baudrate=115200, timeout=1))
+        check_functions(c, "posix")
+        c.put("home_position", *[-37000] * 4)
+        c.put("deadman", 0)
+        c.command("HOME", 15)
+        ok(c.until("state", E["STATE_IDLE"], 60) and c.get("homed") == 15, "posix: homes on its simulated switches")
+        c.command("MOVE", 3, (5000, -6000, 0, 0))
+        ok(c.until("finished_id", c.id) and c.get("position", 1) == -6000, "posix: moves")
+        c.command("SAVE")
+        p.stdin.write("hold estop 1\n")
+        p.stdin.flush()
+        ok(c.until("state", E["STATE_ESTOP"], 5), "posix: emergency stop")
+        c.client.close()
+        check_mbpoll(link, "posix")
+        check_libmodbus(link, "posix")
+    with Process(BUILD + "/gonio-controller", "--tcp", "0", "--flash", flash, stdin=subprocess.DEVNULL,
+                 stdout=subprocess.PIPE) as p:
+        port = int(p.stdout.readline().split()[1])
+        c = Controller(ModbusTcpClient("127.0.0.1", port))
+        check_functions(c, "posix, TCP")
+        ok(c.get("home_position", 2) == -37000 and c.get("store_slot") == 1, "posix: parameters came back from flash")
+        c.client.close()
+
+
+def qemu(machine, image, *more):
+    return Process("qemu-system-arm", "-M", machine, "-kernel", f"{BUILD}/firmware/{image}.elf", "-display", "none",
+                   "-monitor", "none", *more, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                   stderr=subprocess.STDOUT)
+
+
+def line_of(p):
+    for text in p.stdout:
+        found = re.search(r"redirected to (\S+)", text)
+        if found:
+            return found.group(1)
+    raise RuntimeError("QEMU did not start")
+
+
+class Pins:
+    """QEMU's qtest socket; it drives an input of a GPIO port."""
+
+    PORT = "/machine/unattached/device[%d]"
+
+    def __init__(self, path):
+        self.socket = socket.socket(socket.AF_UNIX)
+        for _ in range(100):
+            try:
+                self.socket.connect(path)
+                break
+            except OSError:
+                time.sleep(0.05)
+        self.file = self.socket.makefile("rw")
+
+    def set(self, port, pin, level):
+        self.file.write(f"set_irq_in {self.PORT % (8 + 'ABCDEFG'.index(port))} unnamed-gpio-in {pin} {level}\n")
+        self.file.flush()
+        return self.file.readline().startswith("OK")
+
+
+def lm3s(folder):
+    # 2 ns an instruction: slower than the host, so that its stalls are no gaps on the line.
+    with qemu("lm3s6965evb", "lm3s6965evb", "-icount", "shift=1", "-serial", "pty", "-accel", "tcg", "-qtest",
+              f"unix:{folder}/pins,server=on,wait=off", "-qtest-log", "/dev/null") as p:
+        path = line_of(p)
+        pins = Pins(folder + "/pins")
+        c = Controller(ModbusSerialClient(path, baudrate=115200, timeout=1))
+        c.put("deadman", 0)
+        check_functions(c, "lm3s6965evb")
+        ok(c.get("reset_cause") == E["CAUSE_POWER"] and c.get("board") == 2, "lm3s6965evb: power-up")
+        ok(home_in_place(c), "lm3s6965evb: homes axes without switches")
+        c.command("MOVE", 15, (1500, -1400, 1300, -1200))
+        ok(c.until("finished_id", c.id) and [c.get("position", i) for i in range(4)] == [1500, -1400, 1300, -1200],
+           "lm3s6965evb: four axes arrive")
+        c.command("MOVE", 3, (30000, -30000, 0, 0))
+        c.until("moving", 3)
+        ok(pins.set("D", 4, 1) and c.until("state", E["STATE_ALARM"]) and c.get("alarm") == E["ALARM_LIMIT_MAX"],
+           "lm3s6965evb: limit switch (a pin) stops all axes")
+        where = c.get("position")
+        ok(c.get("moving") == 0 and 1500 <= where < 30000 and c.get("position") == where and c.get("homed") == 12,
+           "lm3s6965evb: and the positions of those that moved are unknown")
+        pins.set("D", 4, 0)
+        c.command("CLEAR")
+        home_in_place(c)
+        c.command("MOVE", 15, (30000, 30000, 30000, 30000))
+        c.until("moving", 15)
+        pins.set("F", 2, 1)
+        pins.set("F", 2, 0)
+        ok(c.until("state", E["STATE_ESTOP"]) and c.get("moving") == 0,
+           "lm3s6965evb: a short press of the emergency stop (a pin) latches")
+        c.command("CLEAR")
+        c.client.write_registers(REGISTERS["self_test"][0], 0xFA17, slave=1)  # it dies before it could answer
+        ok(c.until("reset_cause", E["CAUSE_FAULT"]) and c.get("fault_address") > 0,
+           "lm3s6965evb: a processor fault is told after the restart")
+        c.client.write_registers(REGISTERS["self_test"][0], 0xDEAD, slave=1)
+        ok(c.until("reset_cause", E["CAUSE_WATCHDOG"]) and c.get("homed") == 0,
+           "lm3s6965evb: the hardware watchdog resets")
+        c.id += 1
+        c.client.write_registers(REGISTERS["command_id"][0], [0, c.id], slave=1)
+        c.client.write_registers(REGISTERS["command"][0], E["COMMAND_RESTART"], slave=1)
+        ok(c.until("reset_cause", E["CAUSE_COMMAND"]), "lm3s6965evb: restart")
+        c.client.close()
+        check_mbpoll(path, "lm3s6965evb")
+        check_libmodbus(path, "lm3s6965evb")
+
+
+def trace():
+    run = ["qemu-system-arm", "-M", "lm3s6965evb", "-kernel", f"{BUILD}/firmware/lm3s6965evb-trace.elf", "-display",
+           "none", "-monitor", "none", "-icount", "shift=5", "-serial", "null", "-accel", "tcg",
+           "-semihosting-config", "enable=on,target=native"]
+    first, second = (subprocess.run(run, capture_output=True, text=True, check=False, timeout=120).stderr
+                     for _ in range(2))
+    values = re.findall(r"^(\w+) (\d+)$", first, re.M)
+    bins = [int(v) for n, v in values if n == "bin"]
+    told = dict((n, int(v)) for n, v in values)
+    print("# lateness, 0.2 us a bin from -2 us:", bins)
+    ok([v for n, v in values if n == "arrived"] == ["1"] * 4 and told["alarm"] == 0,
+       "step trace: four axes at more than 40,000 steps/s arrive, no underrun")
+    ok(told["wrong_edges"] == 0 and told["looked_at"] > 10000, "step trace: every edge on its pin, in order")
+    within = sum(bins[5:15]) / sum(bins)
+    ok(within > 0.99, f"step trace: {100 * within:.2f} % of the edges within a tick")
+    ok(first == second, "step trace: identical run after run, hash %d" % told["hash"])
+
+
+def stm32():
+    with qemu("netduinoplus2", "stm32f405", "-icount", "shift=1", "-serial", "pty", "-accel", "tcg") as p:
+        path = line_of(p)
+        c = Controller(ModbusSerialClient(path, baudrate=115200, timeout=1))
+        c.put("deadman", 0)
+        check_functions(c, "stm32f405")
+        ok(c.get("board") == 3, "stm32f405: boots and answers")
+        c.client.close()
+        check_mbpoll(path, "stm32f405")
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        posix(folder)
+        if shutil.which("qemu-system-arm") is None or not os.path.exists(BUILD + "/firmware/lm3s6965evb.elf"):
+            skip("emulated boards", "qemu-system-arm or gcc-arm-none-eabi is not installed")
+        else:
+            lm3s(folder)
+            trace()
+            stm32()
+    print(f"1..{number}")
+    return failures > 0
+
+
+sys.exit(main())

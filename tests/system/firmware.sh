@@ -1,0 +1,9 @@
+#!/bin/sh
+# The controller as its hosts see it: the Linux process and both emulated boards, through pymodbus, libmodbus and mbpoll.
+python=/usr/bin/python3 # Debian's, which has Debian's pymodbus
+if ! $python -c 'import pymodbus, serial' 2>/dev/null; then
+    echo "ok 1 - controller # SKIP python3-pymodbus is not installed"
+    exit 0
+fi
+command -v arm-none-eabi-gcc >/dev/null && make --no-print-directory firmware B="$GONIO_BUILD" >&2
+exec $python "$(dirname "$0")/firmware.py" "$GONIO_BUILD"
