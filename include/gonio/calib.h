@@ -83,6 +83,11 @@ gonio_exposure_verdict gonio_calib_bracket(const gonio_calib *calib, const gonio
 // (the message says what is wrong with it) and nothing was added; the scan may go on.
 gonio_status gonio_calib_pose(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                               gonio_samples *samples, gonio_error *error);
+// One frame, pixel by pixel: f_r times relative irradiance and its random variance (that of the flat field included);
+// NaN where the pixel is saturated or defective. radiance, variance: the window's width x height. threads: 0 all; equal
+// bits for any number.
+gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure *exposure, int threads,
+                                  float *radiance, float *variance, gonio_error *error);
 // After the reference was measured again: correct the samples for the lamp's drift between the two, linear in time, and
 // replace the bound on drift in their systematic sigma by what remains. clock_s: the nominal clock of every sample.
 // Does nothing where a monitor measured the lamp; *ratio (may be NULL): responsivity at the end / at the start.

@@ -302,6 +302,42 @@ static void test_budget_adds_up(void **state) {
     scan_close(&scan);
 }
 
+// The streaming kernel agrees with the merge of a single exposure, whatever the threads.
+static void test_radiance_of_a_frame(void **state) {
+    (void)state;
+    static float radiance[2][SIDE * SIDE], variance[2][SIDE * SIDE];
+    sim_scan scan;
+    const gonio_pair pose = pose_deg(30, 0, 20, 180);
+    assert_true(scan_open(&scan, "lambert:rho=0.5", 18, small, SIDE) && scan_prepare(&scan));
+    assert_true(scan_move(&scan, &pose) && scan_capture(&scan, 0, 0.006));
+    for (int run = 0; run < 2; run++) {
+        assert_int_equal(
+            gonio_calib_radiance(scan.calib, scan.exposures, 1 + 2 * run, radiance[run], variance[run], NULL),
+            GONIO_OK);
+    }
+    assert_memory_equal(radiance[0], radiance[1], sizeof radiance[0]);
+    assert_memory_equal(variance[0], variance[1], sizeof variance[0]);
+    double sum = 0, claimed = 0, squares = 0;
+    const double expected = 0.5 / GONIO_PI * cos(pose.theta_i);
+    int n = 0;
+    for (int p = 0; p < SIDE * SIDE; p++) {
+        if (isfinite(radiance[0][p])) {
+            sum += radiance[0][p];
+            squares += (radiance[0][p] - expected) * (radiance[0][p] - expected);
+            claimed += variance[0][p];
+            n++;
+        }
+    }
+    assert_true(n > SIDE * SIDE - 20);
+    assert_near(sum / n / expected, 1, 0.008); // the reference's scale: 4 sigma
+    const double offset = sum / n - expected;
+    assert_near((squares / n - offset * offset) / (claimed / n), 1, 0.15); // 6 sigma of a variance of 4096 pixels
+    gonio_exposure e = scan.exposures[0];
+    e.frame.window.x++;
+    assert_int_equal(gonio_calib_radiance(scan.calib, &e, 1, radiance[0], variance[0], NULL), GONIO_E_INPUT);
+    scan_close(&scan);
+}
+
 // One dark frame and three reference frames, each with something wrong, and what the error says.
 static void test_polite_failures(void **state) {
     (void)state;
@@ -434,6 +470,7 @@ int main(void) {
         cmocka_unit_test(test_bad_response_files),
         cmocka_unit_test(test_sphere_gives_thousands),
         cmocka_unit_test(test_budget_adds_up),
+        cmocka_unit_test(test_radiance_of_a_frame),
         cmocka_unit_test(test_polite_failures),
         cmocka_unit_test(test_frames_that_do_not_fit),
         cmocka_unit_test(test_drift_is_corrected_by_the_second_reference),

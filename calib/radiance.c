@@ -1,0 +1,72 @@
+// One frame -> radiance and variance of every pixel, streaming: linearise, dark, flat, variance, no remapping.
+//
+//   L = (lin(DN) - bias - rate t) / (K t m),  var = ((x + rate t) g + r^2 + q) / (K t m)^2 + L^2 var(K)/K^2
+//
+// in float: the maps are float and a frame's own noise is far above their rounding. Rows are shared out among threads;
+// pixels are independent, so the result does not depend on their number.
+#include <math.h>
+#include <omp.h>
+
+#include "calib/internal.h"
+
+// A frame's constants.
+typedef struct frame_terms {
+    float exposure_s, scale, dn_per_e, read_variance, saturation;
+} frame_terms;
+
+static void linear_row(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n,
+                       const uint16_t *restrict in, float *restrict radiance, float *restrict variance) {
+    const float *restrict bias = calib->bias + first, *restrict rate = calib->dark_rate + first;
+    const float *restrict flat = calib->flat + first, *restrict flat_variance = calib->flat_variance + first;
+    const uint8_t *restrict defect = calib->defect + first;
+    const float quantum = 1.0F / 12, t = f->exposure_s;
+    for (size_t i = 0; i < n; i++) {
+        const float raw = in[i], dark = rate[i] * t, x = raw - bias[i] - dark, inverse = 1 / (flat[i] * f->scale);
+        const float electrons = (x > 0 ? x : 0) + (dark > 0 ? dark : 0), value = x * inverse;
+        const float noise = electrons * f->dn_per_e + f->read_variance + quantum;
+        const bool valid = (raw < f->saturation) & (defect[i] == 0);
+        radiance[i] = valid ? value : NAN;
+        variance[i] = valid ? noise * inverse * inverse + value * value * flat_variance[i] : NAN;
+    }
+}
+
+static void curved_row(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n, const uint16_t *in,
+                       float *radiance, float *variance) {
+    for (size_t i = 0; i < n; i++) {
+        const size_t p = first + i;
+        const float dark = calib->dark_rate[p] * f->exposure_s;
+        const float x = (float)linear_dn(calib, in[i]) - calib->bias[p] - dark,
+                    inverse = 1 / (calib->flat[p] * f->scale);
+        const float electrons = fmaxf(x, 0) + fmaxf(dark, 0), value = x * inverse;
+        const float noise = electrons * f->dn_per_e + f->read_variance + (float)quantum_variance(calib, in[i]);
+        const bool valid = in[i] < calib->saturation && calib->defect[p] == 0;
+        radiance[i] = valid ? value : NAN;
+        variance[i] = valid ? noise * inverse * inverse + value * value * calib->flat_variance[p] : NAN;
+    }
+}
+
+gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure *exposure, int threads,
+                                  float *radiance, float *variance, gonio_error *error) {
+    if (!calib->prepared) {
+        return gonio_fail(error, GONIO_E_USAGE, "the calibration is not prepared");
+    }
+    const gonio_status status = exposure_check(calib, exposure, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const gonio_frame *frame = &exposure->frame;
+    const frame_terms f = {.exposure_s = (float)frame->exposure_s,
+                           .scale = (float)exposure_scale(calib, frame->exposure_s, exposure->monitor),
+                           .dn_per_e = (float)calib->noise.dn_per_e,
+                           .read_variance = (float)calib->noise.read_variance,
+                           .saturation = (float)calib->saturation};
+    const size_t width = (size_t)calib->window.width;
+    const int rows = calib->window.height;
+#pragma omp parallel for schedule(static) num_threads(threads > 0 ? threads : omp_get_max_threads())
+    for (int row = 0; row < rows; row++) {
+        const size_t first = (size_t)row * width;
+        (calib->response.linear == NULL ? linear_row : curved_row)(calib, &f, first, width, frame->pixels + first,
+                                                                   radiance + first, variance + first);
+    }
+    return GONIO_OK;
+}
