@@ -28,7 +28,8 @@ LDFLAGS  += -fopenmp $(SANITIZE)
 # unit-y (cmocka programs, run under sanitizers), bench-y, pkgs-y (pkg-config
 # names), libs-y (libraries without a pkg-config file), deps-y (Debian packages).
 $(foreach list,eval lib cli unit bench pkgs libs deps,$(eval $(list)-y :=))
-include $(sort $(wildcard */files.mk */*/files.mk))
+LISTS := $(sort $(wildcard */files.mk */*/files.mk))
+include $(LISTS)
 
 Q := $(if $(filter 1,$(V)),,@)
 say = $(if $(filter 1,$(V)),,@printf '  %-5s %s\n' $(1) $(2))
@@ -50,7 +51,7 @@ BENCH_BINS := $(addprefix $(B)/,$(basename $(bench-y)))
 all: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a ## build the program and the libraries
 
 help: ## list the targets
-	@grep -hE '^[a-z][a-z -]*:.*## ' Makefile $(wildcard */files.mk */*/files.mk) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
+	@grep -hE '^[a-z][a-z -]*:.*## ' Makefile $(LISTS) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
 
 deps: ## install missing Debian packages (sudo where not root)
 	$(Q)tools/deps.sh $(sort $(deps-y))
@@ -84,12 +85,12 @@ tsan: ## build with ThreadSanitizer
 $(B)/gonio: $(CLI_OBJS) $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $(CLI_OBJS) $(B)/libgonio.a $(PKG_LIBS)
-$(B)/libgonio.a: $(LIB_OBJS)
+# The lists are prerequisites too: an object that leaves or joins one changes the archive without being newer.
+$(B)/libgonio.a: $(LIB_OBJS) $(LISTS)
+$(B)/libgonio-eval.a: $(EVAL_OBJS) $(LISTS)
+$(B)/libgonio.a $(B)/libgonio-eval.a:
 	$(call say,AR,$@)
-	$(Q)rm -f $@ && $(AR) rcs $@ $^
-$(B)/libgonio-eval.a: $(EVAL_OBJS)
-	$(call say,AR,$@)
-	$(Q)rm -f $@ && $(AR) rcs $@ $^
+	$(Q)rm -f $@ && $(AR) rcs $@ $(filter %.o,$^)
 $(UNIT_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS) -lcmocka
