@@ -138,9 +138,12 @@ double gonio_tradeoff_error(const gonio_tradeoff_row *row) {
     return row->report.held_out.samples > 0 ? row->report.held_out.rms_log : row->report.train.rms_log;
 }
 
+// Times within some 10 % of each other are the same time.
+static double time_class(double ns) { return floor(log(ns) / log(1.2)); }
+
 static bool dominates(const gonio_tradeoff_row *a, const gonio_tradeoff_row *b) {
-    const double x[3] = {gonio_tradeoff_error(a), (double)a->report.bytes, a->eval_ns};
-    const double y[3] = {gonio_tradeoff_error(b), (double)b->report.bytes, b->eval_ns};
+    const double x[3] = {gonio_tradeoff_error(a), (double)a->report.bytes, time_class(a->eval_ns)};
+    const double y[3] = {gonio_tradeoff_error(b), (double)b->report.bytes, time_class(b->eval_ns)};
     bool better = false;
     for (int k = 0; k < 3; k++) {
         if (!(x[k] <= y[k])) {

@@ -66,9 +66,10 @@ static void text_at(cairo_t *c, double x, double y, double align, const char *te
     cairo_text_extents(c, text, &extents);
     cairo_move_to(c, x - align * extents.width, y);
     cairo_show_text(c, text);
+    cairo_new_path(c);
 }
 
-// Lines and labels at 1, 2 and 5 of every decade.
+// Lines at 1, 2 and 5 of every decade, labels too unless they would meet.
 static void draw_grid(const plot *p, int k) {
     static const double steps[3] = {1, 2, 5};
     for (int decade = (int)floor(p->low[k]); decade <= (int)ceil(p->high[k]); decade++) {
@@ -82,6 +83,9 @@ static void draw_grid(const plot *p, int k) {
             cairo_move_to(p->cairo, x, y);
             cairo_line_to(p->cairo, k == 0 ? x : WIDTH - RIGHT, k == 0 ? TOP : y);
             cairo_stroke(p->cairo);
+            if (k == 0 && s > 0 && p->high[k] - p->low[k] > 3) {
+                continue;
+            }
             char label[32];
             snprintf(label, sizeof label, "%g", steps[s] * pow(10, decade));
             cairo_set_source_rgb(p->cairo, 0.2, 0.2, 0.2);
@@ -108,6 +112,7 @@ static void set_colour(cairo_t *c, const char *method) {
 static void draw_row(const plot *p, const gonio_tradeoff_row *row) {
     const double x = place_x(p, log10(cost_of(row, p->axis))), y = place_y(p, log10(gonio_tradeoff_error(row)));
     set_colour(p->cairo, row->form.method);
+    cairo_new_path(p->cairo);
     cairo_arc(p->cairo, x, y, row->pareto ? 6 : 3.5, 0, 2 * GONIO_PI);
     if (row->pareto) {
         cairo_fill(p->cairo);
