@@ -156,7 +156,8 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
 }
 
 static bool open_read_only(gonio_session *session) {
-    if (sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READONLY, NULL) == SQLITE_OK &&
+    if (sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_FULLMUTEX, NULL) ==
+            SQLITE_OK &&
         sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK) {
         return true;
     }
@@ -168,14 +169,16 @@ static bool open_read_only(gonio_session *session) {
         return false;
     }
     sqlite3_close(session->db);
-    const int opened = sqlite3_open_v2(uri, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, NULL);
+    const int opened =
+        sqlite3_open_v2(uri, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_FULLMUTEX, NULL);
     free(uri);
     return opened == SQLITE_OK;
 }
 
 static gonio_status open_database(gonio_session *session, gonio_error *error) {
     const bool opened = session->writable
-                            ? sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READWRITE, NULL) == SQLITE_OK
+                            ? sqlite3_open_v2(session->db_path, &session->db,
+                                              SQLITE_OPEN_READWRITE | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK
                             : open_read_only(session);
     if (!opened) {
         return session_db_fail(session, error, "open the journal");
