@@ -1,12 +1,13 @@
 // gonio plan: the poses of a plan in the order they would be measured, and what that takes.
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "gonio/output.h"
 #include "host/cli/rig_file.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_plan = {"plan", "PLAN [--rig sim|RIG.ini] [-o CSV]",
+const cli_verb cmd_plan = {"plan", "PLAN [--rig sim|RIG.ini | --check RIG.ini] [-o CSV]",
                            "a plan's poses in measuring order, travel, time and storage; nothing moves", run};
 
 // Typical frames a pose; what bracketing really needs depends on the sample.
@@ -67,6 +68,28 @@ static gonio_status plan(const cli_rig_options *options, const char *text, cli_r
     return status;
 }
 
+// Every move of the plan against the stage's limits and the keep-out zones, without motion. Tells the first ten.
+static gonio_status check_moves(const cli_rig *rig, const gonio_step *steps, size_t n, gonio_error *error) {
+    const gonio_rig *r = &rig->rig;
+    double from[GONIO_AXES], to[GONIO_AXES];
+    size_t refused = 0;
+    if (r->stage->check == NULL || n == 0) {
+        return GONIO_OK;
+    }
+    gonio_scan_target(&steps[0].pose, from);
+    for (size_t i = 0; i < n; i++) {
+        gonio_error why = {.line = -1, .byte = -1};
+        gonio_scan_target(&steps[i].pose, to);
+        if (r->stage->check(r->stage_device, from, to, &why) != GONIO_OK && refused++ < 10) {
+            fprintf(stderr, "step %zu: %s\n", i, why.message);
+        }
+        memcpy(from, to, sizeof from);
+    }
+    return refused == 0
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_RANGE, "%zu of %zu steps would be refused; nothing has moved", refused, n);
+}
+
 static int report(const cli_common *common, const char *text, const char *path, const estimate *e) {
     if (common->json) {
         return cli_json(json_pack("{s:s,s:I,s:f,s:f,s:f,s:o}", "plan", text, "poses", (json_int_t)e->poses, "travel_s",
@@ -84,10 +107,11 @@ static int report(const cli_common *common, const char *text, const char *path, 
 static int run(int argc, char **argv) {
     cli_common common;
     cli_rig_options rig_options = {0};
-    const char *output = NULL, *text;
+    const char *output = NULL, *check = NULL, *text;
     const cli_option options[] = {
         CLI_RIG_OPTIONS(rig_options),
         {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "write the poses there (standard output)"},
+        {"check", 0, CLI_TEXT, &check, NULL, "RIG.ini", "the same as --rig, and hold every move against its limits"},
         {0},
     };
     int count;
@@ -95,6 +119,7 @@ static int run(int argc, char **argv) {
         return 2;
     }
     rig_options.seed = common.seed;
+    rig_options.rig = check != NULL ? check : rig_options.rig;
     if (rig_options.sample == NULL && (rig_options.rig == NULL)) {
         rig_options.sample = "lambert:rho=0.5"; // a plan does not depend on the sample
     }
@@ -105,6 +130,9 @@ static int run(int argc, char **argv) {
     size_t n = 0;
     estimate e = {0};
     gonio_status status = plan(&rig_options, text, &rig, &setup, &steps, &n, &error);
+    if (status == GONIO_OK && check != NULL) {
+        status = check_moves(&rig, steps, n, &error);
+    }
     if (status == GONIO_OK) {
         fill(&rig, &setup, steps, n, &e);
         if (output != NULL) {

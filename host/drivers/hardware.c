@@ -220,7 +220,12 @@ gonio_status gonio_hardware_open(gonio_hardware *h, gonio_rig *rig, bool simulat
     if (status == GONIO_OK) {
         status = open_meter(h, rig, error);
     }
-    return status == GONIO_OK ? open_camera(h, rig, error) : status;
+    if (status == GONIO_OK) {
+        status = open_camera(h, rig, error);
+    }
+    const gonio_keep_out *keep_out = &h->settings.keep_out;
+    const bool guarded = keep_out->n > 0 || keep_out->retro_deg > 0;
+    return status == GONIO_OK && guarded ? gonio_keep_out_guard(keep_out, rig, error) : status;
 }
 
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }

@@ -103,6 +103,7 @@ static const entry entries[] = {
     {"camera", "trigger_low", YES, AT(trigger_low), 0, 0, "v4l2", false},
     {"camera", "trigger_settle_ms", MILLI, AT(trigger_settle_s), 0, 1e5, "v4l2", false},
     {"camera", "trigger_pulse_ms", MILLI, AT(trigger_pulse_s), 0, 1e3, "v4l2", false},
+    {"keep-out", "retro_deg", REAL, AT(keep_out.retro_deg), 0, 90, "", false},
     {"interlock", "driver", DRIVER, AT(interlock_driver), 0, 0, "gpio none ", false},
     {"interlock", "estop_line", TEXT, AT(interlock.contacts[0].line), 0, 0, "gpio", false},
     {"interlock", "estop_normally_open", NO, AT(interlock.contacts[0].normally_closed), 0, 0, "gpio", false},
@@ -211,7 +212,7 @@ static const char *driver_of(const hardware_settings *s, const char *section) {
 }
 
 static bool applies(const hardware_settings *s, const entry *e) {
-    if (e->kind == DRIVER) {
+    if (e->kind == DRIVER || strcmp(e->section, "keep-out") == 0) {
         return true;
     }
     if (strcmp(e->section, "controller") == 0) {
@@ -222,9 +223,38 @@ static bool applies(const hardware_settings *s, const entry *e) {
     return driver[0] != 0 && (e->with[0] == 0 || strcmp(e->with, driver) == 0);
 }
 
+// [keep-out NAME]: an axis's interval in degrees, "AXIS = LOW HIGH".
+static gonio_status set_zone(hardware_settings *s, const char *section, const char *key, const char *value, bool *taken,
+                             gonio_error *error) {
+    static const char *const axes[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (strcmp(axes[k], key) != 0) {
+            continue;
+        }
+        *taken = true;
+        const entry e = {.section = section, .key = key};
+        char *end, *last;
+        const double low = strtod(value, &end);
+        const double high = strtod(end, &last);
+        if (end == value || last == end || *last != 0 || !(low <= high)) {
+            return bad(&e, value, "two angles in degrees, the lower first", error);
+        }
+        const int zone = gonio_keep_out_zone(&s->keep_out, section + strlen("keep-out "));
+        if (zone < 0) {
+            return bad(&e, section, "at most 16 zones with names of at most 31 characters", error);
+        }
+        s->keep_out.zones[zone].minimum_deg[k] = low;
+        s->keep_out.zones[zone].maximum_deg[k] = high;
+    }
+    return GONIO_OK;
+}
+
 gonio_status hardware_settings_set(hardware_settings *s, const char *section, const char *key, const char *value,
                                    bool *taken, bool *shared, gonio_error *error) {
     *taken = *shared = false;
+    if (strncmp(section, "keep-out ", 9) == 0) {
+        return set_zone(s, section, key, value, taken, error);
+    }
     for (size_t i = 0; i < COUNT; i++) {
         const entry *e = &entries[i];
         if (strcmp(e->section, section) != 0 || strcmp(e->key, key) != 0 || !applies(s, e)) {

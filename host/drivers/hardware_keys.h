@@ -3,6 +3,7 @@
 #define GONIO_DRIVERS_HARDWARE_KEYS_H
 
 #include "host/drivers/hardware.h"
+#include "host/drivers/keep_out.h"
 
 typedef struct hardware_settings {
     char stage_driver[16], lamp_driver[16], meter_driver[16], camera_driver[16], interlock_driver[16];
@@ -18,6 +19,7 @@ typedef struct hardware_settings {
     bool trigger_low;
     double trigger_settle_s, trigger_pulse_s;
     gonio_interlock_gpio_config interlock;
+    gonio_keep_out keep_out;
 } hardware_settings;
 
 void hardware_settings_default(hardware_settings *settings);

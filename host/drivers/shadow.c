@@ -39,6 +39,12 @@ static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], 
     return s->simulated->duration_s(s->simulated_device, from_rad, to_rad);
 }
 
+static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                                gonio_error *error) {
+    const stage *s = device;
+    return s->real->check != NULL ? s->real->check(s->real_device, from_rad, to_rad, error) : GONIO_OK;
+}
+
 static void stage_close(void *device) {
     stage *s = device;
     s->real->close(s->real_device);
@@ -53,7 +59,8 @@ static const gonio_stage_ops stage_ops = {.api_version = GONIO_RIG_API_VERSION,
                                           .position = stage_position,
                                           .stop = stage_stop,
                                           .duration_s = stage_duration_s,
-                                          .close = stage_close};
+                                          .close = stage_close,
+                                          .check = stage_check};
 
 gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, void *device, gonio_error *error) {
     stage *s = malloc(sizeof *s);

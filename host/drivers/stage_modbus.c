@@ -219,6 +219,17 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     return status == GONIO_OK ? check_arrival(s, targets, &now, error) : status;
 }
 
+static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],
+                                gonio_error *error) {
+    (void)from_rad;
+    const stage *s = device;
+    int64_t targets[GONIO_AXES];
+    for (int k = 0; k < GONIO_AXES; k++) {
+        targets[k] = to_steps(&s->axes[k], to_rad_[k]);
+    }
+    return check_targets(s, targets, error);
+}
+
 static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
     const stage *s = device;
     gonio_controller_status now;
@@ -283,7 +294,8 @@ const gonio_stage_ops gonio_stage_modbus = {.api_version = GONIO_RIG_API_VERSION
                                             .position = stage_position,
                                             .stop = stage_stop,
                                             .duration_s = stage_duration_s,
-                                            .close = stage_close};
+                                            .close = stage_close,
+                                            .check = stage_check};
 
 gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
                                      void **device, gonio_error *error) {

@@ -5,12 +5,17 @@ lib-y  += host/drivers/meter_usbtmc.c host/drivers/pixels.c host/drivers/camera_
 lib-y  += host/drivers/debounce.c host/drivers/interlock_gpio.c host/drivers/lamp_gpio.c
 lib-y  += host/drivers/controller.c host/drivers/controller_motion.c host/drivers/controller_map.c
 lib-y  += host/drivers/stage_modbus.c host/drivers/lamp_modbus.c
-lib-y  += host/drivers/shadow.c host/drivers/hardware.c host/drivers/hardware_keys.c
+lib-y  += host/drivers/shadow.c host/drivers/keep_out.c host/drivers/hardware.c host/drivers/hardware_keys.c
 cli-y  += host/cli/rig_actions.c host/cli/rig_reports.c
-unit-y += tests/unit/test_usbtmc.c tests/unit/test_pixels.c tests/unit/test_camera_v4l2.c tests/unit/test_interlock_gpio.c tests/unit/test_controller.c
+unit-y += tests/unit/test_usbtmc.c tests/unit/test_pixels.c tests/unit/test_camera_v4l2.c tests/unit/test_interlock_gpio.c tests/unit/test_controller.c tests/unit/test_keep_out.c
 pkgs-y += libusb-1.0 libgpiod libmodbus
 deps-y += libusb-1.0-0-dev libgpiod-dev libmodbus-dev libumockdev-dev umockdev
 
 # Only the test links umockdev, never the program.
 CFLAGS_test_usbtmc = $(subst -I,-isystem ,$(shell pkg-config --cflags umockdev-1.0))
 $(B)/tests/unit/test_usbtmc: PKG_LIBS += $(shell pkg-config --libs umockdev-1.0)
+
+.PHONY: test-vm
+test-vm: ## device tests in a virtual machine with the kernel's simulated devices (needs QEMU; SKIP without)
+	$(Q)$(MAKE) --no-print-directory all
+	$(Q)tests/hil/run.sh $(B)

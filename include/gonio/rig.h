@@ -64,6 +64,9 @@ typedef struct gonio_stage_ops {
     // How long a move will take, from the limits alone (the nominal clock); no motion.
     double (*duration_s)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES]);
     void (*close)(void *device);
+    // Optional: whether this move would be allowed, without motion; GONIO_E_RANGE naming the limit or zone in its way.
+    gonio_status (*check)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                          gonio_error *error);
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----

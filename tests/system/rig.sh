@@ -115,6 +115,18 @@ exits "replay" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --se
 check "the replay says what the record said" cmp "$work/recorded" "$work/out"
 exits "a replay of something else is noticed" 1 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample --set "controller.replay=$work/tape"
 
+# Keep-out zones: refused in a plan before anything moves, and in a move.
+(cat "$work/plain.ini"; printf '[keep-out post]\nlight_theta = 20 30\ncamera_theta = 20 30\n[keep-out]\nretro_deg = 5\n') >"$work/zones.ini"
+printf 'theta_i,phi_i,theta_o,phi_o\n10,0,40,180\n40,0,10,180\n' >"$work/through.csv"
+printf 'theta_i,phi_i,theta_o,phi_o\n10,0,40,180\n10,0,12,0\n' >"$work/shadow.csv"
+printf 'theta_i,phi_i,theta_o,phi_o\n10,0,40,180\n15,0,45,180\n' >"$work/clear.csv"
+exits "a plan with a way through a zone is refused" 1 "$GONIO" plan "$work/through.csv" --check "$work/zones.ini" --sample $sample -o "$work/poses.csv"
+says "naming the zone" "keep-out zone 'post'"
+exits "a plan with a shadowed pose is refused" 1 "$GONIO" plan "$work/shadow.csv" --check "$work/zones.ini" --sample $sample -o "$work/poses.csv"
+says "as unmeasurable" "camera shadows the light"
+exits "a clear plan passes" 0 "$GONIO" plan "$work/clear.csv" --check "$work/zones.ini" --sample $sample --set keep-out.retro_deg=0 -o "$work/poses.csv"
+exits "a zone of no width is bad input" 3 sh -c "(cat $work/plain.ini; printf '[keep-out post]\nlight_theta = 30 20\n') > $work/bad.ini; $GONIO plan $work/clear.csv --check $work/bad.ini --sample $sample"
+
 # An independent slave: another implementation of the protocol, with this table's first registers.
 if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
     /usr/bin/python3 tests/system/pymodbus_slave.py "$work/slave.port" >"$work/slave.log" 2>&1 &
