@@ -1,5 +1,6 @@
 #include "host/drivers/hardware.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -202,6 +203,12 @@ static gonio_status open_camera(gonio_hardware *h, gonio_rig *rig, gonio_error *
         rig->camera->close(rig->camera_device);
         rig->camera = &gonio_camera_v4l2;
         rig->camera_device = h->camera;
+        const gonio_pixel_format *format = gonio_camera_v4l2_format(h->camera);
+        if (format->fitness == GONIO_FIT_WITH_WARNING && s->controller.event != NULL) {
+            char text[160];
+            snprintf(text, sizeof text, "%s is %s", format->name, format->why);
+            s->controller.event(s->controller.event_context, "camera", text);
+        }
     }
     return status;
 }
