@@ -14,6 +14,19 @@ protocol: $(B)/firmware/tools/protocol ## write docs/protocol.md from firmware/r
 	$(Q)mkdir -p docs && $< > docs/protocol.md
 .PHONY: protocol
 
+unit-y   += tests/property/test_fw_safety.c tests/property/test_fw_random.c
+
+# ---- slow checks, by hand ----
+firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 100 million random bytes
+	$(Q)GONIO_FW_SEQUENCES=10000000 GONIO_FW_BYTES=100000000 $<
+fw-host-c := $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/posix/machine.c
+fuzz-firmware: ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
+	$(Q)mkdir -p $(B)/fuzz && clang -std=c17 -g -O1 -I. -fsanitize=fuzzer,address,undefined -o $(B)/fuzz/fw_modbus_slave tests/fuzz/fuzz_fw_modbus_slave.c $(fw-host-c)
+	$(Q)$(B)/fuzz/fw_modbus_slave -max_len=300 -max_total_time=$${FUZZ_SECONDS:-600}
+firmware-coverage: ## branch coverage of firmware/core by its unit and property tests; fails below 95 %
+	$(Q)firmware/tools/coverage.sh $(B)/coverage
+.PHONY: firmware-soak fuzz-firmware firmware-coverage
+
 # ---- the boards: make firmware ----
 deps-y   += gcc-arm-none-eabi qemu-system-arm mbpoll socat python3 python3-pymodbus python3-serial
 ARM      ?= arm-none-eabi-

@@ -175,6 +175,9 @@ static void limit_switch_halts_all(void **state) {
     m->core.known = 15;
     assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_HARD_LIMIT);
     const int64_t back[FW_AXES] = {0, 0, 0, 0};
+    machine_hold(m, FW_CONTACT_limit_min_1, true);
+    assert_int_equal(machine_move(m, 2, back), FW_REFUSAL_HARD_LIMIT);
+    machine_release(m, FW_CONTACT_limit_min_1);
     assert_int_equal(machine_move(m, 2, back), FW_REFUSAL_NONE);
     assert_true(machine_settle(m, MINUTE_US));
     assert_true(m->axis[1].steps == 0);

@@ -166,6 +166,61 @@ static void a_little_bounce_is_borne(void **state) {
     free(m);
 }
 
+static void phase_until(struct machine *m, unsigned phase) {
+    while (m->core.homing.phase != phase) {
+        machine_run(m, 1000);
+        assert_true(m->core.state == FW_STATE_HOMING);
+    }
+}
+
+// It answered the fast approach, and not the slow one.
+static void switch_that_dies_is_missing(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    phase_until(m, FW_HOMING_BACK_OFF);
+    m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_MISSING);
+    free(m);
+}
+
+static void switch_that_sticks_in_the_end_is_stuck(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    phase_until(m, FW_HOMING_LEAVE);
+    m->axis[1].home_switch = MACHINE_SWITCH_PRESSED;
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_STUCK);
+    assert_int_equal(m->core.known, 0);
+    free(m);
+}
+
+static void switch_that_lets_go_while_held_bounces(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.debounce[0] = 50;
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    phase_until(m, FW_HOMING_HOLD);
+    m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_BOUNCE);
+    free(m);
+}
+
+static void a_way_of_years_is_no_way(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.home_travel[1] = 1000000000;
+    m->core.registers.home_fast[1] = 1;
+    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_MISSING);
+    assert_true(m->rising_edges == 0);
+    free(m);
+}
+
 static void stop_ends_homing(void **state) {
     (void)state;
     struct machine *m = rig_new();
@@ -193,6 +248,10 @@ int main(void) {
                                        cmocka_unit_test(pressed_switch_lets_go),
                                        cmocka_unit_test(bouncing_switch),
                                        cmocka_unit_test(a_little_bounce_is_borne),
+                                       cmocka_unit_test(switch_that_dies_is_missing),
+                                       cmocka_unit_test(switch_that_sticks_in_the_end_is_stuck),
+                                       cmocka_unit_test(switch_that_lets_go_while_held_bounces),
+                                       cmocka_unit_test(a_way_of_years_is_no_way),
                                        cmocka_unit_test(stop_ends_homing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

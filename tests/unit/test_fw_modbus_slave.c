@@ -376,6 +376,64 @@ static void a_repeated_move_is_harmless(void **state) {
     free(m);
 }
 
+static void counts_and_lengths_are_checked(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    ASK(m, 15, 0, 0, 0, 0, 0, 0); // no coils
+    EXPECT(m, 0x8F, 3);
+    ASK(m, 15, 0, 0, 7, 0xB1, 0xF7, 0); // more than 1968
+    EXPECT(m, 0x8F, 3);
+    ASK(m, 15, 0, 0, 0, 2, 1, 0, 0); // a byte too many
+    EXPECT(m, 0x8F, 3);
+    ASK(m, 16, 0, 0x10, 0, 0, 0); // no registers
+    EXPECT(m, 0x90, 3);
+    ASK(m, 16, 0, 0x10, 0, 1, 2, 0); // a byte too few
+    EXPECT(m, 0x90, 3);
+    ASK(m, 23, 0, 0x10, 0, 0, 0, 0x10, 0, 1, 2, 1, 2); // nothing to read
+    EXPECT(m, 0x97, 3);
+    ASK(m, 23, 0, 0x10, 0, 1, 0, 0x10, 0, 0, 0, 1, 2); // nothing to write
+    EXPECT(m, 0x97, 3);
+    ASK(m, 23, 0, 0x10, 0, 1, 0, 0x10, 0, 122, 244, 1, 2); // more than 121
+    EXPECT(m, 0x97, 3);
+    ASK(m, 23, 0, 0x10, 0, 1, 0, 0x10, 0, 1, 2, 1, 2, 3); // a byte too many
+    EXPECT(m, 0x97, 3);
+    ASK(m, 2, 0, 0, 7, 0xD1); // more than 2000
+    EXPECT(m, 0x82, 3);
+    ASK(m, 8, 0, 19, 0, 0);
+    EXPECT(m, 0x88, 1);
+    ASK(m, 8, 0, 1, 0, 1);
+    EXPECT(m, 0x88, 3);
+    ASK(m, 16, 0, 0x0A, 0, 1, 2, 0, 0); // a gap
+    EXPECT(m, 0x90, 2);
+    ASK(m, 16, 2, 9, 0, 1, 2, 0, 0); // the low half of a value
+    EXPECT(m, 0x90, 2);
+    ask(m, 0, (const uint8_t[]){8, 0, 4, 0, 0}, 5); // broadcast: listen only, nobody answers
+    assert_int_equal(ASK(m, 3, 0, 0, 0, 1), 0);
+    uint8_t reply[FW_PDU_MAX];
+    const uint8_t request[FW_PDU_MAX + 1] = {3};
+    assert_int_equal(fw_modbus_pdu(&m->core, request, 0, reply), 0);
+    assert_int_equal(fw_modbus_pdu(&m->core, request, sizeof request, reply), 0);
+    free(m);
+}
+
+static void self_tests(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    ASK(m, 6, 1, 0x15, 0x12, 0x34);
+    EXPECT(m, 0x86, 3);
+    ASK(m, 5, 0, 0, 0xFF, 0);
+    machine_run(m, 10000);
+    ASK(m, 6, 1, 0x15, 0xFA, 0x17); // not with the lamp on
+    EXPECT(m, 0x86, 4);
+    ASK(m, 5, 0, 0, 0, 0);
+    machine_run(m, 10000);
+    ASK(m, 6, 1, 0x15, 0xDE, 0xAD);
+    EXPECT(m, 6, 1, 0x15, 0xDE, 0xAD);
+    machine_run(m, 700000);
+    assert_true(m->bitten);
+    free(m);
+}
+
 static void restarts(void **state) {
     (void)state;
     struct machine *m = rig_homed();
@@ -399,6 +457,8 @@ int main(void) {
         cmocka_unit_test(a_late_main_loop_spoils_nothing),
         cmocka_unit_test(a_full_transmitter_is_waited_for),
         cmocka_unit_test(a_repeated_move_is_harmless),
+        cmocka_unit_test(counts_and_lengths_are_checked),
+        cmocka_unit_test(self_tests),
         cmocka_unit_test(restarts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
