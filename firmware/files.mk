@@ -3,7 +3,7 @@ fw-core := clock ramp stepgen axis homing interlock lamp modbus_slave registers 
 lib-y   += $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/posix/machine.c
 unit-y  += $(patsubst %,tests/unit/test_fw_%.c,ramp stepgen axis homing interlock lamp modbus_slave parameters)
 
-all: $(B)/gonio-controller
+all: $(B)/gonio-controller $(B)/firmware/tools/protocol
 $(B)/gonio-controller: $(B)/firmware/board/posix/main.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^

@@ -5,5 +5,8 @@ if ! $python -c 'import pymodbus, serial' 2>/dev/null; then
     echo "ok 1 - controller # SKIP python3-pymodbus is not installed"
     exit 0
 fi
+if ! "$GONIO_BUILD/firmware/tools/protocol" 2>/dev/null | cmp -s - docs/protocol.md; then
+    echo "not ok - docs/protocol.md is not what firmware/regmap.def says: make protocol"
+fi
 command -v arm-none-eabi-gcc >/dev/null && make --no-print-directory firmware B="$GONIO_BUILD" >&2
 exec $python "$(dirname "$0")/firmware.py" "$GONIO_BUILD"
