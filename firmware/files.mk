@@ -36,6 +36,9 @@ FLASH_LIMIT := 32768
 RAM_LIMIT   := 8192
 fw-flags-lm3s6965evb := -mcpu=cortex-m3
 fw-flags-stm32f405   := -mcpu=cortex-m4
+# flash wait states at full speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without its caches)
+fw-wait-lm3s6965evb  := 0 4
+fw-wait-stm32f405    := 5 16
 fw-core-c := $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/cortex_m/cortex_m.c
 
 firmware: $(B)/firmware/lm3s6965evb.elf $(B)/firmware/stm32f405.elf $(B)/firmware/lm3s6965evb-trace.elf ## cross-build the controller; sizes and stack against their limits
@@ -52,6 +55,7 @@ $(B)/firmware/$(1).elf: $$(fw-objs-$(1)) firmware/board/$(2)/$(5) firmware/board
 	$$(Q)$(ARM)gcc $$(fw-flags-$(2)) -mthumb -nostdlib -T firmware/board/$(2)/$(5) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
 	$$(Q)$(ARM)size $$@ > $$(@:.elf=.size)
 	$(if $(6),$$(Q)printf '%-12s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
+	$(if $(6),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) step_interrupt $$(fw-wait-$(2)))
 -include $$(fw-objs-$(1):.o=.d)
 endef
 $(eval $(call fw-image,lm3s6965evb,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c,,link.ld,check))
