@@ -184,35 +184,93 @@ GONIO_INLINE void add_row(double *sums, const gonio_d2 *w, const double *row, co
     }
 }
 
-GONIO_INLINE void add_all(double *sums, const gonio_row_list *list, const int dims, const powers *p, const double *row,
-                          const size_t stride) {
-    for (int r = 0; r < (dims == 3 ? 16 : 64); r++) {
-        const gonio_d2 w = dims == 3 ? p->pairs[0][r / 4] * p->pairs[1][r % 4]
-                                     : p->pairs[0][r / 16] * p->pairs[1][r / 4 % 4] * p->pairs[2][r % 4];
-        add_row(sums + list->offset[r] * stride, &w, row, stride);
+// The same for two samples of one cell: the sums are loaded and stored once.
+GONIO_INLINE void add_row_twice(double *sums, const gonio_d2 *w, const double *row, const gonio_d2 *w2,
+                                const double *row2, const size_t stride) {
+    gonio_d8 first, first2;
+    row_factors(w, stride, &first);
+    row_factors(w2, stride, &first2);
+    for (size_t v = 0; v < stride / 2; v++) {
+        gonio_d8 *at = (gonio_d8 *)(sums + 8 * v);
+        const gonio_d8 g = *(const gonio_d8 *)(row + 8 * v), g2 = *(const gonio_d8 *)(row2 + 8 * v);
+        if (stride <= 8 || v % (stride / 8) == 0) {
+            *at += first * g + first2 * g2;
+        } else {
+            *at += (*w)[1] * g + (*w2)[1] * g2;
+        }
     }
 }
 
-GONIO_INLINE void accumulate_all(const gonio_mba_job *job, const int dims, const size_t stride) {
+// The pair of row r: (w^2, w^3).
+GONIO_INLINE void row_pair(const powers *p, int r, const int dims, gonio_d2 *w) {
+    *w = dims == 3 ? p->pairs[0][r / 4] * p->pairs[1][r % 4]
+                   : p->pairs[0][r / 16] * p->pairs[1][r / 4 % 4] * p->pairs[2][r % 4];
+}
+
+// A sample that is ready to be added: its cell, its powers, its G.
+typedef struct ready {
+    size_t first;
+    powers powers;
+    double *row;
+} ready;
+
+GONIO_INLINE void add_all(double *sums, const gonio_row_list *list, const int dims, const ready *a, const ready *b,
+                          const size_t stride) {
+    for (int r = 0; r < (dims == 3 ? 16 : 64); r++) {
+        double *at = sums + (a->first + list->offset[r]) * stride;
+        gonio_d2 w, w2;
+        row_pair(&a->powers, r, dims, &w);
+        if (b == NULL) {
+            add_row(at, &w, a->row, stride);
+        } else {
+            row_pair(&b->powers, r, dims, &w2);
+            add_row_twice(at, &w, a->row, &w2, b->row, stride);
+        }
+    }
+}
+
+GONIO_INLINE void prepare(const gonio_mba_job *job, size_t i, const int dims, const size_t stride, gonio_row_list *list,
+                          float *scratch, float *values, double *f, ready *out) {
     const gonio_scatter *s = job->scatter;
-    const int channels = s->channels;
+    gonio_place place;
+    gonio_rows_locate(s->positions + i * (size_t)dims, job->level, job->size, dims, &place);
+    gonio_rows_weights(&place, dims, list);
+    gonio_rows_eval_all(job->points, list, dims, s->channels, &place, scratch, values);
+    raise(&place, dims, &out->powers);
+    const double q = s->weights != NULL ? (double)s->weights[i] : 1;
+    const size_t channels = (size_t)s->channels;
+    fill_residuals(s->values + i * channels, values, channels, q / out->powers.squares, f);
+    fill_row(out->powers.pairs[dims - 1], q, f, stride, out->row);
+    out->first = place.first;
+}
+
+// The sums of 31 channels are 16 KB a cell, more than a sample's arithmetic takes to load and store: neighbours in the
+// sorted order that share their cell are added two at a time.
+GONIO_INLINE void accumulate_all(const gonio_mba_job *job, const int dims, const size_t stride) {
     double *sums = origin(job, dims, stride);
     gonio_row_list list;
     gonio_rows_offsets(job->size, dims, &list);
-    float scratch[4 * channels], values[channels];
-    double row[4 * stride], f[stride];
+    float scratch[4 * job->scatter->channels], values[job->scatter->channels];
+    double rows[2][4 * stride], f[stride];
     memset(f, 0, sizeof f);
+    ready sample[2] = {{.row = rows[0]}, {.row = rows[1]}};
+    int waiting = 0;
     for (size_t i = job->begin; i < job->end; i++) {
-        gonio_place place;
-        powers p;
-        gonio_rows_locate(s->positions + i * (size_t)dims, job->level, job->size, dims, &place);
-        gonio_rows_weights(&place, dims, &list);
-        gonio_rows_eval_all(job->points, &list, dims, channels, &place, scratch, values);
-        raise(&place, dims, &p);
-        const double q = s->weights != NULL ? (double)s->weights[i] : 1, factor = q / p.squares;
-        fill_residuals(s->values + i * (size_t)channels, values, (size_t)channels, factor, f);
-        fill_row(p.pairs[dims - 1], q, f, stride, row);
-        add_all(sums + place.first * stride, &list, dims, &p, row, stride);
+        prepare(job, i, dims, stride, &list, scratch, values, f, &sample[waiting]);
+        if (waiting == 0) {
+            waiting = 1;
+        } else if (sample[0].first == sample[1].first) {
+            add_all(sums, &list, dims, &sample[0], &sample[1], stride);
+            waiting = 0;
+        } else {
+            add_all(sums, &list, dims, &sample[0], NULL, stride);
+            const ready next = sample[1];
+            sample[1].row = sample[0].row;
+            sample[0] = next;
+        }
+    }
+    if (waiting == 1) {
+        add_all(sums, &list, dims, &sample[0], NULL, stride);
     }
 }
 
