@@ -1,6 +1,6 @@
 # The controller: its core and the simulated machine are part of the library (sim/ runs them); the boards are programs.
-fw-core := clock ramp stepgen axis homing interlock lamp modbus_slave registers parameters core
-lib-y   += $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/posix/machine.c
+fw-core := ramp stepgen axis homing interlock lamp modbus_slave registers parameters core
+lib-y   += $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
 unit-y  += $(patsubst %,tests/unit/test_fw_%.c,ramp stepgen axis homing interlock lamp modbus_slave parameters)
 
 all: $(B)/gonio-controller $(B)/firmware/tools/protocol
@@ -19,7 +19,7 @@ unit-y   += tests/property/test_fw_safety.c tests/property/test_fw_random.c
 # ---- slow checks, by hand ----
 firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 100 million random bytes
 	$(Q)GONIO_FW_SEQUENCES=10000000 GONIO_FW_BYTES=100000000 $<
-fw-host-c := $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/posix/machine.c
+fw-host-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
 fuzz-firmware: ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
 	$(Q)mkdir -p $(B)/fuzz && clang -std=c17 -g -O1 -I. -fsanitize=fuzzer,address,undefined -o $(B)/fuzz/fw_modbus_slave tests/fuzz/fuzz_fw_modbus_slave.c $(fw-host-c)
 	$(Q)$(B)/fuzz/fw_modbus_slave -max_len=300 -max_total_time=$${FUZZ_SECONDS:-600}
@@ -39,7 +39,7 @@ fw-flags-stm32f405   := -mcpu=cortex-m4
 # flash wait states at full speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without its caches)
 fw-wait-lm3s6965evb  := 0 4
 fw-wait-stm32f405    := 5 16
-fw-core-c := $(patsubst %,firmware/core/%.c,$(filter-out clock,$(fw-core))) firmware/board/cortex_m/cortex_m.c
+fw-core-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/cortex_m/cortex_m.c
 
 firmware: $(B)/firmware/lm3s6965evb.elf $(B)/firmware/stm32f405.elf $(B)/firmware/lm3s6965evb-trace.elf ## cross-build the controller; sizes and stack against their limits
 .PHONY: firmware

@@ -17,7 +17,6 @@ enum {
     FW_AXES = 4,
     FW_SEGMENTS = 2,
     FW_OCCUPIED_WORDS = FW_SEGMENT_TICKS / 32,
-    FW_STEP_RATE_AXIS_MAX = 62500, // steps/s: 16 ticks a step
     // Falling edges are put off to the end of an eighth of a word, where those of several axes meet: a pulse is up to 7
     // ticks longer than asked for, and there are a quarter fewer events at full speed.
     FW_FALL_GRID = 7

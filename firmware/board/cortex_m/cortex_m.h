@@ -56,7 +56,6 @@ uint32_t cortex_m_marked_address(void);
 _Noreturn void cortex_m_reset(enum fw_cause cause, uint32_t address);
 
 // ---- each board has ----
-extern const uint32_t board_vectors[];
 int main(void);
 void cortex_m_start(void); // reset vector
 void cortex_m_fault(void); // all fault vectors
