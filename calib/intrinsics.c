@@ -31,6 +31,15 @@ static gonio_status check_board(const gonio_board *board, gonio_error *error) {
     return GONIO_OK;
 }
 
+gonio_status gonio_board_draw(const gonio_board *board, int square_px, gonio_image *image, gonio_error *error) {
+    *image = (gonio_image){0};
+    gonio_status status = check_board(board, error);
+    if (status == GONIO_OK && (square_px < 8 || square_px > 1000)) {
+        status = gonio_fail(error, GONIO_E_USAGE, "squares of %d px; 8 to 1000 are possible", square_px);
+    }
+    return status == GONIO_OK ? opencv_draw_board(board, square_px, image, error) : status;
+}
+
 gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board, int half_window,
                               gonio_corners *corners, gonio_error *error) {
     corners->n = 0;

@@ -130,14 +130,18 @@ bool find_chessboard(const cv::Mat &image, const gonio_board &board, int half_wi
     return true;
 }
 
-int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window, gonio_corners &corners) {
+cv::Ptr<cv::aruco::CharucoBoard> charuco_pattern(const gonio_board &board) {
     const auto dictionary =
         cv::aruco::getPredefinedDictionary(static_cast<cv::aruco::PREDEFINED_DICTIONARY_NAME>(board.dictionary));
-    const auto pattern = cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
-                                                         static_cast<float>(board.marker_mm), dictionary);
+    return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square_mm),
+                                           static_cast<float>(board.marker_mm), dictionary);
+}
+
+int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window, gonio_corners &corners) {
+    const auto pattern = charuco_pattern(board);
     std::vector<std::vector<cv::Point2f>> markers;
     std::vector<int> ids;
-    cv::aruco::detectMarkers(image, dictionary, markers, ids);
+    cv::aruco::detectMarkers(image, pattern->dictionary, markers, ids);
     corners.n = 0;
     if (ids.empty()) {
         return 0;
@@ -161,6 +165,34 @@ int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window
 }
 
 } // namespace
+
+extern "C" gonio_status opencv_draw_board(const gonio_board *board, int square_px, gonio_image *image,
+                                          gonio_error *error) {
+    return guarded(error, "board", [&] {
+        const bool charuco = board->kind == GONIO_CHARUCO;
+        const int columns = board->columns + (charuco ? 0 : 1), rows = board->rows + (charuco ? 0 : 1);
+        const cv::Size size((columns + 2) * square_px, (rows + 2) * square_px);
+        cv::Mat drawn(size, CV_8U, cv::Scalar(255));
+        if (charuco) {
+            charuco_pattern(*board)->draw(size, drawn, square_px);
+        }
+        for (int k = 0; !charuco && k < columns * rows; k++) {
+            if ((k % columns + k / columns) % 2 == 0) {
+                const cv::Rect square((1 + k % columns) * square_px, (1 + k / columns) * square_px, square_px,
+                                      square_px);
+                drawn(square).setTo(0);
+            }
+        }
+        const size_t n = drawn.total();
+        *image = {drawn.cols, drawn.rows, 1, 8, static_cast<uint16_t *>(std::malloc(n * sizeof(uint16_t)))};
+        if (image->pixels == nullptr) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for a board of %d x %d pixels", drawn.cols, drawn.rows);
+        }
+        cv::Mat out(drawn.rows, drawn.cols, CV_16U, image->pixels);
+        drawn.convertTo(out, CV_16U);
+        return GONIO_OK;
+    });
+}
 
 extern "C" gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
                                           gonio_corners *corners, gonio_error *error) {

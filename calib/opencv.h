@@ -18,7 +18,8 @@ gonio_status opencv_read_image(const char *path, bool grey, int *width, int *hei
 // Write a float map as 32-bit TIFF to a path that ends in .tiff.
 gonio_status opencv_write_map(const char *path, int width, int height, const float *values, gonio_error *error);
 
-// See gonio_board_find.
+// See gonio_board_draw and gonio_board_find.
+gonio_status opencv_draw_board(const gonio_board *board, int square_px, gonio_image *image, gonio_error *error);
 gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
                                gonio_corners *corners, gonio_error *error);
 // Fit intrinsics to the views that have used set; views get rms and pose. sigma is the spread of one coordinate's

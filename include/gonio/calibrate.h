@@ -92,6 +92,8 @@ typedef struct gonio_camera_calibration {
     double rms; // over all used corners, px
 } gonio_camera_calibration;
 
+// Draw the board to be printed: square_px pixels a square, a white margin of one square. The caller frees the image.
+gonio_status gonio_board_draw(const gonio_board *board, int square_px, gonio_image *image, gonio_error *error);
 // Find the board; sub-pixel positions from a window of +-half_window px. GONIO_E_INPUT with the reason where it is not
 // there, or (ChArUco only: a chessboard is its own mirror image) where it is mirrored.
 gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board, int half_window,
@@ -133,8 +135,8 @@ typedef struct gonio_response_curve {
     int frames;
     double exposure_s[GONIO_RESPONSE_FRAMES];
     double rms_stops; // residuals, weighted
-    // How far each image lies from what the others say, median |ln|, and whether that is so much more than theirs (it is
-    // shifted, or something moved) that the merge leaves it out.
+    // How far each image lies from what the others say, median |ln|, and whether that is so much more than theirs (it
+    // is shifted, or something moved) that the merge leaves it out.
     double disagreement[GONIO_RESPONSE_FRAMES];
     bool rejected[GONIO_RESPONSE_FRAMES];
 } gonio_response_curve;

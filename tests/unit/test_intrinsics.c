@@ -177,6 +177,46 @@ static void test_bad_views_are_rejected_with_a_reason(void **state) {
     free(corners);
 }
 
+// A drawn board is found where it was drawn: corners of a square px grid behind the margin of one square.
+static void test_drawn_boards_are_found(void **state) {
+    (void)state;
+    const gonio_board boards[] = {photo_board, {GONIO_CHARUCO, 8, 6, 20, 15, 5}};
+    const int expected[] = {54, 35};
+    gonio_corners *corners = calloc(1, sizeof *corners);
+    for (int b = 0; b < 2; b++) {
+        gonio_image image;
+        gonio_error error = {0};
+        assert_int_equal(gonio_board_draw(&boards[b], 40, &image, &error), GONIO_OK);
+        if (gonio_board_find(&image, &boards[b], 5, corners, &error) != GONIO_OK) {
+            fail_msg("%s", error.message);
+        }
+        assert_int_equal(corners->n, expected[b]);
+        for (int i = 0; i < corners->n; i++) {
+            // The edge between two pixels lies at a half; multiples of 40 in both directions.
+            const double u = corners->pixel[i][0] + 0.5, v = corners->pixel[i][1] + 0.5;
+            assert_near(u, 40 * round(u / 40), 0.1);
+            assert_near(v, 40 * round(v / 40), 0.1);
+        }
+        // Distances on the board and in the image agree: one scale.
+        const double du = corners->pixel[1][0] - corners->pixel[0][0], dv = corners->pixel[1][1] - corners->pixel[0][1];
+        const double dx = corners->board[1][0] - corners->board[0][0], dy = corners->board[1][1] - corners->board[0][1];
+        assert_near(hypot(du, dv) / hypot(dx, dy), 40 / boards[b].square_mm, 0.01);
+        for (int y = 0; y < image.height; y++) { // mirror it
+            for (int x = 0; x < image.width / 2; x++) {
+                uint16_t *row = image.pixels + (size_t)y * (size_t)image.width, *other = &row[image.width - 1 - x];
+                const uint16_t kept = row[x];
+                row[x] = *other;
+                *other = kept;
+            }
+        }
+        const gonio_status status = gonio_board_find(&image, &boards[b], 5, corners, &error);
+        assert_int_equal(status, b == 0 ? GONIO_OK : GONIO_E_INPUT);
+        assert_true(b == 0 || strstr(error.message, "mirrored") != NULL);
+        gonio_image_free(&image);
+    }
+    free(corners);
+}
+
 static void test_boards_and_windows_are_checked(void **state) {
     (void)state;
     uint16_t pixels[64 * 64] = {0};
@@ -203,6 +243,7 @@ int main(void) {
         cmocka_unit_test(test_real_photographs),
         cmocka_unit_test(test_stated_uncertainties_are_true),
         cmocka_unit_test(test_bad_views_are_rejected_with_a_reason),
+        cmocka_unit_test(test_drawn_boards_are_found),
         cmocka_unit_test(test_boards_and_windows_are_checked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
