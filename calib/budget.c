@@ -25,23 +25,23 @@ static gonio_status keep_nearest(void *context, const estimate *e, gonio_error *
 
 static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model, int channel, const estimate *e) {
     const uncertainty *u = &e->variance[channel];
-    slope_terms s = {0};
+    slope_terms s = {.factor = 1};
     if (model != NULL) {
         s = slope_terms_of(&calib->facts, model, channel < model->channels ? channel : 0, &e->pair);
     }
-    const double v2 = e->value[channel] * e->value[channel];
+    const double v2 = e->value[channel] * e->value[channel], f = s.factor;
     return (gonio_budget){
-        .value = e->value[channel],
-        .photon = sqrt(u->photon),
-        .read = sqrt(u->read),
-        .dark = sqrt(u->dark),
-        .flat = sqrt(u->flat),
-        .reference = sqrt(u->reference),
-        .drift = sqrt(u->monitor + u->drift),
-        .angle = sqrt(v2 * (s.angle_random + s.angle_systematic) + u->alignment),
-        .area = sqrt(v2 * s.area),
-        .random = hypot(uncertainty_random(u), sqrt(v2 * s.angle_random)),
-        .systematic = hypot(uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area))),
+        .value = f * e->value[channel],
+        .photon = f * sqrt(u->photon),
+        .read = f * sqrt(u->read),
+        .dark = f * sqrt(u->dark),
+        .flat = f * sqrt(u->flat),
+        .reference = f * sqrt(u->reference),
+        .drift = f * sqrt(u->monitor + u->drift),
+        .angle = f * sqrt(v2 * (s.angle_random + s.angle_systematic) + u->alignment),
+        .area = f * sqrt(v2 * s.area),
+        .random = f * hypot(uncertainty_random(u), sqrt(v2 * s.angle_random)),
+        .systematic = f * hypot(uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area))),
     };
 }
 

@@ -136,9 +136,10 @@ gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, i
 gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                             estimate_sink sink, void *context, gonio_error *error);
 
-// Angle and area terms of one sample: variances relative to the value, random and systematic angle, and area.
+// Angle and area terms of one sample: variances relative to the value, random and systematic angle, and area; and the
+// factor that takes the disc's mean to the value at its centre.
 typedef struct slope_terms {
-    double angle_random, angle_systematic, area;
+    double angle_random, angle_systematic, area, factor;
 } slope_terms;
 slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair);
 

@@ -11,10 +11,15 @@
 // (at most, where the axes cross at right angles), each of sqrt(2) times one axis' uncertainty.
 //
 // Area: the mean over the averaged disc, every point with its own directions, differs from the value at the centre by
-// the BRDF's curvature. The model, averaged likewise, tells by how much; that difference is carried as an uncertainty.
+// the BRDF's curvature. The model, averaged likewise, tells by how much. Up to AREA_CORRECTED the value is corrected
+// for it, with half the correction as its uncertainty (a fitted model's curvature is no better known); a larger
+// difference means that the model does not resolve the lobe, so the value is left alone and the whole difference is its
+// uncertainty.
 #include "calib/internal.h"
 
 #include <math.h>
+
+#define AREA_CORRECTED 0.05
 
 // A gradient needs a positive value to be relative to; below this share of a white plate it says nothing.
 #define VALUE_MIN (1e-6 / GONIO_PI)
@@ -61,7 +66,7 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
     }
     const double own = d[0] - tan(pair->theta_i),
                  with_reference = own + tan(gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
-    slope_terms terms = {0};
+    slope_terms terms = {.factor = 1};
     if (facts->sphere) {
         const double s = sin(pair->theta_i), across = s > 1e-3 ? d[1] / s : d[0];
         terms.angle_random = 2 * random * (square(own) + square(across));
@@ -72,7 +77,10 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
     terms.angle_random = random * (square(own) + others);
     terms.angle_systematic = systematic * (square(with_reference) + others);
     if (facts->region_radius_mm > 0 && value > VALUE_MIN) {
-        terms.area = square(area_bias(facts, model, channel, pair, value));
+        const double bias = area_bias(facts, model, channel, pair, value);
+        const bool corrected = fabs(bias) <= AREA_CORRECTED;
+        terms.factor = corrected ? 1 / (1 + bias) : 1;
+        terms.area = square(corrected ? bias / 4 : bias);
     }
     return terms;
 }
@@ -91,9 +99,10 @@ gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_mode
         for (size_t k = 0; k < c; k++) {
             const slope_terms s = slope_terms_of(facts, model, (int)k, &samples->pairs[i]);
             const double value = fabs(samples->values[i * c + k]);
+            samples->values[i * c + k] *= s.factor;
             double *random = &samples->sigma_random[i * c + k], *systematic = &samples->sigma_systematic[i * c + k];
-            *random = hypot(*random, value * sqrt(s.angle_random));
-            *systematic = hypot(*systematic, value * sqrt(s.angle_systematic + s.area));
+            *random = s.factor * hypot(*random, value * sqrt(s.angle_random));
+            *systematic = s.factor * hypot(*systematic, value * sqrt(s.angle_systematic + s.area));
         }
     }
     return GONIO_OK;

@@ -98,7 +98,8 @@ gonio_status gonio_calib_drift(const gonio_calib *calib, const double *clock_s, 
 gonio_status gonio_calib_budget(const gonio_calib *calib, const gonio_pair *pose, int n,
                                 const gonio_exposure *exposures, const gonio_model *model, const gonio_pair *direction,
                                 gonio_budget *budget, gonio_error *error);
-// Add the angle and area terms to the sigmas, from the slope of a model that was fitted to these samples.
+// Add the angle and area terms to the sigmas, from the slope of a model that was fitted to these samples, and correct a
+// plate's values for the averaged disc's curvature (docs/uncertainty.md). Once for a set.
 gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_model *model, gonio_samples *samples,
                                   gonio_error *error);
 

@@ -44,6 +44,9 @@ static int report(coverage *c) {
     for (int lobe = 0; lobe < 2; lobe++) {
         for (int band = 0; band < COVERAGE_BANDS; band++) {
             coverage_cell *cell = &c->cell[lobe][band];
+            if (cell->n == 0) {
+                continue;
+            }
             const double within = coverage_within(cell, 2), median = coverage_median(cell);
             const bool good = within >= 0.90 && within <= 0.99 && median >= 0.5 && median <= 0.85;
             bad += !good;
@@ -71,6 +74,7 @@ int main(int argc, char **argv) {
             }
         }
         bad += report(&c);
+        fflush(stdout);
         coverage_free(&c);
     }
     printf("%d cells outside\n", bad);
