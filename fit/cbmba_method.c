@@ -178,7 +178,7 @@ static gonio_status smallest(const gonio_samples *samples, const gonio_fit_optio
         status = source_init(&s, usable ? train : samples, o, error);
     }
     search search = {.source = &s, .judge = usable ? judge : samples, .least = INFINITY};
-    // Finer levels only where coarser ones do not do: each takes eight times the time. Beyond 256 cells a sample they
+    // Finer levels only where coarser ones do not do: each takes eight times the time. Beyond 1024 cells a sample they
     // repeat the same answer.
     for (int specular = 5; specular <= 7 && status == GONIO_OK && search.best_bytes == 0; specular++) {
         if (specular > 5 && ldexp(1, 3 * specular) > 1024.0 * (double)s.scatter.n) {
