@@ -149,7 +149,8 @@ static void random_bytes_never_move_an_axis(void **state) {
         m->sent_length = 0;
     }
     assert_true(m->rising_edges == 0);
-    assert_int_equal(m->core.state, FW_STATE_IDLE);
+    // One in some hundred million bytes ends a frame with a right CRC by chance; the dead-man then counts, and trips.
+    assert_true(m->core.state == FW_STATE_IDLE || m->core.registers.alarm[0] == FW_ALARM_DEADMAN);
     free(m);
 }
 
