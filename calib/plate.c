@@ -11,6 +11,10 @@
 #define INVALID_SHARE_MAX 0.02
 // Least share of the disc's area that must lie inside the window.
 #define COVERAGE_MIN 0.75
+// Largest relative change of cos(theta_i) by the pointing's uncertainty.
+#define INCIDENCE_MAX 0.1
+// A rig that is called perfect still stands on arithmetic and the lamp's size.
+#define POINTING_MIN_DEG 1e-4
 
 typedef struct disc_sums {
     double area, value;
@@ -91,8 +95,27 @@ static gonio_status check_disc(const gonio_calib *calib, const gonio_exposure *f
     return GONIO_OK;
 }
 
+// f_r = L/(E cos theta_i): where the pointing alone moves cos(theta_i) by a tenth, nothing is known of E cos(theta_i).
+static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *first,
+                                    gonio_error *error) {
+    const double pointing =
+        fmax(hypot(calib->facts.pointing_random_deg, calib->facts.pointing_systematic_deg), POINTING_MIN_DEG);
+    if (gonio_radians(pointing) * sin(pose->theta_i) < INCIDENCE_MAX * cos(pose->theta_i)) {
+        return GONIO_OK;
+    }
+    return gonio_fail(error, GONIO_E_RANGE,
+                      "step %lld frame %d: theta_i %.6g deg grazes so far that pointing to %.2g deg leaves its "
+                      "irradiance unknown",
+                      (long long)first->frame.stamp.pose, first->frame.stamp.frame, gonio_degrees(pose->theta_i),
+                      pointing);
+}
+
 gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                             estimate_sink sink, void *context, gonio_error *error) {
+    gonio_status status = check_incidence(calib, pose, &exposures[0], error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     const geometry g = geometry_of_pose(&calib->facts, pose);
     disc_sums sums[3] = {0};
     double scale[MERGE_MAX];
@@ -106,7 +129,7 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
             add_pixel(calib, p, n, exposures, scale, &hit, footprint, &sums[calib->channel[p]]);
         }
     }
-    const gonio_status status = check_disc(calib, &exposures[0], sums, error);
+    status = check_disc(calib, &exposures[0], sums, error);
     if (status != GONIO_OK) {
         return status;
     }

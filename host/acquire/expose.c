@@ -9,8 +9,9 @@
 #define CAPTURE_MARGIN_S 10 // beyond the exposure itself
 // A monitor that sees the lamp knows it to a per cent or so; below this many sigmas it sees nothing.
 #define LAMP_SIGMAS 5
-// One frame of the reference this much longer saturates, so that the saturation level is measured, not assumed.
-#define SATURATING 3
+// The bracket may end with the reference at a seventh of the range; one frame this much longer saturates in any case,
+// so that the saturation level is measured, not assumed.
+#define SATURATING 8
 
 static gonio_status grow(gonio_exposures *out, gonio_error *error) {
     if (out->n < out->capacity) {
