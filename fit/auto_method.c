@@ -49,23 +49,24 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
     return status;
 }
 
-// The best trial of the chosen coordinates and the best of any others: a small part of a set does not always tell which
-// suits all of it.
+// The best trial of each coordinates, with its base and without: a small part of a set does not always tell which suits
+// all of it.
 static int large_candidates(const gonio_auto_choice *choice, gonio_lsq_candidate *candidates) {
-    int best[2] = {choice->chosen, -1};
     const gonio_auto_trial *t = choice->trials;
-    for (int k = 0; k < choice->trials_n; k++) {
-        const bool other = t[k].form.coordinates != t[choice->chosen].form.coordinates;
-        if (other && (best[1] < 0 || t[k].score.score < t[best[1]].score.score)) {
-            best[1] = k;
-        }
-    }
     int n = 0;
-    for (int k = 0; k < 2 && best[k] >= 0; k++) {
-        const gonio_lsq_base *base = &choice->bases[t[best[k]].base];
-        candidates[n++] = (gonio_lsq_candidate){t[best[k]].form, base->lobes.lobes > 0 ? &base->lobes : NULL};
-        if (base->lobes.lobes > 0) {
-            candidates[n++] = (gonio_lsq_candidate){t[best[k]].form, NULL};
+    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+        int best = -1;
+        for (int k = 0; k < choice->trials_n; k++) {
+            if ((int)t[k].form.coordinates == c && (best < 0 || t[k].score.score < t[best].score.score)) {
+                best = k;
+            }
+        }
+        if (best >= 0) {
+            const gonio_lobe_base *lobes = &choice->bases[t[best].base].lobes;
+            candidates[n++] = (gonio_lsq_candidate){t[best].form, NULL};
+            if (lobes->lobes > 0) {
+                candidates[n++] = (gonio_lsq_candidate){t[best].form, lobes};
+            }
         }
     }
     return n;
@@ -81,7 +82,7 @@ static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq
              choice->lambda, choice->iterations, choice->gradient);
     snprintf(report->note, sizeof report->note,
              "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s", data->n,
-             100 * exp((choice->score.score - choice->start_score.score) / 1.5),
+             100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2)),
              choice->start_only ? ", so that is the answer" : "");
 }
 
@@ -106,7 +107,7 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
                               gonio_error *error) {
     gonio_auto_choice small = {0};
     gonio_lsq_large_choice choice = {0};
-    gonio_lsq_candidate candidates[4];
+    gonio_lsq_candidate candidates[6];
     int n = 1;
     candidates[0] = (gonio_lsq_candidate){gonio_lsq_form_default(options->coordinates, 0, data->mirror), NULL};
     gonio_status status = GONIO_OK;

@@ -13,3 +13,4 @@ lib-y  += fit/uncertainty.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
 unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c
+bench-y += tests/bench/bench_accuracy.c

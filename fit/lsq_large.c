@@ -173,6 +173,10 @@ static gonio_status score_points(search *s, gonio_lsq_score *score, gonio_error 
     }
     if (status == GONIO_OK) {
         *score = gonio_lsq_score_of(&s->in->held, s->in->residuals, s->in->work);
+        // Thousands of held-out samples tell the peak's error too, which a single grazing one sets in small sets.
+        if (s->in->held.kind != GONIO_LINK_LINEAR) {
+            score->score += 0.5 * log(score->rmse / s->in->held.links[0].scale + 1e-9);
+        }
     }
     return status;
 }
@@ -230,12 +234,14 @@ static gonio_status search_lambda(search *s, const gonio_lobe_base *lobes, gonio
     gonio_status status = GONIO_OK;
     for (double lambda = 0.1; lambda >= 1e-9 && status == GONIO_OK; lambda *= 1e-2) {
         status = score_lambda(s, lambda, lambda < 0.1, &score, error);
-        if (status != GONIO_OK || score.score > *best_score + 1e-3) {
+        if (status != GONIO_OK || score.score > *best_score + 0.7) {
             break;
         }
-        *best_lambda = lambda;
-        *best_score = score.score;
-        accept(choice, s, lobes, lambda, score);
+        if (score.score < *best_score) {
+            *best_lambda = lambda;
+            *best_score = score.score;
+            accept(choice, s, lobes, lambda, score);
+        }
     }
     const double centre = *best_lambda;
     for (int side = 0; side < 2 && status == GONIO_OK; side++) {
