@@ -1,0 +1,31 @@
+#!/bin/sh
+# gonio tradeoff, and what the default method tells about its choice.
+. tests/system/lib.sh
+
+json() { python3 -c "import json,sys; d=json.load(open('$work/out')); sys.exit(0 if ($1) else 1)"; }
+
+exits "a set" 0 "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/s.csv" --plan nusselt:150,theta_max=75
+exits "tradeoff" 0 "$GONIO" tradeoff "$work/s.csv" -o "$work/t" --json
+check "a row has every key" json "all(k in r for r in d['rows'] for k in 'method level options fit_seconds eval_ns bytes train held_out pareto'.split())"
+check "every method has a row" json "{'mba','lsq','auto','ggx','cook-torrance'} <= {r['method'] for r in d['rows']} and not d['failed']"
+check "mba has 8 levels in 3 coordinates and 2 domains" json "sum(r['method']=='mba' for r in d['rows'])==48"
+check "the most accurate row is on the front" json "any(r['pareto'] for r in d['rows'] if r['held_out']['rms_log']==min(q['held_out']['rms_log'] for q in d['rows']))"
+check "a least-squares fit beats every multilevel one" json "min(r['held_out']['median_rel'] for r in d['rows'] if r['method'] in ('lsq','auto')) < min(r['held_out']['median_rel'] for r in d['rows'] if r['method']=='mba')"
+check "the table has a line a row" python3 -c "
+import csv,json
+rows=list(csv.DictReader(open('$work/t/tradeoff.csv'))); want=json.load(open('$work/out'))['rows']
+assert [r['method'] for r in rows]==[r['method'] for r in want] and all(None not in r and None not in r.values() for r in rows)"
+for plot in error_bytes error_ns; do
+    check "$plot is a PNG" python3 -c "assert open('$work/t/$plot.png','rb').read(8)==b'\x89PNG\r\n\x1a\n'"
+done
+exits "nowhere to write" 2 "$GONIO" tradeoff "$work/s.csv"
+exits "an impossible folder" 1 "$GONIO" tradeoff "$work/s.csv" -o "$work/s.csv/no"
+
+exits "the default method" 0 "$GONIO" fit "$work/s.csv" -o "$work/m" --json
+check "is auto and tells its choice" json "d['method']=='auto' and 'base=' in d['options'] and 'next better' in d['note'] and 'next cheaper' in d['note']"
+printf 'theta_i,phi_i,theta_o,phi_o\n30,0,40,180\n30,0,89,10\n' >"$work/d.csv"
+exits "its sigma" 0 "$GONIO" eval "$work/m" "$work/d.csv" --sigma --json
+cp "$work/m" "$work/m1"
+exits "on one thread" 0 "$GONIO" fit "$work/s.csv" -o "$work/m" --threads 1
+check "the same file" cmp "$work/m" "$work/m1"
+finish
