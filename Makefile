@@ -117,4 +117,4 @@ install: all ## install under $(DESTDIR)$(PREFIX): program, libraries, headers, 
 clean: ## remove build/
 	rm -rf $(B)
 
--include $(LIB_OBJS:.o=.d) $(CLI_OBJS:.o=.d) $(UNIT_BINS:=.d) $(BENCH_BINS:=.d)
+-include $(LIB_OBJS:.o=.d) $(CLI_OBJS:.o=.d) $(UNIT_BINS:=.d) $(BENCH_BINS:=.d) $(B)/firmware/board/posix/main.d
