@@ -37,5 +37,5 @@ for test in $(find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort) $(
     fi
     grep -iE '^(not )?ok .*# *skip' "$log"
 done
-echo "$passed passed, $failed failed, $skipped skipped"
+echo "$passed passed, $failed failed, $skipped skipped" | tee "$logs/summary"
 [ $failed -eq 0 ] && [ $((passed + skipped)) -gt 0 ]
