@@ -28,7 +28,7 @@ firmware-coverage: ## branch coverage of firmware/core by its unit and property 
 .PHONY: firmware-soak fuzz-firmware firmware-coverage
 
 # ---- the boards: make firmware ----
-deps-y   += gcc-arm-none-eabi qemu-system-arm mbpoll socat python3 python3-pymodbus python3-serial
+deps-y   += gcc-arm-none-eabi qemu-system-arm mbpoll socat python3 python3-pymodbus python3-serial python3-serial-asyncio
 ARM      ?= arm-none-eabi-
 ARMFLAGS := -mthumb -mfloat-abi=soft -O2 -g -std=c17 -ffreestanding -fno-common -ffunction-sections -fdata-sections \
             -ffp-contract=off $(WARN) -I. -fstack-usage -fcallgraph-info=su
