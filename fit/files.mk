@@ -12,5 +12,5 @@ lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq
 lib-y  += fit/uncertainty.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
-unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c
+unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
 bench-y += tests/bench/bench_accuracy.c

@@ -29,6 +29,8 @@ typedef struct problem {
     const double *target;                // [n] link values
     const double *unit;                  // n x lobes, shapes held fixed; NULL: shapes are parameters
     gonio_link link;                     // scale 1: y
+    double highest;                      // y; the largest sample
+    double peak[GONIO_LOBES_MAX];        // with `unit`: of the unit lobes
 } problem;
 
 static double logistic(double u) { return 1 / (1 + exp(-u)); }
@@ -48,8 +50,19 @@ static double soft(double residual) {
     return copysign(sqrt(2 * s / (sqrt(1 + s) + 1)), r);
 }
 
+// At normal incidence, into the mirror direction.
+static double unit_peak(gonio_lobe_family family, double alpha, double f0) {
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of((gonio_vec3){0, 0, 1}, (gonio_vec3){0, 0, 1});
+    return unit_lobe(family, &g, alpha, f0);
+}
+
+// What is paid for a peak above the highest sample, which no sample holds down: as much as a residual of 30 % at one
+// sample for e^3 = 20 times. Lobes between which samples decide pay next to nothing.
+static double peak_price(double peak, double highest) { return fmax(log(fmax(peak, 1e-300) / highest), 0) / 3; }
+
 // cminpack's callback: parameters are shapes (unless fixed), then ln strengths.
 static int residuals(void *context, int m, int n, const double *x, double *out, int flag) {
+    (void)m;
     (void)n;
     (void)flag;
     const problem *p = context;
@@ -62,7 +75,11 @@ static int residuals(void *context, int m, int n, const double *x, double *out, 
     for (int j = 0; j <= p->lobes; j++) {
         s[j] = strength_of(strength[j]);
     }
-    for (int i = 0; i < m; i++) {
+    for (int j = 0; j < p->lobes; j++) {
+        const double unit = p->unit != NULL ? p->peak[j] : unit_peak(p->family, alpha[j], f0[j]);
+        out[p->n + (size_t)j] = peak_price(s[1 + j] * unit, p->highest);
+    }
+    for (int i = 0; i < (int)p->n; i++) {
         double y = s[0];
         for (int j = 0; j < p->lobes; j++) {
             y += s[1 + j] *
@@ -76,7 +93,7 @@ static int residuals(void *context, int m, int n, const double *x, double *out, 
 
 // Half the sum of squares after at most `evaluations`; INFINITY where it failed.
 static double minimise(const problem *p, int n, double *x, int evaluations, double *work, int *pivots) {
-    const int m = (int)p->n;
+    const int m = (int)p->n + p->lobes;
     double *fvec = work, *diagonal = fvec + m, *jacobian = diagonal + n, *qtf = jacobian + (ptrdiff_t)m * n;
     double *scratch = qtf + n;
     int calls = 0;
@@ -90,7 +107,7 @@ static double minimise(const problem *p, int n, double *x, int evaluations, doub
     return info >= 1 && info <= 8 && isfinite(sum) ? sum : INFINITY;
 }
 
-static size_t work_size(size_t m, size_t n) { return m * (n + 2) + 6 * n + 16; }
+static size_t work_size(size_t m, size_t n) { return (m + GONIO_LOBES_MAX) * (n + 2) + 6 * n + 16; }
 
 static int by_value(const void *left, const void *right) {
     const double a = *(const double *)left, b = *(const double *)right;
@@ -228,6 +245,11 @@ static void fit_channel(const gonio_lsq_data *data, const workspace *w, problem 
         mean += gonio_link_apply(GONIO_LINK_POSITIVE, &p->link, w->mean[i]);
     }
     p->target = target;
+    p->highest = 0;
+    for (size_t i = 0; i < w->n; i++) {
+        p->highest = fmax(p->highest, data->values[i * w->step * c + channel] / w->scale);
+    }
+    p->highest = fmax(p->highest, p->link.eps);
     double x[1 + GONIO_LOBES_MAX];
     int pivots[1 + GONIO_LOBES_MAX];
     memcpy(x, start, (size_t)(1 + p->lobes) * sizeof *x);
@@ -252,6 +274,9 @@ static void fit_strengths(const gonio_lsq_data *data, const workspace *w, proble
                 unit_lobe(p->family, &w->geometry[i], base->alpha[j], base->f0[j]);
         }
     }
+    for (int j = 0; j < p->lobes; j++) {
+        p->peak[j] = unit_peak(p->family, base->alpha[j], base->f0[j]);
+    }
     p->unit = w->unit;
     for (size_t k = 0; k < (size_t)data->channels; k++) {
         fit_channel(data, w, p, k, x + 2 * p->lobes, base->strength + k * (1 + GONIO_LOBES_MAX));
@@ -268,6 +293,11 @@ gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family
         return gonio_fail(error, GONIO_E_INPUT, "%zu geometries; %d lobes need at least %d", data->n, lobes,
                           3 * lobes + 1);
     }
+    double theta = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        theta = fmax(theta, fmax(data->pairs[i].theta_i, data->pairs[i].theta_o));
+    }
+    base->cosine_min = (float)cos(fmin(theta, 1.57)); // 89.95 deg
     workspace w;
     gonio_status status = workspace_init(&w, data, error);
     if (status != GONIO_OK) {
@@ -279,7 +309,9 @@ gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family
                  .geometry = w.geometry,
                  .target = w.target,
                  .link = {1, mean_eps(data, w.scale)}};
+    p.highest = p.link.eps;
     for (size_t i = 0; i < w.n; i++) {
+        p.highest = fmax(p.highest, w.mean[i]);
         w.target[i] = gonio_link_apply(GONIO_LINK_POSITIVE, &p.link, w.mean[i]);
     }
     double x[PARAMETERS_MAX];
@@ -303,12 +335,8 @@ void gonio_lobe_targets(const gonio_lobe_base *base, const gonio_lsq_data *data,
         double unit[1 + GONIO_LOBES_MAX] = {0};
         gonio_lobe_base_units(base, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), unit);
         for (size_t k = 0; k < c; k++) {
-            const double *s = base->strength + k * (1 + GONIO_LOBES_MAX);
-            double sum = 0;
-            for (int j = 0; j <= base->lobes; j++) {
-                sum += s[j] * unit[j];
-            }
-            targets[i * c + k] = gonio_link_apply(data->kind, &data->links[k], sum);
+            targets[i * c + k] = gonio_lobe_base_link(base, base->strength + k * (1 + GONIO_LOBES_MAX), unit,
+                                                      data->kind, &data->links[k]);
         }
     }
 }

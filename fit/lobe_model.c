@@ -4,6 +4,7 @@
 // lattice's points and the channels' sigma factors, each part aligned (fit/model_file.h).
 #include "fit/lobe_model.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,16 +23,27 @@ typedef struct lobe_model {
 
 typedef struct description {
     uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
-    uint32_t reserved[9];
+    float cosine_min; // 0: none, as in files that are older than it
+    uint32_t ranges;  // 1: with a spline its range follows; 0 in older files, which hold it nowhere
+    uint32_t reserved[7];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
+
+// The unit vector of the same azimuth whose cosine is at least z.
+static gonio_vec3 lifted(gonio_vec3 w, double z) {
+    if (w.z >= z) {
+        return w;
+    }
+    const double shrink = sqrt((1 - z * z) / (w.x * w.x + w.y * w.y));
+    return (gonio_vec3){w.x * shrink, w.y * shrink, z};
+}
 
 void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]) {
     out[0] = 1;
     if (base->lobes == 0) {
         return;
     }
-    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of(lifted(wi, base->cosine_min), lifted(wo, base->cosine_min));
     for (int j = 0; j < base->lobes; j++) {
         out[1 + j] = base->family == GONIO_LOBE_GGX ? gonio_lobe_ggx(&g, base->alpha[j], base->alpha[j], base->f0[j])
                                                     : gonio_lobe_cook_torrance(&g, base->alpha[j], base->f0[j]);
@@ -46,17 +58,23 @@ static void locate(const gonio_lobe_model_parts *p, gonio_vec3 wi, gonio_vec3 wo
     }
 }
 
-// The link value of channel c's base; 0 without lobes, where the spline says all.
-static double base_value(const gonio_lobe_model_parts *p, const double *units, int c) {
-    if (p->base.lobes == 0) {
-        return 0;
-    }
-    const double *strength = p->base.strength + (ptrdiff_t)c * (1 + GONIO_LOBES_MAX);
+double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
+                            gonio_link_kind kind, const gonio_link *link) {
     double sum = strength[0];
-    for (int j = 0; j < p->base.lobes; j++) {
+    for (int j = 0; j < base->lobes; j++) {
         sum += strength[1 + j] * units[1 + j];
     }
-    return gonio_link_apply(p->kind, &p->links[c], sum);
+    return gonio_link_apply(kind, link, fmin(sum, GONIO_LOBE_CEILING * link->scale));
+}
+
+// Spline value -> link value of channel c.
+static double add_base(const gonio_lobe_model_parts *p, const double *units, int c, double spline) {
+    if (p->base.lobes == 0) {
+        return spline;
+    }
+    const double *strength = p->base.strength + (ptrdiff_t)c * (1 + GONIO_LOBES_MAX);
+    const double base = gonio_lobe_base_link(&p->base, strength, units, p->kind, &p->links[c]);
+    return fmin(base + spline, fmax(base, gonio_link_apply(p->kind, &p->links[c], p->links[c].scale)));
 }
 
 // values: f_r; slopes (may be NULL): d f_r / d link value.
@@ -72,7 +90,9 @@ static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, dou
         memset(values, 0, (size_t)model->channels * sizeof *values);
     }
     for (int c = 0; c < model->channels; c++) {
-        const double t = values[c] + base_value(p, units, c);
+        const double spline =
+            p->range != NULL ? fmin(fmax(values[c], p->range[2 * c]), p->range[2 * c + 1]) : values[c];
+        const double t = add_base(p, units, c, spline);
         values[c] = gonio_link_invert(p->kind, &p->links[c], t, slopes != NULL ? &slopes[c] : NULL);
     }
 }
@@ -113,12 +133,14 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
                                .link = (uint32_t)p->kind,
                                .lobes = (uint32_t)p->base.lobes,
                                .family = (uint32_t)p->base.family,
+                               .cosine_min = p->base.cosine_min,
+                               .ranges = p->range != NULL,
                                .sigma_level = p->sigma.points != NULL ? (uint32_t)p->sigma.level : NO_LEVEL};
     double shapes[2 * GONIO_LOBES_MAX];
     memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
     memcpy(shapes + GONIO_LOBES_MAX, p->base.f0, sizeof p->base.f0);
     const size_t c = (size_t)model->channels;
-    gonio_file_part parts[7] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
+    gonio_file_part parts[8] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
     int n = 2;
     if (p->base.lobes > 0) {
         parts[n++] = (gonio_file_part){shapes, sizeof shapes};
@@ -126,6 +148,9 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     }
     if (p->lattice.points != NULL) {
         parts[n++] = (gonio_file_part){p->lattice.points, p->lattice.count * c * sizeof(float)};
+    }
+    if (p->range != NULL) {
+        parts[n++] = (gonio_file_part){p->range, 2 * c * sizeof(double)};
     }
     if (p->sigma.points != NULL) {
         parts[n++] = (gonio_file_part){p->sigma.points, p->sigma.count * sizeof(float)};
@@ -153,6 +178,7 @@ void gonio_lobe_model_parts_release(gonio_lobe_model_parts *parts) {
     free(parts->links);
     free(parts->base.strength);
     free(parts->sigma_factor);
+    free(parts->range);
     gonio_lattice_release(&parts->lattice);
     gonio_lattice_release(&parts->sigma);
     *parts = (gonio_lobe_model_parts){0};
@@ -190,7 +216,8 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
         !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED || about->link > GONIO_LINK_ASINH ||
-        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX) {
+        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->ranges > 1 ||
+        !(about->cosine_min >= 0 && about->cosine_min <= 1)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;
@@ -231,7 +258,9 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
                                 .dims = dims,
                                 .coordinates = (gonio_coordinates)about->coordinates,
                                 .kind = (gonio_link_kind)about->link,
-                                .base = {.lobes = (int)about->lobes, .family = (gonio_lobe_family)about->family},
+                                .base = {.lobes = (int)about->lobes,
+                                         .family = (gonio_lobe_family)about->family,
+                                         .cosine_min = about->cosine_min},
                                 .channel_names = mapped->names};
     p.links = take(mapped, &at, c, sizeof *p.links, &complete);
     if (p.base.lobes > 0) {
@@ -243,6 +272,9 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
         p.base.strength = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof(double), &complete);
     }
     take_lattice(mapped, &at, about->level, dims, mapped->channels, &p.lattice, &complete);
+    if (about->ranges == 1) {
+        p.range = take(mapped, &at, 2 * c, sizeof *p.range, &complete);
+    }
     take_lattice(mapped, &at, about->sigma_level, dims, 1, &p.sigma, &complete);
     if (about->sigma_level != NO_LEVEL) {
         p.sigma_factor = take(mapped, &at, c, sizeof(double), &complete);

@@ -1,8 +1,9 @@
 // Models of kind "lobe-spline": an analytic base times what a B-spline says about its error.
 //
 // f_r = link^-1(link(base) + spline(x)), base = d + sum of strength_j lobe_j, x the coordinates of the pair. Without
-// lobes it is a plain spline; without a lattice, the lobes alone. A second, coarse lattice carries ln of the standard
-// uncertainty in units of the link.
+// lobes it is a plain spline; without a lattice, the lobes alone. With lobes no answer exceeds the larger of the base
+// and the link's scale: a ratio learnt where the base is too low must not multiply its peak. A second, coarse lattice
+// carries ln of the standard uncertainty in units of the link.
 #ifndef GONIO_FIT_LOBE_MODEL_H
 #define GONIO_FIT_LOBE_MODEL_H
 
@@ -22,11 +23,21 @@ typedef struct gonio_lobe_base {
     int lobes; // 0: no base
     gonio_lobe_family family;
     double alpha[GONIO_LOBES_MAX], f0[GONIO_LOBES_MAX];
+    // The smallest cosine (of either direction) among the samples. Lobe formulae divide by cosines: beyond the samples
+    // they are evaluated there, not at the horizon, where nobody measured and they reach 1e12.
+    float cosine_min;
     double *strength; // [channels][3]: the diffuse f_r, then the lobes' strengths
 } gonio_lobe_base;
 
+// No base exceeds this times the link's scale (the power of two above the largest sample): a lobe narrower than the
+// samples' spacing may tower over them, but a strength that no sample holds down must not.
+#define GONIO_LOBE_CEILING 32.0
+
 // Unit-strength values of the lobes: out[0] = 1 (diffuse), out[1..lobes].
 void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]);
+// The link value of the base of one channel (strength: its row) from those; base->lobes > 0.
+double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
+                            gonio_link_kind kind, const gonio_link *link);
 
 // All a model is made of; gonio_lobe_model_new takes over every pointer in it except the names.
 typedef struct gonio_lobe_model_parts {
@@ -36,6 +47,7 @@ typedef struct gonio_lobe_model_parts {
     gonio_link *links; // [channels]
     gonio_lobe_base base;
     gonio_lattice lattice;           // points NULL: no spline
+    double *range;                   // [channels][2], with a spline: between which its value is held
     gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
     double *sigma_factor;            // [channels]
     const char (*channel_names)[32]; // copied

@@ -416,6 +416,9 @@ gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, const gonio_fit_o
         status = gonio_lsq_base_init(&base, data, choice->lobes != NULL ? &own : NULL, error);
     }
     if (status == GONIO_OK) {
+        status = gonio_lsq_parts_hold(parts, &base, error);
+    }
+    if (status == GONIO_OK) {
         status = gonio_lattice_init(&parts->lattice, data->dims, choice->form.level, data->channels, error);
     }
     if (status == GONIO_OK) {

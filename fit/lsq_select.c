@@ -11,6 +11,8 @@ void gonio_lsq_base_release(gonio_lsq_base *base) {
     free(base->lobes.strength);
     free(base->rest);
     free(base->mean);
+    free(base->low);
+    free(base->high);
     *base = (gonio_lsq_base){0};
 }
 
@@ -24,11 +26,29 @@ static double weighted_mean(const gonio_lsq_data *data, const double *values, si
     return sum / total;
 }
 
+// The range of what is fitted, and a quarter of it more on both sides: between samples a peak may pass them all. In
+// logarithms never more than a factor of four. Samples themselves lie inside, so holding costs them nothing.
+static void set_range(const gonio_lsq_data *data, gonio_lsq_base *base, size_t channel) {
+    const size_t c = (size_t)data->channels;
+    double low = INFINITY, high = -INFINITY;
+    for (size_t i = 0; i < data->n; i++) {
+        low = fmin(low, base->rest[i * c + channel]);
+        high = fmax(high, base->rest[i * c + channel]);
+    }
+    const double quarter = 0.25 * (high - low);
+    const double margin = data->kind == GONIO_LINK_LINEAR ? quarter : fmin(quarter, log(4));
+    base->low[channel] = low - margin;
+    base->high[channel] = high + margin;
+}
+
 gonio_status gonio_lsq_base_init(gonio_lsq_base *base, const gonio_lsq_data *data, gonio_lobe_base *lobes,
                                  gonio_error *error) {
     const size_t c = (size_t)data->channels;
-    *base = (gonio_lsq_base){.rest = malloc(data->n * c * sizeof(double)), .mean = malloc(c * sizeof(double))};
-    if (base->rest == NULL || base->mean == NULL) {
+    *base = (gonio_lsq_base){.rest = malloc(data->n * c * sizeof(double)),
+                             .mean = malloc(c * sizeof(double)),
+                             .low = malloc(c * sizeof(double)),
+                             .high = malloc(c * sizeof(double))};
+    if (base->rest == NULL || base->mean == NULL || base->low == NULL || base->high == NULL) {
         gonio_lsq_base_release(base);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the base at %zu samples", data->n);
     }
@@ -47,6 +67,7 @@ gonio_status gonio_lsq_base_init(gonio_lsq_base *base, const gonio_lsq_data *dat
         for (size_t i = 0; i < data->n; i++) {
             base->rest[i * c + k] -= base->mean[k];
         }
+        set_range(data, base, k);
     }
     return GONIO_OK;
 }
@@ -135,6 +156,17 @@ static void choose_channels(const gonio_lsq_data *data, int count, const double 
     }
 }
 
+// As the model's spline is held, so are the predictions that it is judged by.
+static void hold_predictions(const gonio_lsq_data *data, const gonio_lsq_base *base, int count, double **residuals) {
+    const size_t c = (size_t)data->channels;
+    for (int l = 0; l < count; l++) {
+        for (size_t i = 0; i < data->n * c; i++) {
+            const double predicted = fmin(fmax(base->rest[i] - residuals[l][i], base->low[i % c]), base->high[i % c]);
+            residuals[l][i] = base->rest[i] - predicted;
+        }
+    }
+}
+
 gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
                                      const gonio_lsq_base *base, double fixed, double *lambdas, gonio_lsq_score *score,
                                      gonio_error *error) {
@@ -150,6 +182,7 @@ gonio_status gonio_lsq_choose_lambda(const gonio_lsq_dense *dense, const gonio_l
                               ? gonio_lsq_dense_loo(dense, base->rest, data->channels, count, grid, residuals, error)
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
     if (status == GONIO_OK) {
+        hold_predictions(data, base, count, residuals);
         choose_channels(data, count, grid, residuals, lambdas, work);
         *score = gonio_lsq_score_of(data, residuals[0], work);
     }
@@ -184,10 +217,26 @@ gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq
     return GONIO_OK;
 }
 
+gonio_status gonio_lsq_parts_hold(gonio_lobe_model_parts *parts, const gonio_lsq_base *base, gonio_error *error) {
+    const size_t c = (size_t)parts->channels;
+    parts->range = malloc(2 * c * sizeof *parts->range);
+    if (parts->range == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    }
+    for (size_t k = 0; k < c; k++) {
+        parts->range[2 * k] = base->low[k] + base->mean[k];
+        parts->range[2 * k + 1] = base->high[k] + base->mean[k];
+    }
+    return GONIO_OK;
+}
+
 gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_lsq_base *base,
                                    const double *lambdas, gonio_lobe_model_parts *parts, gonio_error *error) {
     const gonio_coordinates coordinates = gonio_lsq_dense_form(dense)->coordinates;
     gonio_status status = gonio_lsq_parts_init(parts, data, &base->lobes, coordinates, error);
+    if (status == GONIO_OK) {
+        status = gonio_lsq_parts_hold(parts, base, error);
+    }
     if (status == GONIO_OK) {
         status = gonio_lsq_dense_solve(dense, base->rest, data->channels, lambdas, &parts->lattice, error);
     }
@@ -197,7 +246,7 @@ gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq
     }
     const size_t c = (size_t)data->channels;
     for (size_t i = 0; i < parts->lattice.count * c; i++) {
-        parts->lattice.points[i] += (float)base->mean[i % c];
+        parts->lattice.points[i] = (float)((double)parts->lattice.points[i] + base->mean[i % c]);
     }
     return GONIO_OK;
 }

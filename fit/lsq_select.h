@@ -10,6 +10,7 @@ typedef struct gonio_lsq_base {
     gonio_lobe_base lobes; // lobes 0: none
     double *rest;          // n x channels: targets minus the base's link values minus mean
     double *mean;          // [channels]
+    double *low, *high;    // [channels]: what the spline may say of `rest`
 } gonio_lsq_base;
 
 // lobes NULL: no base; else taken over. Release with gonio_lsq_base_release.
@@ -36,5 +37,7 @@ gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq
 // The parts that every model of these data has: links, base, names. The lattice is added by the caller.
 gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq_data *data,
                                   const gonio_lobe_base *lobes, gonio_coordinates coordinates, gonio_error *error);
+// Between which the spline's values are to be held.
+gonio_status gonio_lsq_parts_hold(gonio_lobe_model_parts *parts, const gonio_lsq_base *base, gonio_error *error);
 
 #endif
