@@ -10,7 +10,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "fit/lobe_fit.h"
 #include "fit/team.h"
@@ -29,12 +28,6 @@ const char *gonio_auto_base_name(const gonio_lsq_base *base) {
         return "none";
     }
     return base->lobes.family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
-}
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 // ---- bases ----
@@ -154,7 +147,7 @@ static void run_form(void *context, size_t f) {
     score_form(job->data, job->choice, &job->forms[f], job->lambda, &job->results[f]);
 }
 
-static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_team *team,
+static gonio_status run_forms(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_team *team,
                               const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
     round_job job = {.data = data, .choice = choice, .forms = forms, .lambda = options->lambda};
     round_result *results = job.results;
@@ -172,6 +165,39 @@ static gonio_status run_round(const gonio_lsq_data *data, const gonio_fit_option
         }
         gonio_lsq_dense_free(results[f].dense);
         free(results[f].lambdas);
+    }
+    return status;
+}
+
+// A form one level finer than any before takes up to 8 times as long.
+static bool time_for(const gonio_lsq_watch *watch, const gonio_auto_choice *choice, const gonio_lsq_form *forms, int n,
+                     double longest) {
+    int finest = 0, next = 0;
+    for (int t = 0; t < choice->trials_n; t++) {
+        finest = choice->trials[t].form.level > finest ? choice->trials[t].form.level : finest;
+    }
+    for (int f = 0; f < n; f++) {
+        next = forms[f].level > next ? forms[f].level : next;
+    }
+    return choice->trials_n == 0 || gonio_lsq_watch_left(watch) > longest * (next > finest ? 8 : 1);
+}
+
+// A few forms at a time, as many as run side by side: between them the caller may stop, and the time is looked at.
+static gonio_status run_round(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_team *team,
+                              const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
+    const int side_by_side = isinf(watch->until) ? 2 : 1;
+    gonio_status status = GONIO_OK;
+    for (int f = 0; f < n && status == GONIO_OK; f += side_by_side) {
+        const int count = n - f < side_by_side ? n - f : side_by_side;
+        const double start = gonio_lsq_watch_now();
+        if (!time_for(watch, choice, forms + f, count, choice->longest)) {
+            continue;
+        }
+        status = run_forms(data, watch->options, team, forms + f, count, choice, error);
+        choice->longest = fmax(choice->longest, gonio_lsq_watch_now() - start);
+        if (status == GONIO_OK) {
+            status = gonio_lsq_watch_ask(watch, error);
+        }
     }
     return status;
 }
@@ -236,46 +262,40 @@ static int level_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, g
     return n;
 }
 
-static void tell(const gonio_fit_options *options, double fraction, const char *what, bool *stop) {
-    if (options->progress != NULL && !options->progress(options->progress_context, fraction, what, NAN)) {
-        *stop = true;
+// The forms of a round: 0 coordinates, 1 stiffness and reciprocity, 2 levels.
+static int round_forms(int round, const gonio_lsq_data *data, const gonio_fit_options *options,
+                       const gonio_auto_choice *choice, gonio_lsq_form *forms) {
+    const gonio_lsq_form *best = round > 0 ? &choice->trials[choice->chosen].form : NULL;
+    if (round == 0) {
+        return coordinate_forms(data, options, forms);
     }
+    if (round == 1) {
+        return stiffness_forms(data, options, best, forms);
+    }
+    return options->level == GONIO_LEVEL_AUTO ? level_forms(data, best, forms) : 0;
 }
 
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
                                gonio_auto_choice *choice, gonio_error *error) {
+    static const char *const what[] = {"comparing coordinates", "comparing stiffness", "comparing levels"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
     gonio_lsq_form forms[8];
-    const double start = now_s();
-    bool stop = false;
-    gonio_team *team = gonio_team_new(options->threads);
+    gonio_team *team = gonio_team_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
-    tell(options, 0, "lobes", &stop);
+    if (status == GONIO_OK) {
+        status = gonio_lsq_watch_tell(watch, 0, "fitting lobes", error);
+    }
     if (status == GONIO_OK) {
         status = fit_bases(data, team, lobes, choice, error);
     }
-    for (int stage = 0; stage < 3 && status == GONIO_OK && !stop; stage++) {
-        static const char *const what[] = {"coordinates", "stiffness and reciprocity", "levels"};
-        // A stage takes about as long as all before it.
-        if (stage > 0 && options->max_seconds > 0 && 2 * (now_s() - start) > options->max_seconds) {
-            break;
+    for (int round = 0; round < 3 && status == GONIO_OK; round++) {
+        status = gonio_lsq_watch_tell(watch, 0.1 + 0.25 * round, what[round], error);
+        if (status == GONIO_OK) {
+            const int n = round_forms(round, data, watch->options, choice, forms);
+            status = run_round(data, watch, team, forms, n, choice, error);
         }
-        tell(options, 0.1 + 0.25 * stage, what[stage], &stop);
-        const gonio_lsq_form *best = stage > 0 ? &choice->trials[choice->chosen].form : NULL;
-        int n = 0;
-        if (stage == 0) {
-            n = coordinate_forms(data, options, forms);
-        } else if (stage == 1) {
-            n = stiffness_forms(data, options, best, forms);
-        } else if (options->level == GONIO_LEVEL_AUTO) {
-            n = level_forms(data, best, forms);
-        }
-        status = n > 0 ? run_round(data, options, team, forms, n, choice, error) : GONIO_OK;
     }
     gonio_team_free(team);
-    if (stop && status == GONIO_OK) {
-        status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped while choosing");
-    }
     if (status != GONIO_OK) {
         gonio_auto_choice_release(choice);
     }

@@ -3,6 +3,7 @@
 #define GONIO_FIT_AUTO_CHOOSE_H
 
 #include "fit/lsq_select.h"
+#include "fit/lsq_watch.h"
 
 #define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
 #define GONIO_AUTO_TRIALS 24
@@ -23,10 +24,11 @@ typedef struct gonio_auto_choice {
     int chosen;             // index of the trial
     gonio_lsq_dense *dense; // of the chosen form
     double *lambdas;        // [channels]
+    double longest;         // s, that forms compared side by side took
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
                                gonio_auto_choice *choice, gonio_error *error);
 void gonio_auto_choice_release(gonio_auto_choice *choice);
 // "none", "ggx", "cook-torrance".

@@ -19,11 +19,11 @@ static bool needs_swapped(const gonio_fit_options *options) {
     return options->symmetry != GONIO_SYMMETRY_AUTO && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
 }
 
-static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *samples,
-                              const gonio_fit_options *options, bool lobes, gonio_model **out, gonio_fit_report *report,
-                              gonio_error *error) {
+static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *samples, gonio_lsq_watch *watch,
+                              bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     gonio_auto_choice choice;
-    gonio_status status = gonio_auto_choose(data, options, lobes, &choice, error);
+    gonio_lsq_watch_step(watch, 0.7); // the rest is for the solution and its uncertainty
+    gonio_status status = gonio_auto_choose(data, watch, lobes, &choice, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -88,23 +88,26 @@ static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq
 
 #define THIN 1000 // geometries that tell which form and base suit a large set
 
-static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_fit_options *options, bool lobes,
+static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_lsq_watch *watch, bool lobes,
                                    gonio_auto_choice *choice, gonio_error *error) {
-    gonio_fit_options part = *options;
+    gonio_fit_options part = *watch->options;
+    gonio_lsq_watch own = *watch;
+    own.options = &part;
+    gonio_lsq_watch_step(&own, 0.25);
     part.level = GONIO_LEVEL_AUTO;
     part.lambda = -1;
     gonio_lsq_data thin;
-    gonio_status status = gonio_lsq_data_thin(data, data->n < THIN ? data->n : THIN, options->seed, &thin, error);
+    gonio_status status = gonio_lsq_data_thin(data, data->n < THIN ? data->n : THIN, part.seed, &thin, error);
     if (status == GONIO_OK) {
-        status = gonio_auto_choose(&thin, &part, lobes, choice, error);
+        status = gonio_auto_choose(&thin, &own, lobes, choice, error);
         gonio_lsq_data_release(&thin);
     }
     return status;
 }
 
-static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *samples,
-                              const gonio_fit_options *options, bool lobes, gonio_model **out, gonio_fit_report *report,
-                              gonio_error *error) {
+static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *samples, gonio_lsq_watch *watch,
+                              bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
+    const gonio_fit_options *options = watch->options;
     gonio_auto_choice small = {0};
     gonio_lsq_large_choice choice = {0};
     gonio_lsq_candidate candidates[6];
@@ -112,15 +115,17 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     candidates[0] = (gonio_lsq_candidate){gonio_lsq_form_default(options->coordinates, 0, data->mirror), NULL};
     gonio_status status = GONIO_OK;
     if (lobes || !options->coordinates_set) {
-        status = choose_on_part(data, options, lobes, &small, error);
+        status = choose_on_part(data, watch, lobes, &small, error);
         n = status == GONIO_OK ? large_candidates(&small, candidates) : 0;
     }
     if (status == GONIO_OK) {
-        status = gonio_lsq_large_choose(data, options, candidates, n, &choice, error);
+        gonio_lsq_watch_step(watch, 0.6);
+        status = gonio_lsq_large_choose(data, watch, candidates, n, &choice, error);
     }
     gonio_lobe_model_parts parts = {0};
     if (status == GONIO_OK) {
-        status = gonio_lsq_large_parts(data, options, &choice, &parts, error);
+        gonio_lsq_watch_step(watch, 0.95);
+        status = gonio_lsq_large_parts(data, watch, &choice, &parts, error);
     }
     if (status == GONIO_OK) {
         status = gonio_uncertainty_held(&choice, data, &parts, error);
@@ -148,14 +153,15 @@ static gonio_status fit_any(const gonio_samples *samples, const gonio_fit_option
     const gonio_lsq_data_options how = {.mirror = mirrored(samples, options),
                                         .domain = options->domain_set ? options->domain : GONIO_LOG,
                                         .reciprocal = needs_swapped(options)};
+    gonio_lsq_watch watch = gonio_lsq_watch_begin(options);
     gonio_lsq_data data;
     gonio_status status = gonio_lsq_data_init(&data, samples, &how, error);
     if (status != GONIO_OK) {
         return status;
     }
     report->domain = data.kind == GONIO_LINK_LINEAR ? GONIO_LINEAR : GONIO_LOG;
-    status = is_small(&data, options) ? fit_small(&data, samples, options, lobes, out, report, error)
-                                      : fit_large(&data, samples, options, lobes, out, report, error);
+    status = is_small(&data, options) ? fit_small(&data, samples, &watch, lobes, out, report, error)
+                                      : fit_large(&data, samples, &watch, lobes, out, report, error);
     gonio_lsq_data_release(&data);
     return status;
 }

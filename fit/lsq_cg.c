@@ -23,7 +23,10 @@ struct gonio_lsq_cg {
     gonio_lsq_form form;
     gonio_lsq_places places;
     gonio_team *team;
+    gonio_lsq_watch *watch; // NULL: none
 };
+
+void gonio_lsq_cg_watch(gonio_lsq_cg *cg, gonio_lsq_watch *watch) { cg->watch = watch; }
 
 size_t gonio_lsq_cg_count(const gonio_lsq_cg *cg, int level) { return gonio_lattice_count(cg->places.dims, level); }
 
@@ -204,7 +207,13 @@ gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, s
     memcpy(p, z, n * sizeof *p);
     *report = (gonio_lsq_cg_report){.gradient = 1};
     double fallen = 0;
-    while (report->iterations < iterations && rz > tolerance * tolerance * first && rz > 0) {
+    gonio_status status = GONIO_OK;
+    while (report->iterations < iterations && !gonio_lsq_watch_over(cg->watch) && rz > tolerance * tolerance * first &&
+           rz > 0) {
+        status = gonio_lsq_watch_ask(cg->watch, error);
+        if (status != GONIO_OK) {
+            break;
+        }
         apply(cg, level, lambda, p, q);
         const double curvature = dot(p, q, n);
         if (!(curvature > 0)) {
@@ -226,7 +235,7 @@ gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, s
     report->gradient = first > 0 ? sqrt(rz / first) : 0;
     report->objective = fallen;
     free(work);
-    return GONIO_OK;
+    return status;
 }
 
 // ---- the start ----
@@ -266,7 +275,8 @@ static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t 
             gonio_lsq_refine(cg->places.dims, h - 1, work, points, work + finest);
         }
         add_mba_step(cg, targets, stride, h, points, work + finest, work + 2 * finest);
-        if (h >= solve) {
+        status = gonio_lsq_watch_ask(cg->watch, error);
+        if (h >= solve && status == GONIO_OK) {
             const int share = h == level ? iterations - (solved - 1) * (iterations / solved) : iterations / solved;
             status = gonio_lsq_cg_solve(cg, targets, stride, h, lambda, share, tolerance, points, report, error);
         }

@@ -4,6 +4,7 @@
 
 #include "fit/lattice.h"
 #include "fit/lsq_form.h"
+#include "fit/lsq_watch.h"
 
 typedef struct gonio_lsq_cg gonio_lsq_cg;
 
@@ -19,6 +20,9 @@ typedef struct gonio_lsq_cg_report {
 gonio_status gonio_lsq_cg_new(const gonio_lsq_data *data, const gonio_lsq_form *form, int threads, gonio_lsq_cg **out,
                               gonio_error *error);
 void gonio_lsq_cg_free(gonio_lsq_cg *cg); // NULL is allowed
+// Solves ask it at every iteration: past its time they end where they are, as a smaller number of iterations would;
+// interrupted ones return GONIO_E_INTERRUPTED. Borrowed; NULL: nobody watches.
+void gonio_lsq_cg_watch(gonio_lsq_cg *cg, gonio_lsq_watch *watch);
 
 // Control points a channel at a level: the length of `points` below.
 size_t gonio_lsq_cg_count(const gonio_lsq_cg *cg, int level);

@@ -113,6 +113,7 @@ static gonio_status tried_lobes(const gonio_lobe_base *lobes, const inner *in, g
 typedef struct search {
     const inner *in;
     const gonio_fit_options *options;
+    gonio_lsq_watch *watch;
     gonio_lsq_base train, held;
     gonio_lsq_form form;
     gonio_lsq_cg *cg;
@@ -126,9 +127,9 @@ static void search_release(search *s) {
     free(s->points);
 }
 
-static gonio_status search_init(search *s, const inner *in, const gonio_fit_options *options,
-                                const gonio_lobe_base *lobes, gonio_error *error) {
-    *s = (search){.in = in, .options = options};
+static gonio_status search_init(search *s, const inner *in, gonio_lsq_watch *watch, const gonio_lobe_base *lobes,
+                                gonio_error *error) {
+    *s = (search){.in = in, .options = watch->options, .watch = watch};
     gonio_status status = GONIO_OK;
     for (int side = 0; side < 2 && status == GONIO_OK; side++) {
         gonio_lobe_base own = {0};
@@ -155,7 +156,11 @@ static gonio_status set_level(search *s, const gonio_lsq_form *form, gonio_error
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for level %d (%.3g GB)", form->level,
                           8e-9 * (double)count * s->in->channels);
     }
-    return gonio_lsq_cg_new(&s->in->train, form, s->options->threads, &s->cg, error);
+    const gonio_status status = gonio_lsq_cg_new(&s->in->train, form, s->options->threads, &s->cg, error);
+    if (status == GONIO_OK) {
+        gonio_lsq_cg_watch(s->cg, s->watch);
+    }
+    return status;
 }
 
 // Residuals of the points now, on the held-out.
@@ -207,11 +212,6 @@ static gonio_status score_lambda(search *s, double lambda, bool warm, gonio_lsq_
     return status == GONIO_OK ? score_points(s, score, error) : status;
 }
 
-static bool tell(const gonio_fit_options *options, double fraction, double error_now) {
-    return options->progress == NULL ||
-           options->progress(options->progress_context, fraction, "lambda and level", error_now);
-}
-
 static bool accept(gonio_lsq_large_choice *choice, const search *s, const gonio_lobe_base *lobes, double lambda,
                    gonio_lsq_score score) {
     if (choice->residuals != NULL && score.score >= choice->score.score) {
@@ -225,6 +225,11 @@ static bool accept(gonio_lsq_large_choice *choice, const search *s, const gonio_
     return true;
 }
 
+// Is there time for one more solve? The first must be made in any case.
+static bool may_try(const search *s, const gonio_lsq_large_choice *choice) {
+    return choice->score.score == INFINITY || !gonio_lsq_watch_over(s->watch);
+}
+
 // The best lambda at this level, by factors of 100 downhill, then of 10 about the best.
 static gonio_status search_lambda(search *s, const gonio_lobe_base *lobes, gonio_lsq_large_choice *choice,
                                   double *best_lambda, double *best_score, gonio_error *error) {
@@ -232,7 +237,7 @@ static gonio_status search_lambda(search *s, const gonio_lobe_base *lobes, gonio
     *best_score = INFINITY;
     *best_lambda = 0.1;
     gonio_status status = GONIO_OK;
-    for (double lambda = 0.1; lambda >= 1e-9 && status == GONIO_OK; lambda *= 1e-2) {
+    for (double lambda = 0.1; lambda >= 1e-9 && status == GONIO_OK && may_try(s, choice); lambda *= 1e-2) {
         status = score_lambda(s, lambda, lambda < 0.1, &score, error);
         if (status != GONIO_OK || score.score > *best_score + 0.7) {
             break;
@@ -244,7 +249,7 @@ static gonio_status search_lambda(search *s, const gonio_lobe_base *lobes, gonio
         }
     }
     const double centre = *best_lambda;
-    for (int side = 0; side < 2 && status == GONIO_OK; side++) {
+    for (int side = 0; side < 2 && status == GONIO_OK && may_try(s, choice); side++) {
         const double lambda = centre * (side == 0 ? 0.1 : 10);
         status = score_lambda(s, lambda, true, &score, error);
         if (status == GONIO_OK && score.score < *best_score) {
@@ -278,15 +283,16 @@ static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *opt
     return level;
 }
 
-static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, const gonio_fit_options *options,
+static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, gonio_lsq_watch *watch,
                                   const gonio_lsq_candidate *candidate, gonio_lsq_large_choice *choice,
                                   gonio_error *error) {
+    const gonio_fit_options *options = watch->options;
     search s;
     gonio_lsq_form form = candidate->form;
     const bool open = options->level == GONIO_LEVEL_AUTO;
     const int finest = finest_level(data, options);
     form.level = open ? (finest > 0 ? finest - 1 : 0) : options->level;
-    gonio_status status = search_init(&s, in, options, candidate->lobes, error);
+    gonio_status status = search_init(&s, in, watch, candidate->lobes, error);
     if (status == GONIO_OK) {
         status = set_level(&s, &form, error);
     }
@@ -301,7 +307,8 @@ static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, c
     }
     // One level finer; or coarser, as long as that helps.
     for (int step = 1; open && step >= -1 && status == GONIO_OK; step -= 2) {
-        for (form.level = finest - 1 + step; form.level >= 0 && form.level <= finest; form.level += step) {
+        for (form.level = finest - 1 + step; form.level >= 0 && form.level <= finest && may_try(&s, choice);
+             form.level += step) {
             status = set_level(&s, &form, error);
             if (status == GONIO_OK) {
                 status = score_lambda(&s, lambda, false, &score, error);
@@ -317,7 +324,7 @@ static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, c
     return status;
 }
 
-gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, const gonio_fit_options *options,
+gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch,
                                     const gonio_lsq_candidate *candidates, int n, gonio_lsq_large_choice *choice,
                                     gonio_error *error) {
     *choice = (gonio_lsq_large_choice){0};
@@ -332,15 +339,14 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, const gonio_fit_
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for held-out residuals");
     }
     for (int k = 0; k < n && status == GONIO_OK; k++) {
-        if (!tell(options, 0.6 + 0.2 * k / n, NAN)) {
-            status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped while choosing");
-        } else {
-            status = try_candidate(data, &in, options, &candidates[k], choice, error);
+        status = gonio_lsq_watch_tell(watch, 0.6 + 0.2 * k / n, "choosing lambda and level", error);
+        if (status == GONIO_OK && (k == 0 || !gonio_lsq_watch_over(watch))) {
+            status = try_candidate(data, &in, watch, &candidates[k], choice, error);
         }
     }
     search s = {0};
     if (status == GONIO_OK) {
-        status = search_init(&s, &in, options, choice->lobes, error);
+        status = search_init(&s, &in, watch, choice->lobes, error);
         if (status == GONIO_OK) {
             status = set_level(&s, &choice->form, error);
         }
@@ -362,16 +368,22 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, const gonio_fit_
 
 // ---- the fit ----
 
-static gonio_status solve_channels(const gonio_lsq_data *data, const gonio_fit_options *options,
-                                   gonio_lsq_large_choice *choice, const gonio_lsq_base *base, gonio_lattice *lattice,
-                                   gonio_error *error) {
+static gonio_status solve_channels(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_large_choice *choice,
+                                   const gonio_lsq_base *base, gonio_lattice *lattice, gonio_error *error) {
+    const gonio_fit_options *options = watch->options;
     const size_t c = (size_t)data->channels;
     gonio_lsq_cg *cg = NULL;
     double *points = malloc(lattice->count * sizeof *points);
     gonio_status status = points != NULL ? gonio_lsq_cg_new(data, &choice->form, options->threads, &cg, error)
                                          : gonio_fail(error, GONIO_E_MEMORY, "no memory for level %d", lattice->level);
     const int iterations = options->iterations > 0 ? options->iterations : FINAL_ITERATIONS;
+    const double end = watch->until;
+    if (status == GONIO_OK) {
+        gonio_lsq_cg_watch(cg, watch);
+    }
     for (size_t k = 0; k < c && status == GONIO_OK; k++) {
+        const double now = gonio_lsq_watch_now();
+        watch->until = now + (end - now) / (double)(c - k); // no channel takes the others' time
         gonio_lsq_cg_report report = {0};
         if (choice->start_only) {
             gonio_lsq_cg_start(cg, base->rest + k, c, lattice->level, points);
@@ -384,9 +396,8 @@ static gonio_status solve_channels(const gonio_lsq_data *data, const gonio_fit_o
         for (size_t i = 0; i < lattice->count && status == GONIO_OK; i++) {
             lattice->points[i * c + k] = (float)(points[i] + base->mean[k]);
         }
-        if (status == GONIO_OK && options->progress != NULL &&
-            !options->progress(options->progress_context, 0.8 + 0.2 * (double)(k + 1) / (double)c, "solving", NAN)) {
-            status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped while solving");
+        if (status == GONIO_OK) {
+            status = gonio_lsq_watch_tell(watch, 0.8 + 0.2 * (double)(k + 1) / (double)c, "solving", error);
         }
     }
     gonio_lsq_cg_free(cg);
@@ -394,8 +405,8 @@ static gonio_status solve_channels(const gonio_lsq_data *data, const gonio_fit_o
     return status;
 }
 
-gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, const gonio_fit_options *options,
-                                   gonio_lsq_large_choice *choice, gonio_lobe_model_parts *parts, gonio_error *error) {
+gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_large_choice *choice,
+                                   gonio_lobe_model_parts *parts, gonio_error *error) {
     gonio_status status = gonio_lsq_parts_init(parts, data, choice->lobes, choice->form.coordinates, error);
     if (status != GONIO_OK) {
         return status;
@@ -422,7 +433,7 @@ gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, const gonio_fit_o
         status = gonio_lattice_init(&parts->lattice, data->dims, choice->form.level, data->channels, error);
     }
     if (status == GONIO_OK) {
-        status = solve_channels(data, options, choice, &base, &parts->lattice, error);
+        status = solve_channels(data, watch, choice, &base, &parts->lattice, error);
     }
     free(own.strength);
     gonio_lsq_base_release(&base);

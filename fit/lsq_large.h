@@ -4,6 +4,7 @@
 
 #include "fit/lobe_model.h"
 #include "fit/lsq_select.h"
+#include "fit/lsq_watch.h"
 
 // A form and a base to try.
 typedef struct gonio_lsq_candidate {
@@ -25,11 +26,11 @@ typedef struct gonio_lsq_large_choice {
 
 void gonio_lsq_large_choice_release(gonio_lsq_large_choice *choice);
 // Choose among the candidates; every fifth geometry is held out.
-gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, const gonio_fit_options *options,
+gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch,
                                     const gonio_lsq_candidate *candidates, int n, gonio_lsq_large_choice *choice,
                                     gonio_error *error);
 // Fit the choice to all geometries.
-gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, const gonio_fit_options *options,
-                                   gonio_lsq_large_choice *choice, gonio_lobe_model_parts *parts, gonio_error *error);
+gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_large_choice *choice,
+                                   gonio_lobe_model_parts *parts, gonio_error *error);
 
 #endif
