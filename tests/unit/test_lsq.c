@@ -414,7 +414,8 @@ static void test_never_worse_than_the_multilevel_start(void **state) {
         }
         const gonio_lsq_candidate candidate = {gonio_lsq_form_default(GONIO_NUSSELT, 3, true), NULL};
         gonio_lsq_large_choice choice;
-        assert_int_equal(gonio_lsq_large_choose(&data, &o, &candidate, 1, &choice, NULL), GONIO_OK);
+        gonio_lsq_watch watch = gonio_lsq_watch_begin(&o);
+        assert_int_equal(gonio_lsq_large_choose(&data, &watch, &candidate, 1, &choice, NULL), GONIO_OK);
         assert_true(choice.start_only == (choice.start_score.score < choice.score.score));
         assert_true(seed != 12 || choice.start_only);
         assert_true(seed != 10 || !choice.start_only);
