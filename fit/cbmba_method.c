@@ -58,6 +58,7 @@ static gonio_status source_init(source *s, const gonio_samples *samples, const g
         .domain = o->domain_set ? o->domain : GONIO_LINEAR,
         .symmetry = o->symmetry != GONIO_SYMMETRY_AUTO ? o->symmetry : GONIO_SYMMETRY_MIRROR,
         .weighted = !o->thesis,
+        .threads = o->threads,
     };
     s->names = (const char(*)[32])samples->channel_names;
     s->options = o;

@@ -173,7 +173,8 @@ static int list_forms(const gonio_samples *samples, const gonio_fit_options *o, 
                 forms[n++] = (form_scores){.form = {.coordinates = (gonio_coordinates)c,
                                                     .domain = (gonio_domain)d,
                                                     .symmetry = symmetry,
-                                                    .weighted = !o->thesis}};
+                                                    .weighted = !o->thesis,
+                                                    .threads = o->threads}};
             }
         }
     }

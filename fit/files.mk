@@ -2,7 +2,7 @@
 eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
 eval-y += fit/mph.c fit/sparse.c fit/cbmba_model.c
 lib-y  += fit/resolve.c fit/metrics.c fit/spec.c fit/check.c
-lib-y  += fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
+lib-y  += fit/rank.c fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/memory.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
 lib-y  += fit/cbmba.c fit/cbmba_hash.c fit/cbmba_method.c
 pkgs-y += cmph
 deps-y += libcmph-dev
@@ -14,3 +14,10 @@ pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
 unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
 bench-y += tests/bench/bench_accuracy.c
+# Long: not among bench-y.
+.PHONY: fifty-million
+fifty-million: $(B)/tests/bench/fifty_million ## stream 50 million samples into a fit: memory, time, error
+	$(Q)$<
+$(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)

@@ -32,7 +32,7 @@ struct gonio_mba {
 
 // Chunks a block follow from the number of samples alone. Below 16,384 samples a chunk, waking a thread costs more than
 // it saves; above 16 chunks, merging does.
-#define CHUNK_SAMPLES 16384
+#define CHUNK_SAMPLES GONIO_TEAM_CHUNK
 #define CHUNKS_MAX 16
 
 // Up to this level samples that follow each other share their cell more often than not.

@@ -10,6 +10,7 @@
 #include "fit/lattice_model.h"
 #include "fit/mba.h"
 #include "fit/method.h"
+#include "fit/rank.h"
 
 static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_options *options,
                                const gonio_mba_choice *choice, gonio_model **out, gonio_error *error) {
@@ -34,21 +35,16 @@ static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_opt
 // leaks the peak over the far field. The middle of the data tells: half the magnitudes are below it.
 #define LEAK_RANGE 1e5
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 static double dynamic_range(const gonio_samples *samples) {
-    double range = 0, *sorted = malloc(samples->n * sizeof *sorted);
-    for (size_t c = 0; c < (size_t)samples->channels && sorted != NULL; c++) {
+    double range = 0, *magnitudes = malloc(samples->n * sizeof *magnitudes);
+    for (size_t c = 0; c < (size_t)samples->channels && magnitudes != NULL; c++) {
         for (size_t i = 0; i < samples->n; i++) {
-            sorted[i] = fabs(samples->values[i * (size_t)samples->channels + c]);
+            magnitudes[i] = fabs(samples->values[i * (size_t)samples->channels + c]);
         }
-        qsort(sorted, samples->n, sizeof *sorted, by_value);
-        range = fmax(range, sorted[samples->n - 1] / fmax(sorted[samples->n / 2], DBL_MIN));
+        const double middle = gonio_rank(magnitudes, samples->n, samples->n / 2);
+        range = fmax(range, gonio_rank(magnitudes, samples->n, samples->n - 1) / fmax(middle, DBL_MIN));
     }
-    free(sorted);
+    free(magnitudes);
     return range;
 }
 

@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/rank.h"
+#include "fit/team.h"
+
 void gonio_scatter_release(gonio_scatter *scatter) {
     free(scatter->positions);
     free(scatter->values);
@@ -15,6 +18,14 @@ void gonio_scatter_release(gonio_scatter *scatter) {
 }
 
 void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_pair *pair, double x[GONIO_DIMS_MAX]) {
+    if (dims == 3 && coordinates == GONIO_NUSSELT && pair->theta_i > 0) {
+        // The difference of the azimuths needs three trigonometric calls instead of eight.
+        const double r = sin(pair->theta_o), phi = pair->phi_o - pair->phi_i;
+        x[0] = fmin((sin(pair->theta_i) + 1) / 2, 1);
+        x[1] = fmin(fmax((r * cos(phi) + 1) / 2, 0), 1);
+        x[2] = fmin(fmax((r * sin(phi) + 1) / 2, 0), 1);
+        return;
+    }
     const gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i);
     const gonio_vec3 wo = gonio_direction(pair->theta_o, pair->phi_o);
     if (dims == 3) {
@@ -70,26 +81,19 @@ static double channel_scale(const gonio_samples *samples, size_t channel) {
     return largest > 0 ? ldexp(1, exponent > 1023 ? 1023 : exponent) : 1;
 }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 // The log's offset, in units of the scale: the noise level where it is known, and never below a thousandth of the
 // median magnitude, so that zeros (clamped noise) do not fall to minus infinity.
-static double channel_eps(const gonio_samples *samples, size_t channel, double scale, double *sorted) {
+static double channel_eps(const gonio_samples *samples, size_t channel, double scale, double *ranked) {
     const size_t c = (size_t)samples->channels, n = samples->n;
     for (size_t i = 0; i < n; i++) {
-        sorted[i] = fabs(samples->values[i * c + channel]) / scale;
+        ranked[i] = fabs(samples->values[i * c + channel]) / scale;
     }
-    qsort(sorted, n, sizeof *sorted, by_value);
-    double eps = fmax(sorted[n / 2] * 3e-2, sorted[n - 1] * 1e-7);
+    double eps = fmax(gonio_rank(ranked, n, n / 2) * 3e-2, gonio_rank(ranked, n, n - 1) * 1e-7);
     if (samples->sigma_random != NULL) {
         for (size_t i = 0; i < n; i++) {
-            sorted[i] = samples->sigma_random[i * c + channel] / scale;
+            ranked[i] = samples->sigma_random[i * c + channel] / scale;
         }
-        qsort(sorted, n, sizeof *sorted, by_value);
-        eps = fmax(eps, sorted[n / 10]);
+        eps = fmax(eps, gonio_rank(ranked, n, n / 10));
     }
     return eps > 0 && isfinite(eps) ? eps : 1e-6;
 }
@@ -108,16 +112,16 @@ static gonio_status choose_transforms(gonio_scatter *scatter, const gonio_sample
     scatter->kind = domain == GONIO_LINEAR   ? GONIO_TRANSFORM_LINEAR
                     : has_negatives(samples) ? GONIO_TRANSFORM_ASINH
                                              : GONIO_TRANSFORM_LOG;
-    double *sorted = malloc(samples->n * sizeof *sorted);
-    if (sorted == NULL) {
+    double *ranked = malloc(samples->n * sizeof *ranked);
+    if (ranked == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu values", samples->n);
     }
     for (size_t c = 0; c < (size_t)samples->channels; c++) {
         const double scale = channel_scale(samples, c);
-        const double eps = domain == GONIO_LINEAR ? 0 : channel_eps(samples, c, scale, sorted);
+        const double eps = domain == GONIO_LINEAR ? 0 : channel_eps(samples, c, scale, ranked);
         scatter->transforms[c] = (gonio_transform){scale, eps};
     }
-    free(sorted);
+    free(ranked);
     return GONIO_OK;
 }
 
@@ -153,16 +157,14 @@ static double sample_variance(const gonio_scatter *scatter, const gonio_samples 
 }
 
 // 1/variance, the largest 1. Samples without a usable sigma get the largest weight that the others have.
-static void fill_weights(gonio_scatter *scatter, const gonio_samples *samples) {
+static void scale_weights(gonio_scatter *scatter, const double *variances, size_t n) {
     double least = INFINITY;
-    for (size_t i = 0; i < samples->n; i++) {
-        const double variance = sample_variance(scatter, samples, i);
-        least = variance > 0 ? fmin(least, variance) : least;
+    for (size_t i = 0; i < n; i++) {
+        least = variances[i] > 0 ? fmin(least, variances[i]) : least;
     }
-    for (size_t i = 0; i < samples->n; i++) {
-        const double variance = sample_variance(scatter, samples, i);
+    for (size_t i = 0; i < n; i++) {
         // Below 2^-60 a weight would drown in the rounding of any sum it meets, and its cube leave the float range.
-        scatter->weights[i] = variance > 0 ? (float)fmax(least / variance, 0x1p-60) : 1;
+        scatter->weights[i] = variances[i] > 0 ? (float)fmax(least / variances[i], 0x1p-60) : 1;
     }
 }
 
@@ -182,10 +184,20 @@ static void fill_mean(gonio_scatter *scatter) {
     }
 }
 
-static void fill_positions(gonio_scatter *scatter, const gonio_samples *samples, bool swapped, uint32_t *out) {
-    for (size_t i = 0; i < samples->n; i++) {
+// What the threads share: each chunk of samples fills its own part of the scatter.
+typedef struct filling {
+    gonio_scatter *scatter;
+    const gonio_samples *samples;
+    double *variances; // NULL: no weights
+    bool reciprocal;
+} filling;
+
+static void fill_positions(const filling *f, size_t begin, size_t end, bool swapped) {
+    gonio_scatter *scatter = f->scatter;
+    uint32_t *out = scatter->positions + ((swapped ? f->samples->n : 0) + begin) * (size_t)scatter->dims;
+    for (size_t i = begin; i < end; i++) {
         double x[GONIO_DIMS_MAX];
-        const gonio_pair pair = swapped ? gonio_pair_swapped(samples->pairs[i]) : samples->pairs[i];
+        const gonio_pair pair = swapped ? gonio_pair_swapped(f->samples->pairs[i]) : f->samples->pairs[i];
         gonio_scatter_locate(scatter->coordinates, scatter->dims, &pair, x);
         for (int d = 0; d < scatter->dims; d++) {
             *out++ = gonio_bspline_fix(x[d]);
@@ -193,14 +205,46 @@ static void fill_positions(gonio_scatter *scatter, const gonio_samples *samples,
     }
 }
 
-static void fill_values(gonio_scatter *scatter, const gonio_samples *samples) {
-    const size_t c = (size_t)samples->channels;
-    for (size_t i = 0; i < samples->n; i++) {
+static void fill_values(const filling *f, size_t begin, size_t end) {
+    gonio_scatter *scatter = f->scatter;
+    const size_t c = (size_t)scatter->channels;
+    for (size_t i = begin; i < end; i++) {
         for (size_t k = 0; k < c; k++) {
             scatter->values[i * c + k] =
-                (float)gonio_transform_apply(scatter->kind, &scatter->transforms[k], samples->values[i * c + k]);
+                (float)gonio_transform_apply(scatter->kind, &scatter->transforms[k], f->samples->values[i * c + k]);
+        }
+        if (f->variances != NULL) {
+            f->variances[i] = sample_variance(scatter, f->samples, i);
         }
     }
+}
+
+static void fill_chunk(void *context, size_t item) {
+    const filling *f = context;
+    const size_t begin = item * GONIO_TEAM_CHUNK, n = f->samples->n;
+    const size_t end = n - begin < GONIO_TEAM_CHUNK ? n : begin + GONIO_TEAM_CHUNK;
+    fill_positions(f, begin, end, false);
+    fill_values(f, begin, end);
+    if (f->reciprocal) {
+        fill_positions(f, begin, end, true);
+    }
+}
+
+static gonio_status fill(gonio_scatter *scatter, const gonio_samples *samples, const gonio_scatter_options *options,
+                         gonio_error *error) {
+    const size_t n = samples->n;
+    filling f = {scatter, samples, NULL, (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0};
+    if (scatter->weights != NULL && (f.variances = malloc(n * sizeof *f.variances)) == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the weights of %zu samples", n);
+    }
+    gonio_team *team = n >= GONIO_TEAM_SAMPLES ? gonio_team_new(options->threads) : NULL;
+    gonio_team_run(team, (n + GONIO_TEAM_CHUNK - 1) / GONIO_TEAM_CHUNK, fill_chunk, &f);
+    gonio_team_free(team);
+    if (f.variances != NULL) {
+        scale_weights(scatter, f.variances, n);
+        free(f.variances);
+    }
+    return GONIO_OK;
 }
 
 // The swapped copies stand behind the originals.
@@ -230,17 +274,14 @@ gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *
     if (status == GONIO_OK) {
         status = choose_transforms(scatter, samples, options->domain, error);
     }
+    if (status == GONIO_OK) {
+        status = fill(scatter, samples, options, error);
+    }
     if (status != GONIO_OK) {
         gonio_scatter_release(scatter);
         return status;
     }
-    fill_positions(scatter, samples, false, scatter->positions);
-    fill_values(scatter, samples);
-    if (scatter->weights != NULL) {
-        fill_weights(scatter, samples);
-    }
     if (reciprocal) {
-        fill_positions(scatter, samples, true, scatter->positions + samples->n * (size_t)scatter->dims);
         repeat_values(scatter, samples->n);
     }
     fill_mean(scatter);
@@ -251,7 +292,7 @@ gonio_status gonio_scatter_init(gonio_scatter *scatter, const gonio_samples *sam
                                 const gonio_scatter_options *options, gonio_error *error) {
     gonio_status status = gonio_scatter_prepare(scatter, samples, options, error);
     if (status == GONIO_OK) {
-        status = gonio_scatter_sort(scatter, error);
+        status = gonio_scatter_sort(scatter, options->threads, error);
         if (status != GONIO_OK) {
             gonio_scatter_release(scatter);
         }

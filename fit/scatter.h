@@ -15,6 +15,7 @@ typedef struct gonio_scatter_options {
     gonio_domain domain; // GONIO_LOG becomes asinh for channels' sets with significantly negative values
     int symmetry;        // GONIO_SYMMETRY_* bits
     bool weighted;       // weights 1/variance where the samples carry sigma_random
+    int threads;         // 0: all; the result does not depend on it
 } gonio_scatter_options;
 
 // n prepared samples. Mirror symmetry adds none: it is a flip of lattice axes, and the fit adds the flipped sums.
@@ -42,7 +43,7 @@ gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *
                                    const gonio_scatter_options *options, gonio_error *error);
 // Sort each block of GONIO_SCATTER_BLOCK samples by cell; gonio_scatter_init has done it.
 #define GONIO_SCATTER_BLOCK ((size_t)1 << 20)
-gonio_status gonio_scatter_sort(gonio_scatter *scatter, gonio_error *error);
+gonio_status gonio_scatter_sort(gonio_scatter *scatter, int threads, gonio_error *error);
 // The coordinates of one pair; x[dims].
 void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_pair *pair, double x[GONIO_DIMS_MAX]);
 // The axes that phi -> -phi flips.

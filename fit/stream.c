@@ -28,7 +28,7 @@ gonio_status gonio_fit_stream_new(int channels, const char (*channel_names)[32],
         *out = NULL;
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a streamed fit");
     }
-    const gonio_status status = gonio_samples_new(channels, true, &stream->samples, error);
+    const gonio_status status = gonio_samples_new(channels, false, &stream->samples, error);
     if (status != GONIO_OK) {
         gonio_fit_stream_free(stream);
         *out = NULL;
@@ -83,6 +83,24 @@ static gonio_status refit(gonio_fit_stream *stream, gonio_error *error) {
     return status;
 }
 
+// The first uncertainties: the samples before have none, which a fit takes as a sigma of 0.
+static gonio_status begin_sigma(gonio_fit_stream *stream, gonio_error *error) {
+    const gonio_samples *old = stream->samples;
+    gonio_samples *with;
+    gonio_status status = gonio_samples_new(old->channels, true, &with, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    memcpy(with->channel_names, old->channel_names, (size_t)old->channels * sizeof *old->channel_names);
+    with->isotropic = old->isotropic;
+    for (size_t i = 0; i < old->n && status == GONIO_OK; i++) {
+        status = gonio_samples_add(with, &old->pairs[i], old->values + i * (size_t)old->channels, NULL, NULL, error);
+    }
+    gonio_samples_free(status == GONIO_OK ? stream->samples : with);
+    stream->samples = status == GONIO_OK ? with : stream->samples;
+    return status;
+}
+
 gonio_status gonio_fit_stream_add(gonio_fit_stream *stream, const gonio_samples *samples, gonio_error *error) {
     const size_t c = (size_t)stream->samples->channels;
     if (samples->channels != stream->samples->channels) {
@@ -90,6 +108,9 @@ gonio_status gonio_fit_stream_add(gonio_fit_stream *stream, const gonio_samples 
     }
     stream->samples->isotropic = stream->samples->isotropic && samples->isotropic;
     gonio_status status = GONIO_OK;
+    if (samples->sigma_random != NULL && stream->samples->sigma_random == NULL) {
+        status = begin_sigma(stream, error);
+    }
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         if (stream->provisional != NULL) {
             predict(stream, &samples->pairs[i], samples->values + i * c);

@@ -19,4 +19,9 @@ void gonio_team_free(gonio_team *team);
 // Call work(context, item) for every item in [0, items), in any order, by any thread; returns when all are done.
 void gonio_team_run(gonio_team *team, size_t items, void (*work)(void *context, size_t item), void *context);
 
+// Chunks of a fixed size, so that what a chunk computes does not depend on the number of threads. Below
+// GONIO_TEAM_SAMPLES samples, waking a thread costs more than it saves.
+#define GONIO_TEAM_CHUNK ((size_t)16384)
+#define GONIO_TEAM_SAMPLES (2 * GONIO_TEAM_CHUNK)
+
 #endif

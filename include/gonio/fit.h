@@ -74,6 +74,14 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
 // The names of the registered methods, NULL-terminated; static storage.
 const char *const *gonio_fit_methods(void);
 
+// Peak bytes of a fit with method "mba", a given form and no hold-out, the samples themselves (as gonio_samples keeps
+// them) among them. dims: 3 isotropic, 4 not; sigma: the samples carry their uncertainties. Nothing is allocated.
+double gonio_fit_memory(size_t samples, int channels, int dims, int level, bool sigma);
+// GONIO_E_MEMORY where that exceeds the limit in bytes (0: the machine's free memory), with both figures and what would
+// fit: a level, or how many samples.
+gonio_status gonio_fit_check_memory(size_t samples, int channels, int dims, int level, bool sigma, double limit,
+                                    gonio_error *error);
+
 // Streaming: samples are added while an acquisition runs; finishing equals the batch fit of the same samples bit for
 // bit.
 typedef struct gonio_fit_stream gonio_fit_stream;

@@ -18,7 +18,7 @@
 #define REPEATS 3
 
 static const char *const specs[] = {"ward:rho_d=0.3,rho_s=0.2,alpha=0.15", "ward:rho_d=0.3,rho_s=0.2,alpha=0.03"};
-static const gonio_scatter_options plain_form = {GONIO_NUSSELT, GONIO_LINEAR, 0, false};
+static const gonio_scatter_options plain_form = {GONIO_NUSSELT, GONIO_LINEAR, 0, false, 0};
 static int failures;
 
 static double clock_s(clockid_t clock) {
@@ -82,7 +82,7 @@ static double time_fast(const problem *p, int threads, gonio_lattice *result, do
     gonio_error error = {0};
     check(gonio_scatter_prepare(&s, p->samples, &plain_form, &error), &error);
     const double start = now_s(), wall_start = wall_s();
-    check(gonio_scatter_sort(&s, &error), &error);
+    check(gonio_scatter_sort(&s, threads, &error), &error);
     check(gonio_mba_fit(&s, NULL, LEVEL, threads, result, &error), &error);
     const double seconds = now_s() - start, wall_seconds = wall_s() - wall_start;
     *wall = fmin(*wall, wall_seconds);

@@ -334,7 +334,7 @@ static void several_blocks_are_one_fit(void **state) {
     }
     gonio_scatter a, b;
     gonio_lattice x, y;
-    const gonio_scatter_options form = {GONIO_NUSSELT, GONIO_LINEAR, 0, false};
+    const gonio_scatter_options form = {GONIO_NUSSELT, GONIO_LINEAR, 0, false, 0};
     assert_int_equal(gonio_scatter_init(&a, few, &form, NULL), GONIO_OK);
     assert_int_equal(gonio_scatter_init(&b, many, &form, NULL), GONIO_OK);
     assert_int_equal(gonio_mba_fit(&a, NULL, 2, 2, &x, NULL), GONIO_OK);

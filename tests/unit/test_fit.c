@@ -234,6 +234,103 @@ static void anisotropic_samples_are_fitted_in_4d(void **state) {
     gonio_samples_free(unseen);
 }
 
+// What the fit's largest arrays take is known beforehand, and a limit below it is refused with what would fit.
+static void memory_is_predicted(void **state) {
+    (void)state;
+    gonio_error error = {0};
+    const double sample = 40 + 16, lattice = 67.0 * 67 * 67;
+    assert_true(gonio_fit_memory(50000000, 1, 3, 6, false) >= 5e7 * sample + lattice * 16);
+    assert_true(gonio_fit_memory(50000000, 1, 3, 6, true) >= 5e7 * (sample + 20));
+    assert_true(gonio_fit_memory(1000, 31, 4, 5, false) >= 35.0 * 35 * 35 * 35 * (32 * 8 + 31 * 4));
+    for (int level = 1; level <= GONIO_LEVEL_MAX; level++) {
+        assert_true(gonio_fit_memory(1000, 3, 3, level, false) >= gonio_fit_memory(1000, 3, 3, level - 1, false));
+    }
+    assert_int_equal(gonio_fit_check_memory(1000, 1, 3, 4, false, 0, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_check_memory(1000, 31, 3, 9, false, 1e9, &error), GONIO_E_MEMORY);
+    assert_non_null(strstr(error.message, "1 GB, enough for level 6"));
+    assert_int_equal(gonio_fit_check_memory(50000000, 1, 3, 6, false, 1e9, &error), GONIO_E_MEMORY);
+    assert_non_null(strstr(error.message, "samples at level 0"));
+}
+
+// 40,000 samples are above the size from which threads help: the preparation, the order and the levels agree bit for
+// bit for any number of threads, in each domain.
+static void large_streams_equal_the_batch(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples("ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 40000, 1, 5);
+    for (int domain = 0; domain < 2; domain++) {
+        gonio_fit_options o;
+        gonio_error error = {0};
+        gonio_fit_options_default(&o);
+        o.method = "mba";
+        o.level = 4;
+        o.coordinates_set = o.domain_set = true;
+        o.domain = (gonio_domain)domain;
+        o.hold_out = 0;
+        gonio_model *first = NULL;
+        for (int threads = 1; threads <= 7; threads += 3) {
+            gonio_fit_stream *stream;
+            gonio_model *batch, *streamed;
+            o.threads = threads;
+            assert_int_equal(gonio_fit(samples, &o, &batch, NULL, &error), GONIO_OK);
+            assert_int_equal(gonio_fit_stream_new(1, (const char(*)[32])samples->channel_names, &o, &stream, &error),
+                             GONIO_OK);
+            assert_int_equal(gonio_fit_stream_add(stream, samples, &error), GONIO_OK);
+            assert_int_equal(gonio_fit_stream_finish(stream, &streamed, NULL, &error), GONIO_OK);
+            assert_same_bits(batch, streamed);
+            if (first != NULL) {
+                assert_same_bits(first, batch);
+                gonio_model_free(batch);
+            } else {
+                first = batch;
+            }
+            gonio_model_free(streamed);
+            gonio_fit_stream_free(stream);
+        }
+        gonio_model_free(first);
+    }
+    gonio_samples_free(samples);
+}
+
+// Samples without uncertainties first, then some with: the batch holds zeros where there were none.
+static void uncertainties_may_begin_late(void **state) {
+    (void)state;
+    gonio_error error = {0};
+    gonio_samples *plain = simulate_samples("ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 300, 1, 5), *with, *all;
+    assert_int_equal(gonio_samples_new(1, true, &with, &error), GONIO_OK);
+    assert_int_equal(gonio_samples_new(1, true, &all, &error), GONIO_OK);
+    memcpy(all->channel_names, plain->channel_names, sizeof *plain->channel_names);
+    all->isotropic = with->isotropic = plain->isotropic;
+    for (size_t i = 0; i < 300; i++) {
+        const double sigma = 0.01 + 0.001 * (double)(i % 7);
+        gonio_samples_add(all, &plain->pairs[i], &plain->values[i], NULL, NULL, &error);
+        gonio_samples_add(with, &plain->pairs[i], &plain->values[i], &sigma, &sigma, &error);
+    }
+    for (size_t i = 0; i < 300; i++) {
+        gonio_samples_add(all, &with->pairs[i], &with->values[i], &with->sigma_random[i], &with->sigma_systematic[i],
+                          &error);
+    }
+    gonio_fit_options o;
+    gonio_fit_options_default(&o);
+    o.method = "mba";
+    o.level = 3;
+    o.coordinates_set = o.domain_set = true;
+    o.hold_out = 0;
+    gonio_model *batch, *streamed;
+    gonio_fit_stream *stream;
+    assert_int_equal(gonio_fit(all, &o, &batch, NULL, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_stream_new(1, (const char(*)[32])all->channel_names, &o, &stream, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_stream_add(stream, plain, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_stream_add(stream, with, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_stream_finish(stream, &streamed, NULL, &error), GONIO_OK);
+    assert_same_bits(batch, streamed);
+    gonio_model_free(batch);
+    gonio_model_free(streamed);
+    gonio_fit_stream_free(stream);
+    gonio_samples_free(plain);
+    gonio_samples_free(with);
+    gonio_samples_free(all);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(methods_are_listed),
@@ -243,6 +340,9 @@ int main(void) {
         cmocka_unit_test(max_bytes_is_kept),
         cmocka_unit_test(default_choice_is_accurate),
         cmocka_unit_test(streamed_fit_equals_the_batch),
+        cmocka_unit_test(memory_is_predicted),
+        cmocka_unit_test(large_streams_equal_the_batch),
+        cmocka_unit_test(uncertainties_may_begin_late),
         cmocka_unit_test(anisotropic_samples_are_fitted_in_4d),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

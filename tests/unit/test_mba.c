@@ -16,7 +16,7 @@
 
 #define WARD "ward:rho_d=0.3,rho_s=0.2,alpha=0.15"
 
-static const gonio_scatter_options thesis = {GONIO_NUSSELT, GONIO_LINEAR, GONIO_SYMMETRY_MIRROR, false};
+static const gonio_scatter_options thesis = {GONIO_NUSSELT, GONIO_LINEAR, GONIO_SYMMETRY_MIRROR, false, 0};
 
 static gonio_lattice fit(const gonio_samples *samples, const gonio_scatter_options *options, int level, int threads) {
     gonio_scatter scatter;
@@ -195,8 +195,8 @@ static void weights_decide_between_samples(void **state) {
     gonio_samples_free(samples);
 }
 
-// What no sample reaches keeps the coarser level's value. Samples end at kappa_i = 0.72; from level 4 on their cells share no
-// control point with the cell of the hole at 0.97.
+// What no sample reaches keeps the coarser level's value. Samples end at kappa_i = 0.72; from level 4 on their cells
+// share no control point with the cell of the hole at 0.97.
 static void holes_keep_the_coarser_level(void **state) {
     (void)state;
     gonio_samples *samples = simulate_samples(WARD, 400, 1, 6);
