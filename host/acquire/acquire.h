@@ -36,6 +36,9 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
 gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_error *error);
 // The fit's options; the method's name is borrowed from the setup.
 gonio_fit_options gonio_setup_fit(const gonio_setup *setup);
+// The fit whose slopes give the pointing term, and which runs along with a measure: nothing is held out, and the
+// hundreds of thousands of samples of a sphere are so dense that the quickest method tells their slopes.
+gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup);
 
 // The window around the sample as the camera sees it; see gonio_scan_options.
 gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_facts *facts,

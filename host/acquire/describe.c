@@ -239,3 +239,13 @@ gonio_fit_options gonio_setup_fit(const gonio_setup *setup) {
     options.method = setup->fit_method[0] != 0 ? setup->fit_method : NULL;
     return options;
 }
+
+gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup) {
+    gonio_fit_options options = gonio_setup_fit(setup);
+    options.hold_out = 0;
+    options.folds = 0;
+    if (setup->facts.sphere) {
+        options.method = "mba";
+    }
+    return options;
+}

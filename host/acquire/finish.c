@@ -74,8 +74,12 @@ static gonio_status correct_drift(gonio_session *session, gonio_process *process
 static gonio_status fit_twice(const gonio_process *process, gonio_fit_stream *stream, const gonio_fit_options *options,
                               gonio_outcome *out, gonio_error *error) {
     gonio_model *first;
+    gonio_fit_options slope = gonio_setup_slope_fit(&process->setup);
+    slope.threads = options->threads;
+    slope.progress = options->progress;
+    slope.progress_context = options->progress_context;
     gonio_status status = stream != NULL ? gonio_fit_stream_finish(stream, &first, &out->fit, error)
-                                         : gonio_fit(out->samples, options, &first, &out->fit, error);
+                                         : gonio_fit(out->samples, &slope, &first, &out->fit, error);
     if (status != GONIO_OK) {
         return status;
     }

@@ -55,7 +55,7 @@ static void show_note(void *context, const char *text) {
 
 static gonio_status open_stream(run *r, gonio_error *error) {
     gonio_process *process = gonio_scan_process(r->scan);
-    gonio_fit_options options = gonio_setup_fit(&process->setup);
+    gonio_fit_options options = gonio_setup_slope_fit(&process->setup);
     options.threads = r->m->common->threads;
     gonio_status status = gonio_fit_stream_new(gonio_calib_channels(process->calib),
                                                gonio_calib_channel_names(process->calib), &options, &r->stream, error);
