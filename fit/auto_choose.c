@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/auto_cost.h"
 #include "fit/lobe_fit.h"
 #include "fit/team.h"
 
@@ -93,15 +94,21 @@ static size_t model_bytes(const gonio_lsq_data *data, const gonio_lsq_form *form
            (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
 }
 
+// How far a trial exceeds a limit; at most 1: not at all.
+static double excess(const gonio_auto_trial *t, const gonio_fit_options *options) {
+    const double bytes = options->max_bytes > 0 ? (double)t->bytes / (double)options->max_bytes : 0;
+    return fmax(bytes, options->max_ns > 0 ? t->ns / options->max_ns : 0);
+}
+
 // Is trial a the better choice? Of those that meet the error asked for, the smaller one; else the lower score.
 static bool better(const gonio_auto_trial *a, const gonio_auto_trial *b, const gonio_fit_options *options) {
-    const bool fits_a = options->max_bytes == 0 || a->bytes <= options->max_bytes;
-    const bool fits_b = options->max_bytes == 0 || b->bytes <= options->max_bytes;
-    if (fits_a != fits_b) {
-        return fits_a;
+    const double excess_a = excess(a, options), excess_b = excess(b, options);
+    if ((excess_a > 1) != (excess_b > 1)) {
+        return excess_a < excess_b;
     }
-    if (!fits_a && a->bytes != b->bytes) {
-        return a->bytes < b->bytes;
+    // Of two beyond the limits the nearer one, unless a clock's noise is all that lies between them.
+    if (excess_a > 1 && fmax(excess_a, excess_b) > 1.2 * fmin(excess_a, excess_b)) {
+        return excess_a < excess_b;
     }
     if (options->max_error > 0) {
         const bool good_a = a->score.rmse <= options->max_error, good_b = b->score.rmse <= options->max_error;
@@ -115,12 +122,30 @@ static bool better(const gonio_auto_trial *a, const gonio_auto_trial *b, const g
     return a->score.score < b->score.score;
 }
 
-static void keep_best(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_auto_choice *choice,
-                      const gonio_lsq_form *form, round_result *r) {
+// Stiffness and reciprocity cost nothing: a trial of the same lattice and base has been timed already.
+static gonio_status measure_cost(const gonio_lsq_data *data, const gonio_auto_choice *choice, gonio_auto_trial *trial,
+                                 gonio_error *error) {
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_auto_trial *other = &choice->trials[t];
+        if (other->form.coordinates == trial->form.coordinates && other->form.level == trial->form.level &&
+            other->base == trial->base) {
+            trial->ns = other->ns;
+            return GONIO_OK;
+        }
+    }
+    return gonio_auto_cost_ns(data, &trial->form, &choice->bases[trial->base].lobes, &trial->ns, error);
+}
+
+static gonio_status keep_best(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_auto_choice *choice,
+                              const gonio_lsq_form *form, round_result *r, gonio_error *error) {
     const size_t c = (size_t)data->channels;
     for (int b = 0; b < choice->bases_n; b++) {
         gonio_auto_trial *t = &choice->trials[choice->trials_n];
-        *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b])};
+        *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b]), 0};
+        const gonio_status status = options->max_ns > 0 ? measure_cost(data, choice, t, error) : GONIO_OK;
+        if (status != GONIO_OK) {
+            return status;
+        }
         if (choice->trials_n == 0 || better(t, &choice->trials[choice->chosen], options)) {
             choice->chosen = choice->trials_n;
             if (r->dense != NULL) {
@@ -132,6 +157,7 @@ static void keep_best(const gonio_lsq_data *data, const gonio_fit_options *optio
         }
         choice->trials_n++;
     }
+    return GONIO_OK;
 }
 
 typedef struct round_job {
@@ -156,7 +182,7 @@ static gonio_status run_forms(const gonio_lsq_data *data, const gonio_fit_option
     for (int f = 0; f < n; f++) {
         if (results[f].status == GONIO_OK && status == GONIO_OK &&
             choice->trials_n + choice->bases_n <= GONIO_AUTO_TRIALS * GONIO_AUTO_BASES) {
-            keep_best(data, options, choice, &forms[f], &results[f]);
+            status = keep_best(data, options, choice, &forms[f], &results[f], error);
         } else if (results[f].status != GONIO_OK && status == GONIO_OK) {
             status = results[f].status;
             if (error != NULL) {
@@ -336,7 +362,7 @@ static int by_value(const void *left, const void *right) {
     return (a > b) - (a < b);
 }
 
-void gonio_auto_describe(const gonio_auto_choice *choice, gonio_fit_report *report) {
+void gonio_auto_describe(const gonio_auto_choice *choice, double max_ns, gonio_fit_report *report) {
     const gonio_auto_trial *t = &choice->trials[choice->chosen];
     double sorted[GONIO_CHANNELS_MAX];
     memcpy(sorted, choice->lambdas, (size_t)report->channels * sizeof *sorted);
@@ -345,6 +371,11 @@ void gonio_auto_describe(const gonio_auto_choice *choice, gonio_fit_report *repo
              gonio_auto_base_name(&choice->bases[t->base]), sorted[report->channels / 2], t->form.stretch[0],
              t->form.stretch[1], t->form.stretch[2], t->form.reciprocity);
     snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
+    const size_t used = strlen(report->note);
+    if (t->ns > 0) {
+        snprintf(report->note + used, sizeof report->note - used, "; an evaluation takes %.0f ns%s", t->ns,
+                 t->ns > max_ns ? ", above the limit: nothing faster was found" : "");
+    }
     describe_trial(choice, neighbour(choice, false), "next better", report->note, sizeof report->note);
     describe_trial(choice, neighbour(choice, true), "next cheaper", report->note, sizeof report->note);
 }

@@ -14,6 +14,7 @@ typedef struct gonio_auto_trial {
     int base;
     gonio_lsq_score score;
     size_t bytes; // of the model
+    double ns;    // of one evaluation; 0: not asked for
 } gonio_auto_trial;
 
 typedef struct gonio_auto_choice {
@@ -34,6 +35,6 @@ void gonio_auto_choice_release(gonio_auto_choice *choice);
 // "none", "ggx", "cook-torrance".
 const char *gonio_auto_base_name(const gonio_lsq_base *base);
 // Text about the choice and its neighbours for the report.
-void gonio_auto_describe(const gonio_auto_choice *choice, gonio_fit_report *report);
+void gonio_auto_describe(const gonio_auto_choice *choice, double max_ns, gonio_fit_report *report);
 
 #endif

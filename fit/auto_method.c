@@ -43,7 +43,7 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
         report->level = chosen->form.level;
         report->coordinates = chosen->form.coordinates;
         report->channels = samples->channels;
-        gonio_auto_describe(&choice, report);
+        gonio_auto_describe(&choice, watch->options->max_ns, report);
     }
     gonio_auto_choice_release(&choice);
     return status;
@@ -80,10 +80,14 @@ static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq
     report->coordinates = choice->form.coordinates;
     snprintf(report->options, sizeof report->options, "base=%s lambda=%.2g iterations=%d gradient=%.1e", base,
              choice->lambda, choice->iterations, choice->gradient);
+    char cost[48] = "";
+    if (choice->ns > 0) {
+        snprintf(cost, sizeof cost, "; an evaluation takes %.0f ns", choice->ns);
+    }
     snprintf(report->note, sizeof report->note,
-             "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s", data->n,
+             "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
              100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2)),
-             choice->start_only ? ", so that is the answer" : "");
+             choice->start_only ? ", so that is the answer" : "", cost);
 }
 
 #define THIN 1000 // geometries that tell which form and base suit a large set

@@ -8,12 +8,12 @@ pkgs-y += cmph
 deps-y += libcmph-dev
 # Accurate fits: least squares, lobes below the spline, the choice between them.
 eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c
-lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_method.c
+lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_cost.c fit/auto_method.c
 lib-y  += fit/uncertainty.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
 unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
-bench-y += tests/bench/bench_accuracy.c
+bench-y += tests/bench/bench_accuracy.c tests/bench/fit_coverage.c
 # Long: not among bench-y.
 .PHONY: fifty-million
 fifty-million: $(B)/tests/bench/fifty_million ## stream 50 million samples into a fit: memory, time, error

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/auto_cost.h"
 #include "fit/lsq_cg.h"
 
 #define CHANNELS_TRIED 3
@@ -114,6 +115,9 @@ typedef struct search {
     const inner *in;
     const gonio_fit_options *options;
     gonio_lsq_watch *watch;
+    const gonio_lsq_data *all;
+    const gonio_lobe_base *lobes;
+    double ns; // of an evaluation at this level; 0: not asked for
     gonio_lsq_base train, held;
     gonio_lsq_form form;
     gonio_lsq_cg *cg;
@@ -127,9 +131,9 @@ static void search_release(search *s) {
     free(s->points);
 }
 
-static gonio_status search_init(search *s, const inner *in, gonio_lsq_watch *watch, const gonio_lobe_base *lobes,
-                                gonio_error *error) {
-    *s = (search){.in = in, .options = watch->options, .watch = watch};
+static gonio_status search_init(search *s, const gonio_lsq_data *all, const inner *in, gonio_lsq_watch *watch,
+                                const gonio_lobe_base *lobes, gonio_error *error) {
+    *s = (search){.in = in, .options = watch->options, .watch = watch, .all = all, .lobes = lobes};
     gonio_status status = GONIO_OK;
     for (int side = 0; side < 2 && status == GONIO_OK; side++) {
         gonio_lobe_base own = {0};
@@ -157,10 +161,11 @@ static gonio_status set_level(search *s, const gonio_lsq_form *form, gonio_error
                           8e-9 * (double)count * s->in->channels);
     }
     const gonio_status status = gonio_lsq_cg_new(&s->in->train, form, s->options->threads, &s->cg, error);
-    if (status == GONIO_OK) {
-        gonio_lsq_cg_watch(s->cg, s->watch);
+    if (status != GONIO_OK) {
+        return status;
     }
-    return status;
+    gonio_lsq_cg_watch(s->cg, s->watch);
+    return s->options->max_ns > 0 ? gonio_auto_cost_ns(s->all, form, s->lobes, &s->ns, error) : GONIO_OK;
 }
 
 // Residuals of the points now, on the held-out.
@@ -212,11 +217,16 @@ static gonio_status score_lambda(search *s, double lambda, bool warm, gonio_lsq_
     return status == GONIO_OK ? score_points(s, score, error) : status;
 }
 
+// The first; then what meets --max-ns, and of such what scores better.
 static bool accept(gonio_lsq_large_choice *choice, const search *s, const gonio_lobe_base *lobes, double lambda,
                    gonio_lsq_score score) {
-    if (choice->residuals != NULL && score.score >= choice->score.score) {
+    const double limit = s->options->max_ns;
+    const bool within = limit <= 0 || s->ns <= limit, within_before = limit <= 0 || choice->ns <= limit;
+    const bool first = choice->score.score == INFINITY;
+    if (!first && (within != within_before ? !within : score.score >= choice->score.score)) {
         return false;
     }
+    choice->ns = s->ns;
     choice->form = s->form;
     choice->lobes = lobes;
     choice->lambda = lambda;
@@ -292,7 +302,7 @@ static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, g
     const bool open = options->level == GONIO_LEVEL_AUTO;
     const int finest = finest_level(data, options);
     form.level = open ? (finest > 0 ? finest - 1 : 0) : options->level;
-    gonio_status status = search_init(&s, in, watch, candidate->lobes, error);
+    gonio_status status = search_init(&s, data, in, watch, candidate->lobes, error);
     if (status == GONIO_OK) {
         status = set_level(&s, &form, error);
     }
@@ -346,7 +356,7 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch 
     }
     search s = {0};
     if (status == GONIO_OK) {
-        status = search_init(&s, &in, watch, choice->lobes, error);
+        status = search_init(&s, data, &in, watch, choice->lobes, error);
         if (status == GONIO_OK) {
             status = set_level(&s, &choice->form, error);
         }

@@ -17,6 +17,7 @@ typedef struct gonio_lsq_large_choice {
     const gonio_lobe_base *lobes;
     double lambda;
     gonio_lsq_score score, start_score; // on the held-out geometries: of the solution, of its multilevel start
+    double ns;                          // of an evaluation; 0: not asked for
     bool start_only;                    // the start was better: it is the answer
     int iterations;                     // of the final solve, the most of any channel
     double gradient;                    // how far its gradient fell, the worst of any channel

@@ -238,6 +238,21 @@ static void test_limits_are_kept(void **state) {
     model = fitted(samples, &o, &report);
     assert_true(report.level <= 3);
     gonio_model_free(model);
+    // Times are measured: only what cannot depend on the clock is asked for here.
+    o.max_error = 0;
+    o.max_ns = 1e9;
+    model = fitted(samples, &o, &report);
+    assert_true(strstr(report.note, "an evaluation takes") != NULL && strstr(report.note, "above") == NULL);
+    gonio_model_free(model);
+    o.max_ns = 1e-3;
+    model = fitted(samples, &o, &report);
+    assert_true(strstr(report.note, "above the limit") != NULL);
+    gonio_model_free(model);
+    o.max_ns = 0;
+    o.max_seconds = 1e-3; // one form is fitted all the same
+    model = fitted(samples, &o, &report);
+    assert_true(report.train.median_rel < 0.1);
+    gonio_model_free(model);
     gonio_samples_free(samples);
 }
 
