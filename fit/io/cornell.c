@@ -7,6 +7,11 @@
 
 #include "fit/io/format.h"
 
+// The text's six decimals may round a full turn up.
+#define AZIMUTH_MAX (2 * GONIO_PI + 1e-5)
+
+static double azimuth(double phi) { return gonio_angle_canonical(fmin(fmax(phi, -2 * GONIO_PI), 2 * GONIO_PI)); }
+
 static bool is_cornell(const gonio_source *source) {
     char line[64], *end;
     const char *first = gonio_source_first_line(source, line, sizeof line);
@@ -59,15 +64,15 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_sink *
     if (status == GONIO_OK) {
         status = gonio_polar_rad(text, names[2], numbers[2], &pair.theta_o, error);
     }
-    if (status == GONIO_OK && !(fabs(numbers[1]) <= 7 && fabs(numbers[3]) <= 7)) {
+    if (status == GONIO_OK && !(fabs(numbers[1]) <= AZIMUTH_MAX && fabs(numbers[3]) <= AZIMUTH_MAX)) {
         status = gonio_text_fail(text, error, "phi: expected -2 pi to 2 pi radians, found %g and %g", numbers[1],
                                  numbers[3]);
     }
     if (status != GONIO_OK) {
         return status;
     }
-    pair.phi_i = gonio_angle_canonical(numbers[1]);
-    pair.phi_o = gonio_angle_canonical(numbers[3]);
+    pair.phi_i = azimuth(numbers[1]);
+    pair.phi_o = azimuth(numbers[3]);
     return gonio_sink_add(sink, &pair, numbers + 4, NULL, NULL, error);
 }
 

@@ -37,6 +37,11 @@ static int element_of(const char *name) {
     return sound ? 4 * (name[3] - '1') + (name[4] - '1') : -1;
 }
 
+// A negative polar angle lies half a turn further; the sum stays within a turn, as every samples file wants it.
+static double azimuth_deg(double polar_deg, double phi_deg) {
+    return polar_deg >= 0 ? phi_deg : phi_deg > 180 ? phi_deg - 180 : phi_deg + 180;
+}
+
 static gonio_status parse_row(const gonio_text *text, char **fields, int element, nist_row *row, gonio_error *error) {
     static const char *const names[5] = {"lambda", "thetai", "phii", "thetar", "phir"};
     double number[5], f11, ratio = 1;
@@ -60,12 +65,11 @@ static gonio_status parse_row(const gonio_text *text, char **fields, int element
     if (!(fabs(number[2]) <= 360 && fabs(number[4]) <= 360 && number[0] > 0)) {
         return gonio_text_fail(text, error, "expected lambda above 0 and azimuths of -360 to 360 degrees");
     }
-    const double turn_i = number[1] < 0 ? 180 : 0, turn_o = number[3] < 0 ? 180 : 0;
     row->lambda_um = number[0];
     row->value = f11 * ratio;
     row->line = text->line;
-    row->pair = (gonio_pair){gonio_radians(fabs(number[1])), gonio_radians(number[2] + turn_i),
-                             gonio_radians(fabs(number[3])), gonio_radians(number[4] + turn_o)};
+    row->pair = (gonio_pair){gonio_radians(fabs(number[1])), gonio_radians(azimuth_deg(number[1], number[2])),
+                             gonio_radians(fabs(number[3])), gonio_radians(azimuth_deg(number[3], number[4]))};
     return GONIO_OK;
 }
 

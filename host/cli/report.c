@@ -63,7 +63,10 @@ void cli_print_errors(const char *label, const gonio_errors *e) {
         printf("%-10s no samples\n", label);
         return;
     }
-    printf(
-        "%-10s rmse %.4g  median_rel %.3g %%  rms_log %.3g  rmse_70 %.4g  max_abs %.4g  max_rel %.3g  (%zu samples)\n",
-        label, e->rmse, 100 * e->median_rel, e->rms_log, e->rmse_70, e->max_abs, e->max_rel, e->samples);
+    char rmse_70[32] = "-"; // no sample up to 70 deg
+    if (isfinite(e->rmse_70)) {
+        snprintf(rmse_70, sizeof rmse_70, "%.4g", e->rmse_70);
+    }
+    printf("%-10s rmse %.4g  median_rel %.3g %%  rms_log %.3g  rmse_70 %s  max_abs %.4g  max_rel %.3g  (%zu samples)\n",
+           label, e->rmse, 100 * e->median_rel, e->rms_log, rmse_70, e->max_abs, e->max_rel, e->samples);
 }

@@ -109,4 +109,13 @@ if mount -t tmpfs -o size=64k none "$work/small" 2>/dev/null; then
 else
     skip "a small disk" "no right to mount a tmpfs"
 fi
+
+# Azimuths of 7 rad were taken from Cornell text once, and written to a samples file that could not be read again.
+printf '# a\n2\n400 500\n1.5 7 0.3 0 0.1 0.5\n' >"$work/turned.brdf"
+exits "a Cornell azimuth beyond a turn" 3 "$GONIO" convert "$work/turned.brdf" "$work/turned.csv"
+says "with its line" "turned.brdf:4: phi: expected -2 pi to 2 pi"
+printf '# a\n2\n400 500\n1.5 6.283186 0.3 0 0.1 0.5\n' >"$work/turn.brdf"
+exits "a turn that six decimals round up" 0 "$GONIO" convert "$work/turn.brdf" "$work/turn.csv"
+exits "comes back from the samples file" 0 "$GONIO" convert "$work/turn.csv" "$work/again.csv"
+
 finish
