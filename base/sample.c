@@ -160,6 +160,32 @@ gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, go
     return status;
 }
 
+gonio_status gonio_samples_check(const gonio_samples *samples, gonio_error *error) {
+    if (samples->n == 0) {
+        return gonio_fail(error, GONIO_E_INPUT, "no samples: at least one is needed");
+    }
+    const size_t c = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n; i++) {
+        const gonio_pair *p = &samples->pairs[i];
+        // Written so that NaN fails; 1e-9 rad beyond the horizon is rounding.
+        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= GONIO_PI / 2 + 1e-9 && p->theta_o >= -1e-9 &&
+                            p->theta_o <= GONIO_PI / 2 + 1e-9 && isfinite(p->phi_i) && isfinite(p->phi_o);
+        if (!inside) {
+            return gonio_fail(error, GONIO_E_INPUT,
+                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to 90",
+                              i + 1, p->theta_i * 180 / GONIO_PI, p->phi_i * 180 / GONIO_PI,
+                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI);
+        }
+        for (size_t k = 0; k < c; k++) {
+            if (!isfinite(samples->values[i * c + k])) {
+                return gonio_fail(error, GONIO_E_INPUT, "sample %zu, channel %s: the value is %g", i + 1,
+                                  samples->channel_names[k], samples->values[i * c + k]);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
 double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel) {
     if (samples->sigma_random == NULL) {
         return 0;

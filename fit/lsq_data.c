@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/scatter.h"
+
 void gonio_lsq_data_release(gonio_lsq_data *data) {
     free(data->pairs);
     free(data->values);
@@ -20,10 +22,7 @@ void gonio_lsq_data_release(gonio_lsq_data *data) {
 }
 
 unsigned gonio_lsq_mirror_axes(gonio_coordinates coordinates, int dims) {
-    if (dims == 4) {
-        return 1u << 1 | 1u << 3;
-    }
-    return coordinates == GONIO_HALF_VECTOR ? 1u << 1 : 1u << 2;
+    return gonio_scatter_mirror_axes(coordinates, dims);
 }
 
 // Swapping the directions keeps the half vector and turns the difference vector about it by 180 deg.
@@ -36,40 +35,8 @@ unsigned gonio_lsq_swap_axes(gonio_coordinates coordinates, int dims) {
 
 void gonio_lsq_data_locate(const gonio_lsq_data *data, gonio_coordinates coordinates, double *x) {
     for (size_t i = 0; i < data->n; i++) {
-        const gonio_pair *p = &data->pairs[i];
-        const gonio_vec3 wi = gonio_direction(p->theta_i, p->phi_i), wo = gonio_direction(p->theta_o, p->phi_o);
-        if (data->dims == 3) {
-            gonio_coordinates_isotropic(coordinates, wi, wo, x + 3 * i);
-        } else {
-            gonio_coordinates_anisotropic(coordinates, wi, wo, x + 4 * i);
-        }
+        gonio_scatter_locate(coordinates, data->dims, &data->pairs[i], x + i * (size_t)data->dims);
     }
-}
-
-static gonio_status check(const gonio_samples *samples, gonio_error *error) {
-    if (samples->n == 0) {
-        return gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
-    }
-    const size_t c = (size_t)samples->channels;
-    for (size_t i = 0; i < samples->n; i++) {
-        const gonio_pair *p = &samples->pairs[i];
-        // Written so that NaN fails; 1e-9 rad beyond the horizon is rounding.
-        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= GONIO_PI / 2 + 1e-9 && p->theta_o >= -1e-9 &&
-                            p->theta_o <= GONIO_PI / 2 + 1e-9 && isfinite(p->phi_i) && isfinite(p->phi_o);
-        if (!inside) {
-            return gonio_fail(error, GONIO_E_INPUT,
-                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to 90",
-                              i + 1, p->theta_i * 180 / GONIO_PI, p->phi_i * 180 / GONIO_PI,
-                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI);
-        }
-        for (size_t k = 0; k < c; k++) {
-            if (!isfinite(samples->values[i * c + k])) {
-                return gonio_fail(error, GONIO_E_INPUT, "sample %zu, channel %s: the value is %g", i + 1,
-                                  samples->channel_names[k], samples->values[i * c + k]);
-            }
-        }
-    }
-    return GONIO_OK;
 }
 
 // ---- merging ----
@@ -384,7 +351,7 @@ gonio_status gonio_lsq_data_init(gonio_lsq_data *data, const gonio_samples *samp
                                  const gonio_lsq_data_options *options, gonio_error *error) {
     *data =
         (gonio_lsq_data){.dims = samples->isotropic ? 3 : 4, .channels = samples->channels, .mirror = options->mirror};
-    gonio_status status = check(samples, error);
+    gonio_status status = gonio_samples_check(samples, error);
     if (status != GONIO_OK) {
         return status;
     }

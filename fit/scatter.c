@@ -43,32 +43,6 @@ unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims) {
     return coordinates == GONIO_HALF_VECTOR ? 1u << 1 : 1u << 2;
 }
 
-static gonio_status check(const gonio_samples *samples, gonio_error *error) {
-    if (samples->n == 0) {
-        return gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
-    }
-    const size_t c = (size_t)samples->channels;
-    for (size_t i = 0; i < samples->n; i++) {
-        const gonio_pair *p = &samples->pairs[i];
-        // Written so that NaN fails; 1e-9 rad beyond the horizon is rounding and lands on the border.
-        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= GONIO_PI / 2 + 1e-9 && p->theta_o >= -1e-9 &&
-                            p->theta_o <= GONIO_PI / 2 + 1e-9 && isfinite(p->phi_i) && isfinite(p->phi_o);
-        if (!inside) {
-            return gonio_fail(error, GONIO_E_INPUT,
-                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to 90",
-                              i + 1, p->theta_i * 180 / GONIO_PI, p->phi_i * 180 / GONIO_PI,
-                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI);
-        }
-        for (size_t k = 0; k < c; k++) {
-            if (!isfinite(samples->values[i * c + k])) {
-                return gonio_fail(error, GONIO_E_INPUT, "sample %zu, channel %s: the value is %g", i + 1,
-                                  samples->channel_names[k], samples->values[i * c + k]);
-            }
-        }
-    }
-    return GONIO_OK;
-}
-
 // A power of two near the channel's largest |value|; 1 for a channel of zeros.
 static double channel_scale(const gonio_samples *samples, size_t channel) {
     double largest = 0;
@@ -263,7 +237,7 @@ gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *
                                .dims = samples->isotropic ? 3 : 4,
                                .channels = samples->channels,
                                .coordinates = options->coordinates};
-    gonio_status status = check(samples, error);
+    gonio_status status = gonio_samples_check(samples, error);
     if (status != GONIO_OK) {
         return status;
     }

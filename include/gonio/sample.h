@@ -43,6 +43,9 @@ gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep
                                   gonio_error *error);
 // A new set with one channel; the caller frees it.
 gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, gonio_samples **out, gonio_error *error);
+// GONIO_E_INPUT, with the first sample at fault, for no samples, thetas outside 0 to 90 deg (by more than rounding,
+// 1e-9 rad), and angles or values that are not finite: what no fit can use.
+gonio_status gonio_samples_check(const gonio_samples *samples, gonio_error *error);
 // Combined standard uncertainty of one value; 0 where the set carries none.
 double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel);
 

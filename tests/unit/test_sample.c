@@ -38,6 +38,38 @@ static void add(gonio_samples *s, gonio_pair p, double value) {
     assert_int_equal(gonio_samples_add(s, &p, v, r, y, NULL), GONIO_OK);
 }
 
+static void unusable_samples_are_named(void **state) {
+    (void)state;
+    const double right = GONIO_PI / 2;
+    static const double bad[] = {NAN, INFINITY, -INFINITY};
+    gonio_error error = {0};
+    gonio_samples *s = make(2, false);
+    assert_int_equal(gonio_samples_check(s, &error), GONIO_E_INPUT); // there is none
+    add(s, (gonio_pair){0, 0, right, 1e9}, 1);
+    add(s, (gonio_pair){right + 5e-10, 0, -5e-10, 0}, 1); // rounding of a right angle
+    assert_int_equal(gonio_samples_check(s, &error), GONIO_OK);
+    add(s, (gonio_pair){0, 0, 0, 0}, 1);
+    for (int k = 0; k < 3; k++) {
+        for (int a = 0; a < 4; a++) {
+            double angles[4] = {0};
+            angles[a] = bad[k];
+            s->pairs[2] = (gonio_pair){angles[0], angles[1], angles[2], angles[3]};
+            assert_int_equal(gonio_samples_check(s, &error), GONIO_E_INPUT);
+            assert_non_null(strstr(error.message, "sample 3"));
+        }
+        s->pairs[2] = (gonio_pair){0, 0, 0, 0};
+        s->values[5] = bad[k];
+        assert_int_equal(gonio_samples_check(s, &error), GONIO_E_INPUT);
+        assert_non_null(strstr(error.message, "sample 3, channel c1"));
+        s->values[5] = 0;
+    }
+    s->pairs[2].theta_o = right + 2e-9;
+    assert_int_equal(gonio_samples_check(s, &error), GONIO_E_INPUT);
+    s->pairs[2].theta_o = -2e-9;
+    assert_int_equal(gonio_samples_check(s, &error), GONIO_E_INPUT);
+    gonio_samples_free(s);
+}
+
 static void what_is_added_is_there(void **state) {
     (void)state;
     gonio_samples *s = make(3, true);
@@ -170,6 +202,7 @@ static void the_pole_has_no_azimuth(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_added_is_there),
+        cmocka_unit_test(unusable_samples_are_named),
         cmocka_unit_test(impossible_sets),
         cmocka_unit_test(folds_keep_equal_geometries_together),
         cmocka_unit_test(a_split_ignores_order_and_follows_the_seed),
