@@ -105,7 +105,7 @@ static gonio_status scan_all(run *r, gonio_error *error) {
 
 static bool on_fit(void *context, double fraction, const char *what, double error_now) {
     run *r = context;
-    cli_progress_update(&r->progress, 100 * fraction, what, error_now);
+    cli_progress_update(&r->progress, fraction, what, error_now);
     return !cli_interrupted();
 }
 
@@ -122,7 +122,7 @@ static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, go
                                           .model_path = *model_path,
                                           .progress = on_fit,
                                           .context = r};
-    cli_progress_start(&r->progress, "fit", 100);
+    cli_progress_start(&r->progress, "fit", 1);
     gonio_status status = gonio_finish(r->session, process, &options, outcome, error);
     cli_progress_end(&r->progress);
     if (status == GONIO_OK) {
