@@ -27,7 +27,7 @@ static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model
     const uncertainty *u = &e->variance[channel];
     slope_terms s = {.factor = 1};
     if (model != NULL) {
-        s = slope_terms_of(&calib->facts, model, channel < model->channels ? channel : 0, &e->pair);
+        s = slope_terms_of(&calib->facts, model, channel < model->channels ? channel : 0, &e->pair, e->value[channel]);
     }
     const double v2 = e->value[channel] * e->value[channel], f = s.factor;
     return (gonio_budget){
@@ -40,8 +40,11 @@ static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model
         .drift = f * sqrt(u->monitor + u->drift),
         .angle = f * sqrt(v2 * (s.angle_random + s.angle_systematic) + u->alignment),
         .area = f * sqrt(v2 * s.area),
+        .blur = f * sqrt(v2 * s.blur),
         .random = f * hypot(uncertainty_random(u), sqrt(v2 * s.angle_random)),
-        .systematic = f * hypot(uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area))),
+        .systematic = f * hypot(uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area + s.blur))),
+        .area_bias = s.area_bias,
+        .blur_bias = s.blur_bias,
     };
 }
 

@@ -136,11 +136,27 @@ gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, i
 gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                             estimate_sink sink, void *context, gonio_error *error);
 
-// Angle and area terms of one sample: variances relative to the value, random and systematic angle, and area; and the
-// factor that takes the disc's mean to the value at its centre.
+// What a sample averages moves its value by `bias`, relative, of which `rest` is left unknown.
+typedef struct blur_bias {
+    double bias, rest;
+} blur_bias;
+typedef struct blur_terms {
+    blur_bias area, light, aperture;
+} blur_terms;
+// centre: the model's value at the pair, above 0.
+blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                   double centre);
+
+// Angle, area and blur terms of one sample: variances relative to the value, and the factor that takes the mean over
+// disc, light and aperture to the value at the nominal directions.
 typedef struct slope_terms {
-    double angle_random, angle_systematic, area, factor;
+    double angle_random, angle_systematic, area, blur, factor;
+    double area_bias, blur_bias; // relative, what the factor takes out
 } slope_terms;
-slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair);
+void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                  double centre, double measured, slope_terms *terms);
+// measured: the sample's value, against which the model's curvature is judged.
+slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                           double measured);
 
 #endif

@@ -10,16 +10,11 @@
 // relative to the camera matters, in which both arms' errors meet: a tangential error of the light, in both directions
 // (at most, where the axes cross at right angles), each of sqrt(2) times one axis' uncertainty.
 //
-// Area: the mean over the averaged disc, every point with its own directions, differs from the value at the centre by
-// the BRDF's curvature. The model, averaged likewise, tells by how much. Up to AREA_CORRECTED the value is corrected
-// for it, with half the correction as its uncertainty (a fitted model's curvature is no better known); a larger
-// difference means that the model does not resolve the lobe, so the value is left alone and the whole difference is its
-// uncertainty.
+// What a sample averages (its disc, the light's disc, the camera's aperture) is in blur.c: the value is corrected for
+// it.
 #include "calib/internal.h"
 
 #include <math.h>
-
-#define AREA_CORRECTED 0.05
 
 // A gradient needs a positive value to be relative to; below this share of a white plate it says nothing.
 #define VALUE_MIN (1e-6 / GONIO_PI)
@@ -32,28 +27,8 @@ static double model_at(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, i
     return gonio_model_eval_channel(model, wi, wo, channel);
 }
 
-static gonio_vec3 direction_from(gonio_vec3 from, double x, double y) {
-    const gonio_vec3 d = {from.x - x, from.y - y, from.z};
-    const double length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
-    return (gonio_vec3){d.x / length, d.y / length, d.z / length};
-}
-
-// Mean of the model over the disc relative to its centre, minus 1. Seven points of equal weight, at the centre and on a
-// circle of radius sqrt(7/12) R about it, have the disc's second moments, which is all that curvature sees.
-static double area_bias(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                        double centre) {
-    const geometry g = geometry_of_pose(facts, pair);
-    const double ring = sqrt(7.0 / 12) * facts->region_radius_mm;
-    double sum = centre;
-    for (int k = 0; k < 6; k++) {
-        const double x = ring * cos(k * GONIO_PI / 3), y = ring * sin(k * GONIO_PI / 3);
-        sum += model_at(model, direction_from(g.light, x, y), direction_from(g.camera, x, y), channel);
-    }
-    return sum / 7 / centre - 1;
-}
-
-slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel,
-                           const gonio_pair *pair) {
+slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                           double measured) {
     const double value = model_at(model, gonio_direction(pair->theta_i, pair->phi_i),
                                   gonio_direction(pair->theta_o, pair->phi_o), channel);
     const double floor = fmax(value, VALUE_MIN);
@@ -71,16 +46,16 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
         const double s = sin(pair->theta_i), across = s > 1e-3 ? d[1] / s : d[0];
         terms.angle_random = 2 * random * (square(own) + square(across));
         terms.angle_systematic = 2 * systematic * (square(own) + square(across)) + systematic;
+        if (value > VALUE_MIN) {
+            blur_correct(facts, model, channel, pair, value, measured, &terms);
+        }
         return terms;
     }
     const double others = square(d[1]) + square(d[2]) + square(d[3]);
     terms.angle_random = random * (square(own) + others);
     terms.angle_systematic = systematic * (square(with_reference) + others);
-    if (facts->region_radius_mm > 0 && value > VALUE_MIN) {
-        const double bias = area_bias(facts, model, channel, pair, value);
-        const bool corrected = fabs(bias) <= AREA_CORRECTED;
-        terms.factor = corrected ? 1 / (1 + bias) : 1;
-        terms.area = square(corrected ? bias / 4 : bias);
+    if (value > VALUE_MIN) {
+        blur_correct(facts, model, channel, pair, value, measured, &terms);
     }
     return terms;
 }
@@ -97,12 +72,12 @@ gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_mode
     const size_t c = (size_t)samples->channels;
     for (size_t i = 0; i < samples->n; i++) {
         for (size_t k = 0; k < c; k++) {
-            const slope_terms s = slope_terms_of(facts, model, (int)k, &samples->pairs[i]);
+            const slope_terms s = slope_terms_of(facts, model, (int)k, &samples->pairs[i], samples->values[i * c + k]);
             const double value = fabs(samples->values[i * c + k]);
             samples->values[i * c + k] *= s.factor;
             double *random = &samples->sigma_random[i * c + k], *systematic = &samples->sigma_systematic[i * c + k];
             *random = s.factor * hypot(*random, value * sqrt(s.angle_random));
-            *systematic = s.factor * hypot(*systematic, value * sqrt(s.angle_systematic + s.area));
+            *systematic = s.factor * hypot(*systematic, value * sqrt(s.angle_systematic + s.area + s.blur));
         }
     }
     return GONIO_OK;

@@ -113,6 +113,14 @@ static inline double coverage_median(coverage_cell *cell) {
     return cell->n > 0 ? cell->pull[cell->n / 2] : NAN;
 }
 
+static inline double coverage_rms(const coverage_cell *cell) {
+    double sum = 0;
+    for (size_t i = 0; i < cell->n; i++) {
+        sum += cell->pull[i] * cell->pull[i];
+    }
+    return cell->n > 0 ? sqrt(sum / (double)cell->n) : NAN;
+}
+
 static inline void coverage_free(coverage *c) {
     for (int lobe = 0; lobe < 2; lobe++) {
         for (int band = 0; band < COVERAGE_BANDS; band++) {
@@ -121,10 +129,10 @@ static inline void coverage_free(coverage *c) {
     }
 }
 
-// Measure `each` poses of every cell of a flat plate for one seed, add the pointing term with the truth's slope and
-// count. drift: let two hours pass and measure the reference again at the end.
+// Measure `each` poses of every cell of a flat plate for one seed, add the pointing term with the slopes of `slopes`
+// (NULL: of the truth) and count. drift: let two hours pass and measure the reference again at the end.
 static inline bool coverage_plate(coverage *c, const char *spec, double diffuse, uint64_t seed, int each,
-                                  const char *const *settings, int side, bool drift) {
+                                  const char *const *settings, int side, bool drift, const gonio_model *slopes) {
     sim_scan scan;
     gonio_samples *samples = NULL;
     bool ok = scan_open(&scan, spec, seed, settings, side) && scan_prepare(&scan) &&
@@ -145,7 +153,9 @@ static inline bool coverage_plate(coverage *c, const char *spec, double diffuse,
              scan_ok(&scan, gonio_calib_drift(scan.calib, clock, samples, NULL, &scan.error), "drift");
     }
     if (ok) {
-        ok = scan_ok(&scan, gonio_calib_pointing(&scan.rig.facts, truth, samples, &scan.error), "pointing");
+        ok =
+            scan_ok(&scan, gonio_calib_pointing(&scan.rig.facts, slopes != NULL ? slopes : truth, samples, &scan.error),
+                    "pointing");
         coverage_count(c, samples, truth, diffuse);
     }
     gonio_samples_free(samples);

@@ -50,12 +50,23 @@ typedef struct gonio_calib_report {
 } gonio_calib_report;
 
 // Standard uncertainty (1/sr) of one value, by cause. Photon, read, and the monitor's part of drift vary from pose to
-// pose; the others are common to a session. angle and area need a model of the sample (0 without).
+// pose; the others are common to a session. angle, area (the averaged disc) and blur (finite light and aperture) need a
+// model of the sample (0 without).
 typedef struct gonio_budget {
     double value;
-    double photon, read, dark, flat, reference, drift, angle, area;
-    double random, systematic; // as carried by the sample
+    double photon, read, dark, flat, reference, drift, angle, area, blur;
+    double random, systematic;   // as carried by the sample
+    double area_bias, blur_bias; // relative, of the mean over the disc, and over light and aperture; corrected in value
 } gonio_budget;
+
+// What the finite light and aperture do: half the angle and the solid angle that each fills, seen from the sample's
+// centre, half the angle by which directions vary over the averaged disc, and the relative bias that all three give the
+// samples before it is corrected.
+typedef struct gonio_blur {
+    double light_deg, aperture_deg, region_deg;
+    double light_sr, aperture_sr;
+    double bias_median, bias_max; // |bias| over the samples; 0 without a model
+} gonio_blur;
 
 gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_window *window,
                              gonio_calib **out, gonio_error *error);
@@ -98,8 +109,11 @@ gonio_status gonio_calib_drift(const gonio_calib *calib, const double *clock_s, 
 gonio_status gonio_calib_budget(const gonio_calib *calib, const gonio_pair *pose, int n,
                                 const gonio_exposure *exposures, const gonio_model *model, const gonio_pair *direction,
                                 gonio_budget *budget, gonio_error *error);
-// Add the angle and area terms to the sigmas, from the slope of a model that was fitted to these samples, and correct a
-// plate's values for the averaged disc's curvature (docs/uncertainty.md). Once for a set.
+// model, samples: for the bias, with the model that was fitted to them; NULL without.
+void gonio_calib_blur(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,
+                      gonio_blur *blur);
+// Add the angle, area and blur terms to the sigmas, from the slope of a model that was fitted to these samples, and
+// correct the values for the curvature within what they average (docs/uncertainty.md). Once for a set.
 gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_model *model, gonio_samples *samples,
                                   gonio_error *error);
 

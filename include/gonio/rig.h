@@ -154,7 +154,8 @@ typedef struct gonio_rig_facts {
     double lamp_drift_per_h; // stated relative drift, used where no meter measures it
     bool sphere;             // sample shape: flat plate or sphere
     double sphere_radius_mm;
-    double region_radius_mm; // flat: the averaged disc on the sample
+    double region_radius_mm;                    // flat: the averaged disc on the sample
+    double light_radius_mm, aperture_radius_mm; // of the lamp's disc and the camera's entrance pupil; 0: points
     char response_path[256]; // camera response curve (CSV: relative exposure, relative value); empty: linear
     char operator_name[64], notes[512], sample_id[64], serials[256];
 } gonio_rig_facts;

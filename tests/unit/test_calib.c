@@ -410,7 +410,7 @@ static void test_sigma_is_honest(void **state) {
     coverage c = {0};
     for (uint64_t seed = 1; seed <= 100; seed++) {
         assert_true(
-            coverage_plate(&c, "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 0.3 / GONIO_PI, seed, 1, small, SIDE, false));
+            coverage_plate(&c, "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 0.3 / GONIO_PI, seed, 1, small, SIDE, false, NULL));
     }
     for (int lobe = 0; lobe < 2; lobe++) {
         for (int band = 0; band < COVERAGE_BANDS; band++) {

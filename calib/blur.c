@@ -1,0 +1,165 @@
+// What a sample averages: its disc on the plate, the light's disc, the camera's aperture.
+//
+// Mean over the disc: every point is divided by its own irradiance (plate.c), so the mean is of f_r alone, each point
+// with its own directions. Mean over the light's disc: the radiance is the sum over its points of f_r cos(theta_i), so
+// the mean is of that product over the nominal cosine (the distance cancels against the reference, which the same lamp
+// lit, to second order). Mean over the aperture: of f_r, rays converge on the sample.
+//
+// Each mean is taken of the model with two cubatures over the disc (u = r^2 / R^2 is uniform on a disc's area): one of
+// degree 5 (two rings at u = 1/2 -+ 1/sqrt(12), Gauss-Legendre in u, six points each), and one of degree 3 (one ring at
+// u = 1/2) whose difference from it bounds what higher orders leave over.
+#include <math.h>
+#include <stdlib.h>
+
+#include "calib/internal.h"
+
+#define RING 6
+
+typedef struct disc {
+    gonio_vec3 a, b; // half axes, mm
+} disc;
+
+static double evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
+    wi.z = fmax(wi.z, 0);
+    wo.z = fmax(wo.z, 0);
+    return gonio_model_eval_channel(model, wi, wo, channel);
+}
+
+static gonio_vec3 moved(gonio_vec3 from, const disc *d, double x, double y) {
+    return (gonio_vec3){from.x + x * d->a.x + y * d->b.x, from.y + x * d->a.y + y * d->b.y,
+                        from.z + x * d->a.z + y * d->b.z};
+}
+
+static gonio_vec3 toward(gonio_vec3 from, gonio_vec3 to) {
+    const gonio_vec3 d = {to.x - from.x, to.y - from.y, to.z - from.z};
+    const double length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
+    return (gonio_vec3){d.x / length, d.y / length, d.z / length};
+}
+
+typedef enum averaged { REGION, LIGHT, APERTURE } averaged;
+
+// The model with one of the three moved to (x, y) of its disc.
+static double at(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d, double x,
+                 double y) {
+    const gonio_vec3 origin = {0, 0, 0};
+    const gonio_vec3 point = what == REGION ? moved(origin, d, x, y) : origin;
+    const gonio_vec3 wi = toward(point, what == LIGHT ? moved(g->light, d, x, y) : g->light);
+    const gonio_vec3 wo = toward(point, what == APERTURE ? moved(g->camera, d, x, y) : g->camera);
+    const double weight = what == LIGHT ? fmax(wi.z, 0) / (g->light.z / g->light_distance_mm) : 1;
+    return weight * evaluate(model, wi, wo, channel);
+}
+
+static double ring(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d, double u,
+                   double phase) {
+    double sum = 0;
+    for (int k = 0; k < RING; k++) {
+        const double angle = (k + phase) * 2 * GONIO_PI / RING;
+        sum += at(g, model, channel, what, d, sqrt(u) * cos(angle), sqrt(u) * sin(angle));
+    }
+    return sum / RING;
+}
+
+static blur_bias mean_over(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d,
+                           double centre) {
+    const double low = ring(g, model, channel, what, d, 0.5 - sqrt(1.0 / 12), 0);
+    const double high = ring(g, model, channel, what, d, 0.5 + sqrt(1.0 / 12), 0.5);
+    const double plain = ring(g, model, channel, what, d, 0.5, 0);
+    const double fine = (low + high) / 2;
+    return (blur_bias){fine / centre - 1, fabs(fine - plain) / centre};
+}
+
+static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){s * v.x, s * v.y, s * v.z}; }
+
+blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                   double centre) {
+    const geometry g = geometry_of_pose(facts, pair);
+    const gonio_pair swapped = {pair->theta_o, pair->phi_o, pair->theta_i, pair->phi_i};
+    const geometry turned = geometry_of_pose(facts, &swapped); // its right and up are the light arm's
+    blur_terms terms = {0};
+    if (!facts->sphere && facts->region_radius_mm > 0) {
+        const double r = facts->region_radius_mm;
+        const disc d = {{r, 0, 0}, {0, r, 0}};
+        terms.area = mean_over(&g, model, channel, REGION, &d, centre);
+    }
+    if (facts->light_radius_mm > 0 && g.light.z > 0) {
+        const disc d = {scaled(turned.right, facts->light_radius_mm), scaled(turned.up, facts->light_radius_mm)};
+        terms.light = mean_over(&g, model, channel, LIGHT, &d, centre);
+    }
+    if (facts->aperture_radius_mm > 0) {
+        const disc d = {scaled(g.right, facts->aperture_radius_mm), scaled(g.up, facts->aperture_radius_mm)};
+        terms.aperture = mean_over(&g, model, channel, APERTURE, &d, centre);
+    }
+    return terms;
+}
+
+// A larger bias means that the model is steeper than anything that this disc resolves.
+#define CORRECTED_MAX 0.5
+
+// misfit: how far the model lies from the sample itself, relative. Its curvature is trusted no better: a rectangular
+// distribution of that half-width (GUM 4.3.7).
+static double correct(const blur_bias *b, double misfit, double *factor) {
+    const bool corrected = fabs(b->bias) <= CORRECTED_MAX;
+    *factor *= corrected ? 1 / (1 + b->bias) : 1;
+    const double left = corrected ? hypot(b->rest, misfit * b->bias / sqrt(3)) : b->bias;
+    return left * left;
+}
+
+void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                  double centre, double measured, slope_terms *terms) {
+    const blur_terms b = blur_of(facts, model, channel, pair, centre);
+    const double expected = centre * (1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias);
+    const double misfit = fmin(fabs(measured / expected - 1), 1);
+    terms->area = correct(&b.area, misfit, &terms->factor);
+    terms->blur = correct(&b.light, misfit, &terms->factor) + correct(&b.aperture, misfit, &terms->factor);
+    terms->area_bias = b.area.bias;
+    terms->blur_bias = (1 + b.light.bias) * (1 + b.aperture.bias) - 1;
+}
+
+// ---- what a session reports ----
+
+// The bias of this many samples tells the rest; a sphere has hundreds of thousands.
+#define REPORTED 5000
+
+static int by_value(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double half_angle(double radius, double distance) { return atan(radius / distance); }
+
+static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,
+                        gonio_blur *blur) {
+    const size_t step = samples->n / REPORTED + 1;
+    double *bias = malloc((samples->n / step + 1) * sizeof *bias);
+    size_t n = 0;
+    for (size_t i = 0; bias != NULL && i < samples->n; i += step) {
+        const gonio_pair *p = &samples->pairs[i];
+        const double value =
+            evaluate(model, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), 0);
+        if (value > 0) {
+            const blur_terms b = blur_of(facts, model, 0, p, value);
+            bias[n++] = fabs((1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias) - 1);
+        }
+    }
+    if (n > 0) {
+        qsort(bias, n, sizeof *bias, by_value);
+        blur->bias_median = bias[n / 2];
+        blur->bias_max = bias[n - 1];
+    }
+    free(bias);
+}
+
+void gonio_calib_blur(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,
+                      gonio_blur *blur) {
+    const double light = half_angle(facts->light_radius_mm, facts->light_distance_mm);
+    const double aperture = half_angle(facts->aperture_radius_mm, facts->camera_distance_mm);
+    const double nearest = fmin(facts->light_distance_mm, facts->camera_distance_mm);
+    *blur = (gonio_blur){.light_deg = gonio_degrees(light),
+                         .aperture_deg = gonio_degrees(aperture),
+                         .region_deg = facts->sphere ? 0 : gonio_degrees(half_angle(facts->region_radius_mm, nearest)),
+                         .light_sr = 2 * GONIO_PI * (1 - cos(light)),
+                         .aperture_sr = 2 * GONIO_PI * (1 - cos(aperture))};
+    if (model != NULL && samples != NULL) {
+        report_bias(facts, model, samples, blur);
+    }
+}
