@@ -42,21 +42,18 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
     const double own = d[0] - tan(pair->theta_i),
                  with_reference = own + tan(gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
     slope_terms terms = {.factor = 1};
+    if (value > VALUE_MIN) {
+        blur_correct(facts, model, channel, pair, value, measured, &terms);
+    }
     if (facts->sphere) {
         const double s = sin(pair->theta_i), across = s > 1e-3 ? d[1] / s : d[0];
         terms.angle_random = 2 * random * (square(own) + square(across));
         terms.angle_systematic = 2 * systematic * (square(own) + square(across)) + systematic;
-        if (value > VALUE_MIN) {
-            blur_correct(facts, model, channel, pair, value, measured, &terms);
-        }
         return terms;
     }
     const double others = square(d[1]) + square(d[2]) + square(d[3]);
     terms.angle_random = random * (square(own) + others);
     terms.angle_systematic = systematic * (square(with_reference) + others);
-    if (value > VALUE_MIN) {
-        blur_correct(facts, model, channel, pair, value, measured, &terms);
-    }
     return terms;
 }
 

@@ -144,13 +144,20 @@ TERM(reference)
 TERM(drift)
 TERM(angle)
 TERM(area)
+TERM(blur)
 TERM(random)
 TERM(systematic)
-static const term terms[] = {{"photon", of_photon},       {"read", of_read},
-                             {"dark", of_dark},           {"flat", of_flat},
-                             {"reference", of_reference}, {"drift", of_drift},
-                             {"angle", of_angle},         {"area", of_area},
-                             {"random", of_random},       {"systematic", of_systematic}};
+static const term terms[] = {{"photon", of_photon},
+                             {"read", of_read},
+                             {"dark", of_dark},
+                             {"flat", of_flat},
+                             {"reference", of_reference},
+                             {"drift", of_drift},
+                             {"angle", of_angle},
+                             {"area", of_area},
+                             {"blur", of_blur},
+                             {"random", of_random},
+                             {"systematic", of_systematic}};
 #define TERMS (sizeof terms / sizeof *terms)
 
 static json_t *pair_json(const gonio_pair *p) {

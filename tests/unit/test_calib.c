@@ -294,7 +294,8 @@ static void test_budget_adds_up(void **state) {
     assert_near(b.random, samples->sigma_random[0], 1e-12 * b.value);
     assert_near(b.systematic, samples->sigma_systematic[0], 1e-12 * b.value);
     const double parts = b.photon * b.photon + b.read * b.read + b.dark * b.dark + b.flat * b.flat +
-                         b.reference * b.reference + b.drift * b.drift + b.angle * b.angle + b.area * b.area;
+                         b.reference * b.reference + b.drift * b.drift + b.angle * b.angle + b.area * b.area +
+                         b.blur * b.blur;
     assert_near(parts, b.random * b.random + b.systematic * b.systematic, 1e-9 * parts);
     assert_near(b.reference, 0.002 * b.value, 1e-12);
     assert_true(b.photon > 0 && b.read > 0 && b.dark > 0 && b.flat > 0 && b.drift > 0 && b.angle > 0 && b.area > 0);
@@ -409,8 +410,8 @@ static void test_sigma_is_honest(void **state) {
     (void)state;
     coverage c = {0};
     for (uint64_t seed = 1; seed <= 100; seed++) {
-        assert_true(
-            coverage_plate(&c, "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 0.3 / GONIO_PI, seed, 1, small, SIDE, false, NULL));
+        assert_true(coverage_plate(&c, "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", 0.3 / GONIO_PI, seed, 1, small, SIDE,
+                                   false, NULL));
     }
     for (int lobe = 0; lobe < 2; lobe++) {
         for (int band = 0; band < COVERAGE_BANDS; band++) {
