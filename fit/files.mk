@@ -2,7 +2,7 @@
 eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
 eval-y += fit/mph.c fit/sparse.c fit/cbmba_model.c
 lib-y  += fit/resolve.c fit/metrics.c fit/spec.c fit/check.c
-lib-y  += fit/rank.c fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/memory.c fit/mba_kernel.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
+lib-y  += fit/rank.c fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_level.c fit/mba_coarse.c fit/mba_fine.c fit/memory.c fit/mba_kernel.c fit/mba_channels.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
 lib-y  += fit/cbmba.c fit/cbmba_hash.c fit/cbmba_method.c
 pkgs-y += cmph
 deps-y += libcmph-dev

@@ -49,23 +49,43 @@ void gonio_lattice_fill(gonio_lattice *lattice, const double *values) {
     }
 }
 
+// Point s of the finer axis, from three neighbours a, b, c of the coarser one (c where s is odd only).
+static void blend(const float *restrict a, const float *restrict b, const float *restrict c, bool odd, size_t n,
+                  float *restrict out) {
+    if (odd) {
+        for (size_t k = 0; k < n; k++) {
+            out[k] = 0.125f * (a[k] + c[k]) + 0.75f * b[k];
+        }
+    } else {
+        for (size_t k = 0; k < n; k++) {
+            out[k] = 0.5f * (a[k] + b[k]);
+        }
+    }
+}
+
 // One axis: outer x n x inner -> outer x (2n - 3) x inner.
 static void refine_axis(const float *restrict from, float *restrict to, size_t outer, size_t n, size_t inner) {
     const size_t m = 2 * n - 3;
     for (size_t o = 0; o < outer; o++, from += n * inner, to += m * inner) {
         for (size_t s = 0; s < m; s++) {
-            const float *a = from + s / 2 * inner, *b = a + inner, *c = b + inner;
-            float *out = to + s * inner;
-            if (s % 2 == 0) {
-                for (size_t k = 0; k < inner; k++) {
-                    out[k] = 0.5f * (a[k] + b[k]);
-                }
-            } else {
-                for (size_t k = 0; k < inner; k++) {
-                    out[k] = 0.125f * (a[k] + c[k]) + 0.75f * b[k];
-                }
-            }
+            const float *a = from + s / 2 * inner;
+            blend(a, a + inner, a + 2 * inner, s % 2 == 1, inner, to + s * inner);
         }
+    }
+}
+
+// One plane of the finer lattice after another: what lies between the passes, work[2][plane], stays in a cache.
+static void refine_plane(const gonio_lattice *coarse, const gonio_lattice *fine, size_t s, float *work) {
+    const size_t plane = fine->count / fine->size * (size_t)fine->channels;
+    size_t inner = coarse->count / coarse->size * (size_t)coarse->channels, outer = 1;
+    const float *a = coarse->points + s / 2 * inner, *from = work;
+    blend(a, a + inner, a + 2 * inner, s % 2 == 1, inner, work);
+    for (int d = 1; d < coarse->dims; d++) {
+        float *to = d == coarse->dims - 1 ? fine->points + s * plane : from == work ? work + plane : work;
+        inner /= coarse->size;
+        refine_axis(from, to, outer, coarse->size, inner);
+        outer *= fine->size;
+        from = to;
     }
 }
 
@@ -76,22 +96,15 @@ gonio_status gonio_lattice_refine(gonio_lattice *lattice, gonio_error *error) {
         gonio_lattice_release(&fine);
         return status;
     }
-    float *spare = malloc(fine.count * (size_t)fine.channels * sizeof *spare);
-    if (spare == NULL) {
+    float *work = malloc(2 * (fine.count / fine.size) * (size_t)fine.channels * sizeof *work);
+    if (work == NULL) {
         gonio_lattice_release(&fine);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to refine to level %d", fine.level);
     }
-    // The passes alternate between the two buffers so that the last one ends in fine.points.
-    const float *from = lattice->points;
-    size_t outer = 1, inner = lattice->count * (size_t)lattice->channels;
-    for (int d = 0; d < lattice->dims; d++) {
-        float *to = (lattice->dims - d) % 2 == 1 ? fine.points : spare;
-        inner /= lattice->size;
-        refine_axis(from, to, outer, lattice->size, inner);
-        outer *= fine.size;
-        from = to;
+    for (size_t s = 0; s < fine.size; s++) {
+        refine_plane(lattice, &fine, s, work);
     }
-    free(spare);
+    free(work);
     gonio_lattice_release(lattice);
     *lattice = fine;
     return GONIO_OK;

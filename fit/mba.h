@@ -11,8 +11,6 @@ typedef struct gonio_mba gonio_mba;
 // all. The caller frees it.
 gonio_status gonio_mba_new(const gonio_scatter *scatter, const double *start, int threads, gonio_mba **out,
                            gonio_error *error);
-// Begin at this level instead of 0; before the first gonio_mba_next.
-void gonio_mba_begin_at(gonio_mba *mba, int level);
 // Fit the next level: 0 at the first call. GONIO_E_MEMORY leaves the mba at the level it had.
 gonio_status gonio_mba_next(gonio_mba *mba, gonio_error *error);
 // The sum over the levels so far, as one lattice at the last level; borrowed until the next call.
@@ -22,7 +20,7 @@ void gonio_mba_take(gonio_mba *mba, gonio_lattice *lattice);
 void gonio_mba_free(gonio_mba *mba); // NULL is allowed
 
 // Bytes that fitting up to `level` needs beside the samples.
-double gonio_mba_memory(int dims, int level, int channels, size_t samples);
+double gonio_mba_memory(int dims, int level, int channels, size_t samples, int threads);
 // GONIO_E_MEMORY, with the figures, where that is more than the machine has.
 gonio_status gonio_mba_check_memory(int dims, int level, int channels, size_t samples, gonio_error *error);
 // All levels from 0 to `level` at once.

@@ -11,13 +11,13 @@ typedef struct gonio_mba_job {
     const gonio_scatter *scatter;
     size_t begin, end; // samples
     int level;
-    size_t size;         // control points a dimension
-    const float *points; // the level's lattice so far: residuals are taken from it
-    double *sums;        // of lattice plane `plane` and those that follow
-    size_t plane;
-    bool runs; // many samples share a cell: sum them aside and add the cell's sums once
+    size_t size;           // control points a dimension
+    const float *points;   // the level's lattice so far: residuals are taken from it
+    double *const *planes; // [size]: where the sums of each plane of control points along the first axis are; aligned
+    bool runs;             // many samples share a cell: sum them aside and add the cell's sums once
 } gonio_mba_job;
 
 void gonio_mba_accumulate(const gonio_mba_job *job);
+void gonio_mba_accumulate_channels(const gonio_mba_job *job); // two channels or more
 
 #endif

@@ -53,10 +53,11 @@ static void append(gonio_fit_report *report, const char *text) {
     snprintf(report->note + length, sizeof report->note - length, "%s%s", length > 0 ? "; " : "", text);
 }
 
-static void warn(const gonio_samples *samples, const gonio_mba_choice *choice, const gonio_model *model,
-                 gonio_fit_report *report) {
+static void warn(const gonio_samples *samples, const gonio_fit_options *options, const gonio_mba_choice *choice,
+                 const gonio_model *model, gonio_fit_report *report) {
     char text[200];
-    const double bytes = gonio_mba_memory(model->isotropic ? 3 : 4, choice->level, model->channels, samples->n);
+    const double bytes =
+        gonio_mba_memory(model->isotropic ? 3 : 4, choice->level, model->channels, samples->n, options->threads);
     if (choice->scatter.domain == GONIO_LINEAR && dynamic_range(samples) > LEAK_RANGE) {
         append(report, "the peak is more than 1e5 times the median: the linear domain leaks it over the far field, "
                        "--domain log does not");
@@ -80,7 +81,7 @@ static gonio_status fit_mba(const gonio_samples *samples, const gonio_fit_option
         report->domain = choice.scatter.domain;
         snprintf(report->options, sizeof report->options, "level=%d", choice.level);
         snprintf(report->note, sizeof report->note, "%s", choice.note);
-        warn(samples, &choice, *out, report);
+        warn(samples, options, &choice, *out, report);
     }
     return status;
 }

@@ -17,7 +17,7 @@ double gonio_fit_memory(size_t samples, int channels, int dims, int level, bool 
     const double kept = n * (sizeof(gonio_pair) + 8 * c * (sigma ? 3 : 1));
     const double prepared = n * 4 * (dims + c + (sigma ? 1 : 0));
     const double ranking = n * 8; // the domain's offset, then the weights' variances
-    const double levels = gonio_mba_memory(dims, level, channels, samples);
+    const double levels = gonio_mba_memory(dims, level, channels, samples, 0);
     const double fit = prepared + fmax(fmax(ranking, sort_memory(dims, channels, samples)), levels);
     // The model's own lattice stays while its error on the samples is taken.
     const double errors = (double)gonio_lattice_count(dims, level) * 4 * c + n * 8 * (c + 1);

@@ -122,6 +122,29 @@ GONIO_INLINE void gonio_rows_weights(const gonio_place *place, const int dims, g
     }
 }
 
+// The last axis' weights over the four points of a row's sum: scratch[4 x channels] -> values[channels].
+GONIO_INLINE void gonio_rows_sum_last(const gonio_place *place, const int dims, int channels, const float *scratch,
+                                      float *values) {
+    const size_t c = (size_t)channels;
+    gonio_d4 last;
+    gonio_rows_last(place, dims, &last);
+    const gonio_f4 w = __builtin_convertvector(last, gonio_f4);
+    if (c >= 16) {
+        for (size_t v = 0; v < c; v += 16) {
+            // The last vector may overlap the one before: what both hold is computed twice, with the same result.
+            const float *at = scratch + (v + 16 <= c ? v : c - 16);
+            *(gonio_f16 *)(values + (at - scratch)) =
+                (w[0] * *(const gonio_f16 *)at + w[1] * *(const gonio_f16 *)(at + c)) +
+                (w[2] * *(const gonio_f16 *)(at + 2 * c) + w[3] * *(const gonio_f16 *)(at + 3 * c));
+        }
+        return;
+    }
+    for (size_t k = 0; k < c; k++) {
+        values[k] =
+            (w[0] * scratch[k] + w[1] * scratch[c + k]) + (w[2] * scratch[2 * c + k] + w[3] * scratch[3 * c + k]);
+    }
+}
+
 // All channels (2 or more), in float: a row has 4 x channels floats. scratch[4 x channels], values[channels].
 GONIO_INLINE void gonio_rows_eval_all(const float *points, const gonio_row_list *list, const int dims, int channels,
                                       const gonio_place *place, float *scratch, float *values) {
@@ -151,22 +174,7 @@ GONIO_INLINE void gonio_rows_eval_all(const float *points, const gonio_row_list 
             *(gonio_f4 *)(scratch + v) = even + odd;
         }
     }
-    gonio_d4 last;
-    gonio_rows_last(place, dims, &last);
-    const gonio_f4 w = __builtin_convertvector(last, gonio_f4);
-    if (c >= 16) {
-        for (size_t v = 0; v < c; v += 16) {
-            const float *at = scratch + (v + 16 <= c ? v : c - 16);
-            *(gonio_f16 *)(values + (at - scratch)) =
-                (w[0] * *(const gonio_f16 *)at + w[1] * *(const gonio_f16 *)(at + c)) +
-                (w[2] * *(const gonio_f16 *)(at + 2 * c) + w[3] * *(const gonio_f16 *)(at + 3 * c));
-        }
-        return;
-    }
-    for (size_t k = 0; k < c; k++) {
-        values[k] =
-            (w[0] * scratch[k] + w[1] * scratch[c + k]) + (w[2] * scratch[2 * c + k] + w[3] * scratch[3 * c + k]);
-    }
+    gonio_rows_sum_last(place, dims, channels, scratch, values);
 }
 
 #endif

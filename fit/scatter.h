@@ -41,7 +41,9 @@ void gonio_scatter_release(gonio_scatter *scatter);
 // The same without sorting.
 gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *samples,
                                    const gonio_scatter_options *options, gonio_error *error);
-// Sort each block of GONIO_SCATTER_BLOCK samples by cell; gonio_scatter_init has done it.
+// Sort each block of GONIO_SCATTER_BLOCK samples by cell, axis after axis, by this many bits of each;
+// gonio_scatter_init has done it.
+static inline int gonio_scatter_order_bits(int dims) { return dims == 3 ? 6 : 4; }
 #define GONIO_SCATTER_BLOCK ((size_t)1 << 20)
 gonio_status gonio_scatter_sort(gonio_scatter *scatter, int threads, gonio_error *error);
 // The coordinates of one pair; x[dims].

@@ -14,7 +14,7 @@
 #define DIGITS (1u << DIGIT_BITS)
 
 static uint32_t cell_key(const uint32_t *position, int dims) {
-    const int bits = dims == 3 ? 6 : 4;
+    const int bits = gonio_scatter_order_bits(dims);
     uint32_t key = 0;
     for (int d = 0; d < dims; d++) {
         key = key << bits | position[d] >> (32 - bits);

@@ -55,20 +55,23 @@ static void *helper(void *argument) {
     return NULL;
 }
 
+size_t gonio_team_threads(int threads) {
+    const long online = threads > 0 ? threads : sysconf(_SC_NPROCESSORS_ONLN);
+    return online < 1 ? 1 : online > THREADS_MAX ? THREADS_MAX : (size_t)online;
+}
+
+size_t gonio_team_size(const gonio_team *team) { return team != NULL ? (size_t)team->count + 1 : 1; }
+
 gonio_team *gonio_team_new(int threads) {
-    if (threads <= 0) {
-        const long online = sysconf(_SC_NPROCESSORS_ONLN);
-        threads = online > 0 ? (int)online : 1;
-    }
-    threads = threads > THREADS_MAX ? THREADS_MAX : threads;
-    gonio_team *team = threads > 1 ? calloc(1, sizeof *team) : NULL;
+    const int wanted = (int)gonio_team_threads(threads);
+    gonio_team *team = wanted > 1 ? calloc(1, sizeof *team) : NULL;
     if (team == NULL) {
         return NULL;
     }
     pthread_mutex_init(&team->mutex, NULL);
     pthread_cond_init(&team->begin, NULL);
     pthread_cond_init(&team->end, NULL);
-    while (team->count < threads - 1 && pthread_create(&team->threads[team->count], NULL, helper, team) == 0) {
+    while (team->count < wanted - 1 && pthread_create(&team->threads[team->count], NULL, helper, team) == 0) {
         team->count++;
     }
     return team;

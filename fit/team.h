@@ -16,6 +16,9 @@ typedef struct gonio_team gonio_team;
 // gonio_team_run then does all the work itself.
 gonio_team *gonio_team_new(int threads);
 void gonio_team_free(gonio_team *team);
+// Threads of a team, the caller's among them (NULL: 1), and those that a number asked for would mean.
+size_t gonio_team_size(const gonio_team *team);
+size_t gonio_team_threads(int threads);
 // Call work(context, item) for every item in [0, items), in any order, by any thread; returns when all are done.
 void gonio_team_run(gonio_team *team, size_t items, void (*work)(void *context, size_t item), void *context);
 

@@ -83,13 +83,18 @@ static void assert_same_bits(const gonio_lattice *a, const gonio_lattice *b) {
     assert_memory_equal(a->points, b->points, a->count * (size_t)a->channels * sizeof(float));
 }
 
+// Coarse levels, levels as fine as the samples' order, and finer ones; more than two chunks, so that threads really
+// share the work.
 static void bits_do_not_depend_on_threads(void **state) {
     (void)state;
-    for (int channels = 1; channels <= 3; channels += 2) {
-        // More than two chunks, so that threads really share the work.
-        gonio_samples *samples = simulate_samples(WARD, 70000, channels, 2);
-        gonio_lattice one = fit(samples, &thesis, 5, 1), two = fit(samples, &thesis, 5, 2),
-                      seven = fit(samples, &thesis, 5, 7);
+    static const struct {
+        int dims, channels, level;
+    } cases[] = {{3, 1, 7}, {3, 3, 6}, {3, 31, 5}, {4, 1, 5}, {4, 2, 4}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        gonio_samples *samples = simulate_samples(WARD, 40000, cases[k].channels, 2);
+        samples->isotropic = cases[k].dims == 3;
+        gonio_lattice one = fit(samples, &thesis, cases[k].level, 1), two = fit(samples, &thesis, cases[k].level, 2),
+                      seven = fit(samples, &thesis, cases[k].level, 7);
         assert_same_bits(&one, &two);
         assert_same_bits(&one, &seven);
         gonio_lattice_release(&one);
@@ -97,6 +102,20 @@ static void bits_do_not_depend_on_threads(void **state) {
         gonio_lattice_release(&seven);
         gonio_samples_free(samples);
     }
+}
+
+// All samples in a few cells of the first axis: most segments have nothing to do.
+static void threads_agree_on_crowded_planes(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples(WARD, 40000, 1, 12);
+    for (size_t i = 0; i < samples->n; i++) {
+        samples->pairs[i].theta_i = i % 3 == 0 ? 0.5 : i % 3 == 1 ? 0.52 : GONIO_PI / 2;
+    }
+    gonio_lattice one = fit(samples, &thesis, 7, 1), seven = fit(samples, &thesis, 7, 7);
+    assert_same_bits(&one, &seven);
+    gonio_lattice_release(&one);
+    gonio_lattice_release(&seven);
+    gonio_samples_free(samples);
 }
 
 static void order_of_samples_does_not_matter(void **state) {
@@ -240,6 +259,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(equals_the_oracle),
         cmocka_unit_test(bits_do_not_depend_on_threads),
+        cmocka_unit_test(threads_agree_on_crowded_planes),
         cmocka_unit_test(order_of_samples_does_not_matter),
         cmocka_unit_test(channels_equal_fits_of_their_own),
         cmocka_unit_test(impulse_is_interpolated),
