@@ -28,10 +28,12 @@ struct gonio_sim {
     sim_sensor *sensor; // after open
     sim_response *response;
     int fault_hits[SIM_FAULTS];
+    bool loses_steps; // was ever told to, perhaps in the process before this one
 
     bool homed;
     double position_rad[GONIO_AXES]; // as the counters say
     double actual_rad[GONIO_AXES];   // where the arms really stand
+    double lost_rad[GONIO_AXES];     // steps lost since the last homing
     gonio_stamp moved;               // the stamp of the last move
     double lamp_level;
     bool shutter_open;

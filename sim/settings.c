@@ -89,6 +89,7 @@ static const entry entries[] = {
     FAULT_KEY("lamp_off", SIM_FAULT_LAMP_OFF),
     FAULT_KEY("meter_error", SIM_FAULT_METER_ERROR),
     FAULT_KEY("interlock_open", SIM_FAULT_INTERLOCK_OPEN),
+    FAULT_KEY("lost_steps", SIM_FAULT_LOST_STEPS),
 };
 #define COUNT (sizeof entries / sizeof *entries)
 

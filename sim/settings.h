@@ -26,6 +26,7 @@ typedef enum sim_fault_kind {
     SIM_FAULT_LAMP_OFF,
     SIM_FAULT_METER_ERROR,
     SIM_FAULT_INTERLOCK_OPEN,
+    SIM_FAULT_LOST_STEPS,
     SIM_FAULTS
 } sim_fault_kind;
 

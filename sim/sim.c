@@ -47,7 +47,9 @@ void gonio_sim_free(gonio_sim *sim) {
 
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value,
                            gonio_error *error) {
-    return sim_settings_set(&sim->settings, section, key, value, error);
+    const gonio_status status = sim_settings_set(&sim->settings, section, key, value, error);
+    sim->loses_steps = sim->loses_steps || sim->settings.fault[SIM_FAULT_LOST_STEPS].pose >= 0;
+    return status;
 }
 
 char *gonio_sim_settings(const gonio_sim *sim) { return sim_settings_text(&sim->settings); }
@@ -159,6 +161,7 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     sim->homed = false;
     memset(sim->position_rad, 0, sizeof sim->position_rad);
     memset(sim->actual_rad, 0, sizeof sim->actual_rad);
+    memset(sim->lost_rad, 0, sizeof sim->lost_rad);
     memset(sim->fault_hits, 0, sizeof sim->fault_hits);
     sim->moved = (gonio_stamp){.pose = -1};
     sim->lamp_level = 1;

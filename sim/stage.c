@@ -9,6 +9,10 @@
 #include "sim/internal.h"
 #include "sim/random.h"
 
+// A fault lost_steps, and the drift that an audit takes for lost steps.
+#define LOST_DEG 0.5
+#define AUDIT_DEG 0.01
+
 static const char *const axis_names[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
 
 // The trapezoidal profile, triangular where the distance is too short to reach full speed.
@@ -45,6 +49,7 @@ static gonio_status stage_home(void *device, double timeout_s, gonio_error *erro
     }
     for (int k = 0; k < GONIO_AXES; k++) {
         sim->position_rad[k] = 0;
+        sim->lost_rad[k] = 0;
         sim->actual_rad[k] = sim->truth.zero_error_rad[k];
     }
     sim->homed = true;
@@ -66,14 +71,19 @@ static gonio_status check_target(const gonio_sim *sim, const double target_rad[G
     return GONIO_OK;
 }
 
-// The axis with the longest way sticks half-way; where it then stands is unknown until it is homed.
-static gonio_status stall(gonio_sim *sim, const double target_rad[GONIO_AXES], gonio_error *error) {
+static int longest_way(const gonio_sim *sim, const double target_rad[GONIO_AXES]) {
     int worst = 0;
     for (int k = 0; k < GONIO_AXES; k++) {
         if (fabs(target_rad[k] - sim->position_rad[k]) > fabs(target_rad[worst] - sim->position_rad[worst])) {
             worst = k;
         }
     }
+    return worst;
+}
+
+// The axis with the longest way sticks half-way; where it then stands is unknown until it is homed.
+static gonio_status stall(gonio_sim *sim, const double target_rad[GONIO_AXES], gonio_error *error) {
+    const int worst = longest_way(sim, target_rad);
     for (int k = 0; k < GONIO_AXES; k++) {
         sim->actual_rad[k] = sim->position_rad[k] = (sim->position_rad[k] + target_rad[k]) / 2;
     }
@@ -87,7 +97,7 @@ static double settle(const gonio_sim *sim, int k, double target_rad, const gonio
     const double repeatability =
         axis->pointing_deg / sqrt(2) * sim_normal(sim->seed, SIM_REPEATABILITY, stamp->pose, 0, (uint32_t)k);
     const bool from_above = !sim->settings.rig.backlash_takeup && target_rad < sim->position_rad[k];
-    return target_rad + sim->truth.zero_error_rad[k] +
+    return target_rad + sim->truth.zero_error_rad[k] + sim->lost_rad[k] +
            gonio_radians(repeatability + (from_above ? axis->backlash_deg : 0));
 }
 
@@ -107,6 +117,9 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     if (takes_s > timeout_s || sim_fault_strikes(sim, SIM_FAULT_STAGE_TIMEOUT, stamp)) {
         return gonio_fail(error, GONIO_E_TIMEOUT, "stage: the move to pose %lld did not end within %.3g s",
                           (long long)stamp->pose, timeout_s);
+    }
+    if (sim_fault_strikes(sim, SIM_FAULT_LOST_STEPS, stamp)) {
+        sim->lost_rad[longest_way(sim, target_rad)] += gonio_radians(LOST_DEG);
     }
     for (int k = 0; k < GONIO_AXES; k++) {
         sim->actual_rad[k] = settle(sim, k, target_rad[k], stamp);
@@ -128,6 +141,22 @@ static gonio_status stage_stop(void *device, gonio_error *error) {
     return GONIO_OK;
 }
 
+static gonio_status stage_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
+    gonio_sim *sim = device;
+    const bool known = sim->homed || !sim->loses_steps;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        difference_rad[k] = known ? 0 - sim->lost_rad[k] : (double)NAN;
+    }
+    const gonio_status status = stage_home(sim, timeout_s, error);
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        if (fabs(gonio_degrees(difference_rad[k])) > AUDIT_DEG) {
+            return gonio_fail(error, GONIO_E_MISMATCH, "stage: %s had drifted by %.4g deg since the last homing",
+                              axis_names[k], gonio_degrees(difference_rad[k]));
+        }
+    }
+    return status;
+}
+
 static void stage_close(void *device) { (void)device; }
 
 const gonio_stage_ops sim_stage_ops = {.api_version = GONIO_RIG_API_VERSION,
@@ -137,4 +166,5 @@ const gonio_stage_ops sim_stage_ops = {.api_version = GONIO_RIG_API_VERSION,
                                        .position = stage_position,
                                        .stop = stage_stop,
                                        .duration_s = stage_duration_s,
-                                       .close = stage_close};
+                                       .close = stage_close,
+                                       .audit = stage_audit};

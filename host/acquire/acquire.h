@@ -15,6 +15,7 @@ typedef struct gonio_scan_options {
     double settle_s;                 // after every move
     double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
     int window_width, window_height; // read-out window; 0: around the sample; -1: the full frame
+    int audit_poses;                 // home and compare after so many poses, and at the end; 0: at the end alone
     bool hands;                      // targets are put on the table by hand even where a sample changer is there
 } gonio_scan_options;
 
@@ -99,6 +100,14 @@ gonio_status gonio_process_samples(gonio_session *session, const gonio_process *
                                    gonio_progress_fn progress, void *context, gonio_samples ***out, gonio_error *error);
 void gonio_sets_free(gonio_samples **sets, size_t n);
 
+// ---- audit.c: has the stage lost steps? ----
+typedef enum gonio_audit_verdict { GONIO_AUDIT_GOOD, GONIO_AUDIT_BAD, GONIO_AUDIT_UNKNOWN } gonio_audit_verdict;
+// Home the stage and compare with its last homing (a stage that cannot tell is homed). Good: every flagged step is
+// vouched for. Else they are taken back, in the journal and in process->steps, to be measured again: *undone of them.
+// The difference goes to the journal; text (at least 256 bytes): the same for people.
+gonio_status gonio_audit(gonio_session *session, const gonio_rig *rig, gonio_process *process, double timeout_s,
+                         gonio_audit_verdict *verdict, size_t *undone, char text[256], gonio_error *error);
+
 // ---- scan.c: drive the rig through the session's steps ----
 typedef struct gonio_scan gonio_scan;
 typedef struct gonio_scan_hooks {
@@ -107,14 +116,17 @@ typedef struct gonio_scan_hooks {
     gonio_status (*mount)(void *context, gonio_target target, gonio_error *error);
     // Something that the scan survives and the operator should know. May be NULL.
     void (*note)(void *context, const char *text);
+    // An audit took steps back that were done: what was made of their samples no longer stands. May be NULL.
+    void (*undone)(void *context, size_t steps);
 } gonio_scan_hooks;
 
 // Prepare to go on with the session's first undone step: what was calibrated is calibrated again from its frames, the
-// axes are homed, the lamp is warm. rig, session and hooks are borrowed until gonio_scan_free.
+// axes are homed and audited, the lamp is warm. rig, session and hooks are borrowed until gonio_scan_free.
 gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const gonio_scan_hooks *hooks,
                             gonio_scan **out, gonio_error *error);
 bool gonio_scan_done(const gonio_scan *scan);
-// Do the next undone step as a whole and journal it. *samples (borrowed until the next call): what it yielded, NULL for
+// Do the next undone step as a whole and journal it; where an audit is due (every scan.audit_poses poses, and after the
+// last step), it follows, and may take steps back. *samples (borrowed until the next call): what it yielded, NULL for
 // a calibration step. On failure the axes are stopped, the shutter closed, the fault journalled; the step is undone.
 gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error);
 // The setup, calibration and steps (up to date with what was done), borrowed.

@@ -17,10 +17,13 @@ typedef struct member {
     const char *name;
     kind kind;
     size_t offset, size; // size: of a text's array
+    bool late;           // sessions of the first releases lack it, and have 0 there
 } member;
 
 #define M(type, name, kind)                                                                                            \
-    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name) }
+    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name), false }
+#define LATE(type, name, kind)                                                                                         \
+    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name), true }
 
 static const member camera_members[] = {
     M(gonio_camera_info, name, TEXT),
@@ -62,10 +65,15 @@ static const member facts_members[] = {
     {0},
 };
 static const member scan_members[] = {
-    M(gonio_scan_options, dark_frames, INTEGER),  M(gonio_scan_options, reference_frames, INTEGER),
-    M(gonio_scan_options, settle_s, REAL),        M(gonio_scan_options, exposure_max_s, REAL),
-    M(gonio_scan_options, window_width, INTEGER), M(gonio_scan_options, window_height, INTEGER),
-    M(gonio_scan_options, hands, BOOLEAN),        {0},
+    M(gonio_scan_options, dark_frames, INTEGER),
+    M(gonio_scan_options, reference_frames, INTEGER),
+    M(gonio_scan_options, settle_s, REAL),
+    M(gonio_scan_options, exposure_max_s, REAL),
+    M(gonio_scan_options, window_width, INTEGER),
+    M(gonio_scan_options, window_height, INTEGER),
+    M(gonio_scan_options, hands, BOOLEAN),
+    LATE(gonio_scan_options, audit_poses, INTEGER),
+    {0},
 };
 static const member window_members[] = {
     M(gonio_window, x, INTEGER),
@@ -172,7 +180,8 @@ static gonio_status get(gonio_session *session, const struct part *part, gonio_s
     json_t *object = json_loads(text, 0, NULL);
     free(text);
     for (const member *m = part->members; status == GONIO_OK && m->name != NULL; m++) {
-        if (!take(m, json_object_get(object, m->name), (char *)setup + part->offset + m->offset)) {
+        const json_t *value = json_object_get(object, m->name);
+        if (!(m->late && value == NULL) && !take(m, value, (char *)setup + part->offset + m->offset)) {
             status = gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(session), -1,
                                      "setting '%s' has no sound value of '%s'", part->key, m->name);
         }

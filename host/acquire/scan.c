@@ -10,6 +10,8 @@
 // A move may take this much longer than the stage's own estimate before it counts as stuck.
 #define MOVE_SLACK 5
 #define MOVE_MARGIN_S 30
+// So many audits one after the other that each found lost steps: the axis will not do better the next time.
+#define BAD_AUDITS_MAX 3
 
 enum { TARGET_UNKNOWN = -1 };
 
@@ -22,8 +24,20 @@ struct gonio_scan {
     bool ready;             // the calibration is prepared
     int target;             // what lies on the table
     double waited_s;        // for the lamp, before the first step of this run
+    int bad_audits;         // in a row
     gonio_samples *samples; // of the last step
 };
+
+static size_t flagged_poses(const gonio_scan *scan, bool *any) {
+    size_t poses = 0;
+    *any = false;
+    for (size_t i = 0; i < scan->process.n; i++) {
+        const gonio_step *step = &scan->process.steps[i];
+        *any = *any || step->flagged;
+        poses += step->flagged && step->kind == GONIO_STEP_SAMPLE;
+    }
+    return poses;
+}
 
 static void to_next(gonio_scan *scan) {
     while (scan->next < scan->process.n && scan->process.steps[scan->next].done) {
@@ -48,6 +62,41 @@ static double clock_before(const gonio_scan *scan, size_t step) {
     return step > 0 ? scan->process.steps[step - 1].clock_end_s : 0;
 }
 
+// Go on after steps were taken back: frames of theirs that lie about are removed, and a calibration that lost a step is
+// no longer one.
+static gonio_status go_back(gonio_scan *scan, size_t undone, const char *why, gonio_error *error) {
+    char text[400];
+    snprintf(text, sizeof text, "%s; %zu steps are measured again", why, undone);
+    note(scan, "measured again", text);
+    scan->next = 0;
+    to_next(scan);
+    if (scan->hooks.undone != NULL) {
+        scan->hooks.undone(scan->hooks.context, undone);
+    }
+    const gonio_status status = gonio_session_sweep(scan->session, NULL, error);
+    return status == GONIO_OK && scan->next < scan->process.first_sample
+               ? gonio_process_prepare(scan->session, &scan->process, NULL, NULL, 0, &scan->ready, error)
+               : status;
+}
+
+static gonio_status audit(gonio_scan *scan, gonio_error *error) {
+    gonio_audit_verdict verdict;
+    size_t undone;
+    char text[256];
+    const gonio_status status =
+        gonio_audit(scan->session, scan->rig, &scan->process, HOME_TIMEOUT_S, &verdict, &undone, text, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    scan->bad_audits = verdict == GONIO_AUDIT_BAD ? scan->bad_audits + 1 : 0;
+    if (undone > 0 && go_back(scan, undone, text, error) != GONIO_OK) {
+        return GONIO_E_FAILED;
+    }
+    return scan->bad_audits < BAD_AUDITS_MAX
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_DEVICE, "%d audits in a row found lost steps (%s)", scan->bad_audits, text);
+}
+
 static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
     const gonio_rig *rig = scan->rig;
     gonio_status status = GONIO_OK;
@@ -58,7 +107,7 @@ static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
         status = rig->lamp->set_level(rig->lamp_device, 1, error);
     }
     if (status == GONIO_OK) {
-        status = rig->stage->home(rig->stage_device, HOME_TIMEOUT_S, error);
+        status = audit(scan, error);
     }
     if (status == GONIO_OK) {
         const gonio_stamp stamp = {(int64_t)scan->next, 0, clock_before(scan, scan->next)};
@@ -110,7 +159,9 @@ gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const 
         status = restore_samples(scan, error);
     }
     to_next(scan);
-    if (status == GONIO_OK && !gonio_scan_done(scan)) {
+    bool unaudited = false;
+    flagged_poses(scan, &unaudited); // killed after the last step: what is left to do is the audit
+    if (status == GONIO_OK && (!gonio_scan_done(scan) || unaudited)) {
         status = start_rig(scan, error);
     }
     if (status != GONIO_OK) {
@@ -238,6 +289,7 @@ static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_
     }
     gonio_step finished = *step;
     finished.done = true;
+    finished.flagged = scan->rig->stage->audit != NULL;
     finished.frames = exposures->n;
     finished.clock_end_s = exposures->clock_s;
     finished.exposure_end_s = exposures->end_s;
@@ -251,6 +303,35 @@ static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_
     return status;
 }
 
+// ---- audits on the way ----
+
+// To the pose where the session began, and where it ends: from there the way to the home switches is known to be free.
+static gonio_status park(gonio_scan *scan, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    const gonio_step *here = &scan->process.steps[scan->next - 1];
+    double target[GONIO_AXES];
+    gonio_scan_target(&scan->process.steps[0].pose, target);
+    const gonio_stamp stamp = {here->index, 0, here->clock_end_s};
+    return rig->stage->move(rig->stage_device, target, (uint32_t)(here->index + 1), &stamp,
+                            HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
+}
+
+// The nominal clock does not count audits, so that a resumed session, which has others, has the same clock.
+static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
+    bool any;
+    const size_t poses = flagged_poses(scan, &any);
+    const int every = scan->process.setup.scan.audit_poses;
+    const bool at_end = scan->next == scan->process.n;
+    if (!any || !(at_end || (every > 0 && poses >= (size_t)every))) {
+        return GONIO_OK;
+    }
+    gonio_status status = at_end ? GONIO_OK : scan->rig->lamp->set_shutter(scan->rig->lamp_device, false, error);
+    if (status == GONIO_OK) {
+        status = park(scan, error);
+    }
+    return status == GONIO_OK ? audit(scan, error) : status;
+}
+
 gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error) {
     gonio_samples_free(scan->samples);
     scan->samples = NULL;
@@ -262,6 +343,12 @@ gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, go
     if (status == GONIO_OK && scan->ready && scan->next < scan->process.first_sample) {
         status = restore_samples(scan, &own);
     }
+    if (status == GONIO_OK) {
+        scan->waited_s = 0;
+        to_next(scan);
+        *samples = scan->samples;
+        status = audit_if_due(scan, &own);
+    }
     if (status != GONIO_OK) {
         char text[600];
         gonio_scan_halt(scan);
@@ -270,10 +357,6 @@ gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, go
         if (error != NULL) {
             *error = own;
         }
-        return status;
     }
-    scan->waited_s = 0;
-    to_next(scan);
-    *samples = scan->samples;
-    return GONIO_OK;
+    return status;
 }

@@ -64,6 +64,10 @@ static void print(const char *path, const gonio_doctor_report *r, bool repair, j
            r->steps_done < r->steps ? "; `gonio resume` goes on" : "");
     printf("frames     %lld, %lld bad\n", (long long)r->frames, (long long)r->frames_bad);
     printf("samples    of %lld steps bad\nresults    %s\n", (long long)r->samples_bad, r->results_ok ? "sound" : "BAD");
+    if (r->flagged > 0) {
+        printf("flagged    %lld steps since the last good audit of the stage; `gonio resume` audits them\n",
+               (long long)r->flagged);
+    }
     printf("%s", r->detail);
     const char *events = json_string_value(json_object_get(about, "events"));
     printf("events\n%s", events != NULL ? events : "");
@@ -95,12 +99,13 @@ static int run(int argc, char **argv) {
     json_t *about = describe(path);
     if (common.json) {
         json_t *object =
-            json_pack("{s:s,s:b,s:b,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:b,s:b,s:s,s:o}", "session", path, "sound",
+            json_pack("{s:s,s:b,s:b,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:b,s:b,s:s,s:o}", "session", path, "sound",
                       is_sound(&report), "repaired", repair, "steps", (json_int_t)report.steps, "steps_done",
                       (json_int_t)report.steps_done, "steps_lost", (json_int_t)report.steps_lost, "frames",
                       (json_int_t)report.frames, "frames_bad", (json_int_t)report.frames_bad, "samples_bad",
-                      (json_int_t)report.samples_bad, "strays", (json_int_t)report.strays, "database_ok",
-                      report.database_ok, "results_ok", report.results_ok, "detail", report.detail, "about", about);
+                      (json_int_t)report.samples_bad, "strays", (json_int_t)report.strays, "flagged",
+                      (json_int_t)report.flagged, "database_ok", report.database_ok, "results_ok", report.results_ok,
+                      "detail", report.detail, "about", about);
         cli_json(object);
     } else {
         print(path, &report, repair, about);

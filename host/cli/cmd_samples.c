@@ -17,6 +17,19 @@ typedef struct request {
     const char *path, *output, *budget;
 } request;
 
+static size_t flagged_steps(gonio_session *session) {
+    gonio_step *steps;
+    size_t n, flagged = 0;
+    if (gonio_session_steps(session, &steps, &n, NULL) != GONIO_OK) {
+        return 0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        flagged += steps[i].flagged && steps[i].kind == GONIO_STEP_SAMPLE;
+    }
+    free(steps);
+    return flagged;
+}
+
 static int write_samples(const request *r, gonio_session *session) {
     gonio_error error = {.line = -1, .byte = -1};
     gonio_samples *samples = NULL;
@@ -38,9 +51,14 @@ static int write_samples(const request *r, gonio_session *session) {
     if (!final) {
         fprintf(stderr, "the session is not finished: these samples lack the pointing term and any drift correction\n");
     }
+    const size_t flagged = flagged_steps(session);
+    if (flagged > 0) {
+        fprintf(stderr, "samples of %zu poses are flagged: no audit of the stage has vouched for them yet\n", flagged);
+    }
     if (r->common->json) {
-        json_t *object = json_pack("{s:s,s:I,s:i,s:b,s:s}", "session", r->path, "samples", (json_int_t)samples->n,
-                                   "channels", samples->channels, "final", final, "samples_sha256", hash);
+        json_t *object =
+            json_pack("{s:s,s:I,s:i,s:b,s:s,s:I}", "session", r->path, "samples", (json_int_t)samples->n, "channels",
+                      samples->channels, "final", final, "samples_sha256", hash, "flagged", (json_int_t)flagged);
         json_object_set_new(object, "output", r->output != NULL ? json_string(r->output) : json_null());
         cli_json(object);
     } else if (r->output != NULL) {

@@ -13,6 +13,7 @@ typedef struct run {
     gonio_scan *scan;
     gonio_fit_stream *stream;
     bool in_order; // the stream was given every sample in the steps' order
+    bool undone;   // an audit took samples back that the stream was given
     cli_progress progress;
     size_t done, total; // sample steps
 } run;
@@ -53,6 +54,11 @@ static void show_note(void *context, const char *text) {
     fprintf(stderr, "%s\n", text);
 }
 
+static void note_undone(void *context, size_t steps) {
+    (void)steps;
+    ((run *)context)->undone = true;
+}
+
 static gonio_status open_stream(run *r, gonio_error *error) {
     gonio_process *process = gonio_scan_process(r->scan);
     gonio_fit_options options = gonio_setup_slope_fit(&process->setup);
@@ -60,6 +66,8 @@ static gonio_status open_stream(run *r, gonio_error *error) {
     gonio_status status = gonio_fit_stream_new(gonio_calib_channels(process->calib),
                                                gonio_calib_channel_names(process->calib), &options, &r->stream, error);
     r->in_order = true;
+    r->undone = false;
+    r->total = r->done = 0;
     for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
         const gonio_step *step = &process->steps[i];
         r->total += step->kind == GONIO_STEP_SAMPLE;
@@ -80,8 +88,8 @@ static gonio_status open_stream(run *r, gonio_error *error) {
 
 static gonio_status scan_all(run *r, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    const size_t before = r->done;
-    cli_progress_start(&r->progress, "poses", (double)(r->total - before));
+    const double before = (double)r->done;
+    cli_progress_start(&r->progress, "poses", (double)r->total - before);
     while (status == GONIO_OK && !gonio_scan_done(r->scan)) {
         if (cli_interrupted()) {
             status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu poses", r->done, r->total);
@@ -95,9 +103,14 @@ static gonio_status scan_all(run *r, gonio_error *error) {
                 status = gonio_fit_stream_add(r->stream, samples, error);
             }
         }
+        if (status == GONIO_OK && r->undone) {
+            gonio_fit_stream_free(r->stream);
+            r->stream = NULL;
+            status = open_stream(r, error);
+        }
         char detail[48];
         snprintf(detail, sizeof detail, "%zu of %zu", r->done, r->total);
-        cli_progress_update(&r->progress, (double)(r->done - before), detail, gonio_fit_stream_error(r->stream));
+        cli_progress_update(&r->progress, (double)r->done - before, detail, gonio_fit_stream_error(r->stream));
     }
     cli_progress_end(&r->progress);
     return status;
@@ -171,7 +184,7 @@ static void report(const run *r, const gonio_outcome *outcome, const char *model
 int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, const gonio_rig *rig) {
     const double started = cli_now_s();
     run r = {.m = measuring, .session = session};
-    const gonio_scan_hooks hooks = {&r, ask_for_hands, show_note};
+    const gonio_scan_hooks hooks = {&r, ask_for_hands, show_note, note_undone};
     gonio_error error = {.line = -1, .byte = -1};
     gonio_outcome outcome = {0};
     char *model_path = NULL;

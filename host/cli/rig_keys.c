@@ -29,6 +29,7 @@ static const entry entries[] = {
     {"scan", "dark_frames", INTEGER, true, AT(scan.dark_frames), 4, 1000},
     {"scan", "reference_frames", INTEGER, true, AT(scan.reference_frames), 2, 1000},
     {"scan", "settle_s", REAL, true, AT(scan.settle_s), 0, 600},
+    {"scan", "audit_poses", INTEGER, true, AT(scan.audit_poses), 0, 1e6},
     {"scan", "exposure_max_s", REAL, true, AT(scan.exposure_max_s), 0, 3600},
     {"camera", "window", WINDOW, true, AT(scan.window_width), 2, 65536},
     {"mount", "by", MOUNT, true, AT(scan.hands), 0, 0},

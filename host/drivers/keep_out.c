@@ -86,6 +86,7 @@ typedef struct guard {
     gonio_keep_out keep_out;
     const gonio_stage_ops *stage;
     void *device;
+    gonio_stage_ops ops; // with those optional ones that the stage has
 } guard;
 
 static gonio_status guard_home(void *device, double timeout_s, gonio_error *error) {
@@ -126,6 +127,11 @@ static double guard_duration_s(void *device, const double from_rad[GONIO_AXES], 
     return g->stage->duration_s(g->device, from_rad, to_rad);
 }
 
+static gonio_status guard_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
+    const guard *g = device;
+    return g->stage->audit(g->device, timeout_s, difference_rad, error);
+}
+
 static void guard_close(void *device) {
     guard *g = device;
     g->stage->close(g->device);
@@ -147,8 +153,9 @@ gonio_status gonio_keep_out_guard(const gonio_keep_out *keep_out, gonio_rig *rig
     if (g == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for keep-out zones");
     }
-    *g = (guard){*keep_out, rig->stage, rig->stage_device};
-    rig->stage = &guard_ops;
+    *g = (guard){*keep_out, rig->stage, rig->stage_device, guard_ops};
+    g->ops.audit = rig->stage->audit != NULL ? guard_audit : NULL;
+    rig->stage = &g->ops;
     rig->stage_device = g;
     return GONIO_OK;
 }

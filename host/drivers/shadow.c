@@ -45,6 +45,16 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
     return s->real->check != NULL ? s->real->check(s->real_device, from_rad, to_rad, error) : GONIO_OK;
 }
 
+static gonio_status stage_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
+    const stage *s = device;
+    const gonio_status status = s->real->audit(s->real_device, timeout_s, difference_rad, error);
+    if (status != GONIO_OK && status != GONIO_E_MISMATCH) {
+        return status;
+    }
+    const gonio_status followed = s->simulated->home(s->simulated_device, timeout_s, error);
+    return followed == GONIO_OK ? status : followed;
+}
+
 static void stage_close(void *device) {
     stage *s = device;
     s->real->close(s->real_device);
@@ -60,7 +70,8 @@ static const gonio_stage_ops stage_ops = {.api_version = GONIO_RIG_API_VERSION,
                                           .stop = stage_stop,
                                           .duration_s = stage_duration_s,
                                           .close = stage_close,
-                                          .check = stage_check};
+                                          .check = stage_check,
+                                          .audit = stage_audit};
 
 gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, void *device, gonio_error *error) {
     stage *s = malloc(sizeof *s);

@@ -281,6 +281,26 @@ static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], 
     return longest;
 }
 
+static gonio_status stage_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
+    const stage *s = device;
+    gonio_controller_status before;
+    double difference_deg[GONIO_AXES] = {0};
+    gonio_status status = gonio_controller_read_status(s->controller, &before, error);
+    if (status == GONIO_OK) {
+        status = stage_home(device, timeout_s, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    // The controller compares with its last homing; a position that was lost since makes that a meaningless figure.
+    const bool known = before.homed == ALL_AXES;
+    status = known ? gonio_stage_modbus_audit(device, difference_deg, error) : GONIO_OK;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        difference_rad[k] = known ? s->axes[k].sign * gonio_radians(difference_deg[k]) : (double)NAN;
+    }
+    return status;
+}
+
 static void stage_close(void *device) {
     stage *s = device;
     gonio_controller_release(s->controller);
@@ -295,7 +315,8 @@ const gonio_stage_ops gonio_stage_modbus = {.api_version = GONIO_RIG_API_VERSION
                                             .stop = stage_stop,
                                             .duration_s = stage_duration_s,
                                             .close = stage_close,
-                                            .check = stage_check};
+                                            .check = stage_check,
+                                            .audit = stage_audit};
 
 gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
                                      void **device, gonio_error *error) {

@@ -18,6 +18,7 @@ const char session_schema[] =
     " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
     "CREATE TABLE final_samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
     " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
+    "CREATE TABLE flagged(step INTEGER PRIMARY KEY REFERENCES steps(step));"
     "CREATE TABLE events(event INTEGER PRIMARY KEY, utc TEXT NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL);";
 
 gonio_status session_db_fail(gonio_session *session, gonio_error *error, const char *what) {

@@ -179,6 +179,7 @@ static gonio_status check_step(gonio_session *session, const gonio_step *step, i
     gonio_status status = check_frames(session, step, bits, report, &bad, error);
     report->steps_done++;
     report->frames += step->frames;
+    report->flagged += step->flagged;
     report->frames_bad += bad;
     if (status == GONIO_OK && bad > 0) {
         report->steps_lost++;

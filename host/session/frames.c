@@ -112,6 +112,12 @@ static gonio_status mark_done(gonio_session *session, const gonio_step *step, in
     return status;
 }
 
+static gonio_status flag(gonio_session *session, int64_t step, gonio_error *error) {
+    char sql[80];
+    snprintf(sql, sizeof sql, "INSERT OR IGNORE INTO flagged VALUES(%lld)", (long long)step);
+    return session_exec(session, sql, error);
+}
+
 static gonio_status enter(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures, int n,
                           char (*hashes)[GONIO_SHA256_HEX], const gonio_samples *samples, gonio_error *error) {
     sqlite3_stmt *insert;
@@ -123,6 +129,9 @@ static gonio_status enter(gonio_session *session, const gonio_step *step, const 
     sqlite3_finalize(insert);
     if (status == GONIO_OK && samples != NULL) {
         status = session_store_samples(session, step->index, samples, error);
+    }
+    if (status == GONIO_OK && step->flagged) {
+        status = flag(session, step->index, error);
     }
     return status == GONIO_OK ? mark_done(session, step, n, error) : status;
 }

@@ -21,6 +21,7 @@ static const table tables[] = {
     {"frames", "step, frame", "step DESC, frame DESC"},
     {"samples", "step", "step DESC"},
     {"final_samples", "step", "step DESC"},
+    {"flagged", "step", "step DESC"},
     {"events", "event", "event DESC"},
 };
 

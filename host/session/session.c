@@ -187,7 +187,10 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
     gonio_status status = check_version(session, error);
     if (status == GONIO_OK && session->writable) {
         // FULL in WAL mode: a committed step survives a power cut.
-        status = session_exec(session, "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON",
+        status = session_exec(session,
+                              "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
+                              // Sessions of the first releases have no such table.
+                              "CREATE TABLE IF NOT EXISTS flagged(step INTEGER PRIMARY KEY REFERENCES steps(step))",
                               error);
     }
     return status;

@@ -59,6 +59,7 @@ static bool read_step(sqlite3_stmt *row, gonio_step *step) {
         .frames = sqlite3_column_int(row, 7),
         .clock_end_s = sqlite3_column_double(row, 8),
         .exposure_end_s = sqlite3_column_double(row, 9),
+        .flagged = sqlite3_column_int(row, 10) != 0,
     };
     return true;
 }
@@ -79,14 +80,19 @@ static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n, gonio_error *error) {
     *steps = NULL;
     *n = 0;
-    int64_t count;
+    int64_t count, flags = 0;
     gonio_status status = session_integer(session, "SELECT count(*) FROM steps", &count, error);
     sqlite3_stmt *rows = NULL;
+    if (status == GONIO_OK) { // a session of the first releases, opened to read, has no flags
+        status = session_integer(session, "SELECT count(*) FROM sqlite_master WHERE name = 'flagged'", &flags, error);
+    }
     if (status == GONIO_OK) {
-        status = session_prepare(session,
-                                 "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames,"
-                                 " clock_end_s, exposure_end_s FROM steps ORDER BY step",
-                                 &rows, error);
+        char sql[256];
+        snprintf(sql, sizeof sql,
+                 "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames, clock_end_s,"
+                 " exposure_end_s, %s FROM steps ORDER BY step",
+                 flags > 0 ? "step IN (SELECT step FROM flagged)" : "0");
+        status = session_prepare(session, sql, &rows, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -107,7 +113,7 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
 static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio_error *error) {
     static const char *const deletions[] = {
         "DELETE FROM frames WHERE step = ?", "DELETE FROM final_samples WHERE step = ?",
-        "DELETE FROM samples WHERE step = ?",
+        "DELETE FROM samples WHERE step = ?", "DELETE FROM flagged WHERE step = ?",
         "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL WHERE step = ?"};
     for (size_t i = 0; i < sizeof deletions / sizeof *deletions; i++) {
         sqlite3_stmt *statement;
@@ -131,10 +137,14 @@ gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const
         return status;
     }
     status = delete_step_rows(session, step, error);
-    if (status == GONIO_OK) {
+    if (status == GONIO_OK && why != NULL) {
         char text[512];
         snprintf(text, sizeof text, "step %lld is to be measured again: %s", (long long)step, why);
         status = gonio_session_event(session, "undone", text, error);
     }
     return session_end_own(session, own, status, error);
+}
+
+gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error) {
+    return session_exec(session, "DELETE FROM flagged", error);
 }

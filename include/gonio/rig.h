@@ -67,6 +67,10 @@ typedef struct gonio_stage_ops {
     // Optional: whether this move would be allowed, without motion; GONIO_E_RANGE naming the limit or zone in its way.
     gonio_status (*check)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
                           gonio_error *error);
+    // Optional: home again and tell by how much each axis had drifted since its last homing; NaN where nobody can know,
+    // because positions were lost in between. GONIO_E_MISMATCH where it is more than the stage is allowed: steps were
+    // lost. The stage is homed either way.
+    gonio_status (*audit)(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error);
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----

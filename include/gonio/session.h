@@ -26,6 +26,7 @@ typedef struct gonio_step {
     gonio_step_kind kind;
     gonio_pair pose;
     bool done;
+    bool flagged;          // done since the last good audit of the stage, so steps may have been lost
     double clock_end_s;    // nominal clock when it was done
     double exposure_end_s; // the exposure to begin the next step with
     int frames;
@@ -84,8 +85,11 @@ gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio
 // Open, read the final samples, close: what a verb does whose INPUT is a session.
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error);
 
-// Take a step back: its frames and samples leave the journal, and so do the results, which no longer stand.
+// Take a step back: its frames and samples leave the journal, and so do the results, which no longer stand. why: for
+// the events; NULL: the caller tells them itself.
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error);
+// A good audit: no step is flagged any more.
+gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error);
 // Remove files under frames/ that no step owns (what a stopped step left); each is an event. *removed may be NULL.
 gonio_status gonio_session_sweep(gonio_session *session, int *removed, gonio_error *error);
 
@@ -94,6 +98,7 @@ typedef struct gonio_doctor_report {
     int64_t steps, steps_done, steps_lost;
     int64_t frames, frames_bad; // bad: missing, truncated, or another checksum
     int64_t samples_bad;        // steps whose samples do not match their checksum or lack; frames can restore them
+    int64_t flagged;            // done steps that no audit of the stage has vouched for yet
     int64_t strays;             // files under frames/ that no step owns
     bool database_ok;
     bool results_ok; // the journalled checksums of the final samples and of the model file are theirs, where there are

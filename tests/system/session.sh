@@ -111,6 +111,23 @@ for fault in camera_timeout camera_error stage_stall stage_timeout lamp_off mete
     check "and resumes to the same samples" same_results "$work/b.json" "$work/f.json"
 done
 
+# ---- lost steps ----
+audited() { measure --json --set "scan.audit_poses=10" "$@"; }
+audited --set faults.lost_steps=17x1 "$work/l" >"$work/l.json" 2>"$work/l.log"
+check "lost steps are found and measured again" same_results "$work/b.json" "$work/l.json"
+check "and told" grep -q "steps were lost.*10 steps are measured again" "$work/l.log"
+check "and journalled" tells 0 "audit: steps were lost" "$GONIO" doctor "$work/l"
+check "an axis that goes on losing them is a fault" tells 1 "audits in a row" audited --set faults.lost_steps=17 "$work/l2"
+"$GONIO" resume --json --set faults.lost_steps=never "$work/l2" >"$work/l2.json" 2>/dev/null
+check "mended, it resumes to the same samples" same_results "$work/b.json" "$work/l2.json"
+check "a fault leaves steps flagged" tells 1 "gonio resume" audited --set faults.lost_steps=17x1,faults.camera_error=19 "$work/l3"
+check "doctor counts them" tells 0 '"flagged":7' "$GONIO" doctor --json "$work/l3"
+check "samples too" tells 0 "samples of 7 poses are flagged" "$GONIO" samples "$work/l3" -o "$work/l3.csv"
+"$GONIO" resume --json --set faults.lost_steps=never,faults.camera_error=never "$work/l3" >"$work/l3.json" 2>"$work/l3.log"
+check "what nobody can vouch for is measured again" same_results "$work/b.json" "$work/l3.json"
+check "and told, too" grep -q "not known; 7 steps are measured again" "$work/l3.log"
+check "then nothing is flagged" tells 0 '"flagged":0' "$GONIO" doctor --json "$work/l3"
+
 # ---- bad input ----
 check "an unknown key" tells 2 "[camera] colour" measure --set camera.colour=1 "$work/x"
 printf '[rig]\ndriver = sim\n\n[camera]\nbits = 12\nwobble = 3\n' >"$work/bad.ini"
