@@ -19,14 +19,3 @@ $(B)/tests/unit/test_usbtmc: PKG_LIBS += $(shell pkg-config --libs umockdev-1.0)
 test-vm: ## device tests in a virtual machine with the kernel's simulated devices (needs QEMU; SKIP without)
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)tests/hil/run.sh $(B)
-
-FUZZ_DEVICES := $(B)/tests/fuzz/fuzz_devices
-$(FUZZ_DEVICES): $(B)/%: $(B)/%.o $(B)/libgonio.a
-	$(call say,LINK,$@)
-	$(Q)$(CC) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
--include $(FUZZ_DEVICES:=.d)
-.PHONY: fuzz-devices
-fuzz-devices: ## libFuzzer on devices' answers and rig keys, FUZZ_SECONDS (20)
-	$(Q)$(MAKE) --no-print-directory $(B)/fuzz/tests/fuzz/fuzz_devices B=$(B)/fuzz CC=clang CXX=clang++ OPT='-O1 -g' SANITIZE='-DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
-	$(Q)mkdir -p $(B)/fuzz/devices
-	$(Q)$(B)/fuzz/tests/fuzz/fuzz_devices -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -timeout=10 -print_final_stats=1 -artifact_prefix=$(B)/fuzz/devices- $(B)/fuzz/devices tests/fuzz/corpus_devices
