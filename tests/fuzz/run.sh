@@ -1,24 +1,27 @@
 #!/bin/sh
-# Run fuzz targets of a build folder for some seconds each; a crash is a failure, and its input stays beside it.
-# The committed inputs (tests/fuzz/corpus/NAME) and freshly made seeds are where each begins; what it finds stays in the
-# build folder.
+# Run fuzz targets of a build folder for some seconds each, as many at a time as there are processors; a crash is a
+# failure, and its input stays in the build folder. Each begins with the committed inputs (tests/fuzz/corpus/NAME) and
+# with what was found before.
 # usage: tests/fuzz/run.sh BUILD_FOLDER SECONDS NAME ...
 set -eu
 folder=$1/tests/fuzz seconds=$2
-shift 2
-failed=0
-for name; do
-    found=$folder/corpus/$name committed=tests/fuzz/corpus/$name log=$folder/$name.log
+one() {
+    name=$1 found=$folder/corpus/$1 committed=tests/fuzz/corpus/$1 log=$folder/$1.log
     mkdir -p "$found" "$committed"
     case $name in read | model | spec | plan) "$folder/make_seeds" "$name" "$found" ;; esac
-    echo "== $name, $seconds s"
     if "$folder/fuzz_$name" -max_total_time="$seconds" -max_len=8192 -timeout=10 -rss_limit_mb=2048 \
         -print_final_stats=1 -artifact_prefix="$folder/$name-" "$found" "$committed" 2>"$log"; then
-        echo "ok - fuzzing $name: $(sed -n 's/^stat::number_of_executed_units: *//p' "$log") inputs, $(grep -o 'cov: [0-9]*' "$log" | tail -n 1)"
+        inputs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+        echo "ok - fuzzing $name for $seconds s: $inputs inputs, $(grep -o 'cov: [0-9]*' "$log" | tail -n 1)"
     else
-        tail -n 40 "$log"
         echo "not ok - fuzzing $name"
-        failed=1
+        tail -n 40 "$log" | sed 's/^/# /'
+        return 1
     fi
-done
-exit $failed
+}
+if [ "$3" = --one ]; then
+    one "$4"
+    exit
+fi
+shift 2
+printf '%s\n' "$@" | xargs -P "$(nproc)" -I NAME "$0" "${folder%/tests/fuzz}" "$seconds" --one NAME
