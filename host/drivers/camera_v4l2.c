@@ -173,6 +173,10 @@ static gonio_status set_gain(camera *c, double gain_db, gonio_error *error) {
                              k->gain_step);
         c->gain_db = (double)(steps - k->gain_min) * c->config.gain_unit_db;
     }
+    if (fabs(c->gain_db - gain_db) > 0.51 * (double)k->gain_step * c->config.gain_unit_db) {
+        return gonio_fail(error, GONIO_E_RANGE, "camera %s: gain of %g dB asked for, the nearest it has is %g dB",
+                          c->config.path, gain_db, c->gain_db);
+    }
     if (steps != c->gain_steps) {
         const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->gain, (int32_t)steps, error);
         if (status != GONIO_OK) {
@@ -230,6 +234,25 @@ static bool accept(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns,
     return true;
 }
 
+// Frames of earlier triggers that still wait: thrown away before the next trigger, which would else be spent on them.
+static gonio_status drop_waiting(camera *c, gonio_error *error) {
+    gonio_status status;
+    gonio_v4l2_buffer buffer;
+    for (int i = 0; i <= c->config.buffers; i++) {
+        status = gonio_v4l2_take(c->v4l2, 0, &buffer, error);
+        if (status != GONIO_OK) {
+            return status == GONIO_E_TIMEOUT ? GONIO_OK : status;
+        }
+        note_sequence(c, buffer.sequence);
+        c->counts.discarded++;
+        status = gonio_v4l2_give(c->v4l2, buffer.index, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    return GONIO_OK;
+}
+
 static gonio_status wait_frame(camera *c, int64_t since_ns, gonio_deadline deadline, gonio_v4l2_buffer *buffer,
                                gonio_error *error) {
     int bad = 0;
@@ -268,6 +291,13 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
         return status;
     }
     c->stale_left = c->config.buffers + 1; // the queue's, and the one being exposed
+    if (c->config.trigger != NULL) {
+        status = drop_waiting(c, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        c->stale_left = 0;
+    }
     gonio_v4l2_buffer buffer;
     status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
     if (status != GONIO_OK) {

@@ -190,6 +190,56 @@ static void test_bad_frames_are_left_out(void **state) {
     gonio_camera_v4l2.close(device);
 }
 
+static int fires;
+static gonio_status fire(void *context, gonio_error *error) {
+    (void)error;
+    fires++;
+    ((v4l2_model *)context)->fired++;
+    // The pulse takes effect with the next frame's time.
+    cam_pass(context, model.now_ns + model.period_ns / 2);
+    return GONIO_OK;
+}
+
+// A camera that exposes on a pulse: what an earlier pulse left in the queue costs no pulse of its own.
+static void test_one_pulse_a_frame(void **state) {
+    (void)state;
+    cam_new(&model);
+    model.triggered = true;
+    gonio_camera_v4l2_config c = config();
+    c.settle_frames = 0;
+    c.trigger = fire;
+    c.trigger_context = &model;
+    void *device = open_camera(&c);
+    for (int i = 0; i < 20; i++) {
+        model.fired += i % 3; // somebody else's pulses: up to two old frames
+        cam_pass(&model, model.now_ns + 4 * model.period_ns);
+        const int64_t asked_ms = model.now_ns / 1000000;
+        gonio_frame frame = {0};
+        fires = 0;
+        assert_int_equal(capture(device, 0.001, &frame, NULL), GONIO_OK);
+        assert_int_equal(fires, 1);
+        assert_true((int16_t)(pixels[0] - (uint16_t)asked_ms) >= 0);
+    }
+    gonio_camera_v4l2.close(device);
+}
+
+static void test_gain_is_as_asked_or_refused(void **state) {
+    (void)state;
+    cam_new(&model);
+    gonio_camera_v4l2_config c = config();
+    c.gain_unit_db = 0.5; // 0 to 48 dB in steps of 2 dB
+    void *device = open_camera(&c);
+    gonio_frame frame = {.pixels = pixels};
+    gonio_error error = {0};
+    const gonio_stamp stamp = {0};
+    assert_int_equal(gonio_camera_v4l2.capture(device, &all, 0.01, 13, &stamp, 1, &frame, &error), GONIO_OK);
+    assert_true(model.gain == 24 || model.gain == 28);
+    assert_true(frame.gain_db == model.gain * 0.5);
+    assert_int_equal(gonio_camera_v4l2.capture(device, &all, 0.01, 60, &stamp, 1, &frame, &error), GONIO_E_RANGE);
+    assert_non_null(strstr(error.message, "48 dB"));
+    gonio_camera_v4l2.close(device);
+}
+
 static void test_silence_restarts_the_stream(void **state) {
     (void)state;
     cam_new(&model);
@@ -281,6 +331,8 @@ int main(void) {
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_info),
         cmocka_unit_test(test_bad_frames_are_left_out),
+        cmocka_unit_test(test_one_pulse_a_frame),
+        cmocka_unit_test(test_gain_is_as_asked_or_refused),
         cmocka_unit_test(test_silence_restarts_the_stream),
         cmocka_unit_test(test_unplugged),
         cmocka_unit_test(test_record_and_replay),

@@ -29,6 +29,8 @@ typedef struct v4l2_model {
     // Faults: how many more times each happens.
     int silent, damage, cut, skip;
     int opens, stream_ons;
+    bool triggered; // a frame only where it was fired
+    int fired;
 } v4l2_model;
 
 static void cam_new(v4l2_model *m) {
@@ -74,6 +76,11 @@ static void cam_fill(v4l2_model *m, int index) {
 static void cam_pass(v4l2_model *m, int64_t until_ns) {
     while (m->streaming && m->next_end_ns <= until_ns) {
         m->now_ns = m->next_end_ns > m->now_ns ? m->next_end_ns : m->now_ns;
+        if (m->triggered && m->fired == 0) {
+            m->next_end_ns += m->period_ns;
+            continue;
+        }
+        m->fired -= m->triggered;
         m->history[m->sequence % 64] = m->exposure;
         if (m->silent > 0) {
             m->silent--;
