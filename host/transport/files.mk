@@ -14,8 +14,3 @@ deps-y += libusb-1.0-0-dev libgpiod-dev libmodbus-dev libumockdev-dev umockdev
 # Only the test links umockdev, never the program.
 CFLAGS_test_usbtmc = $(subst -I,-isystem ,$(shell pkg-config --cflags umockdev-1.0))
 $(B)/tests/unit/test_usbtmc: PKG_LIBS += $(shell pkg-config --libs umockdev-1.0)
-
-.PHONY: test-vm
-test-vm: ## device tests in a virtual machine with the kernel's simulated devices (needs QEMU; SKIP without)
-	$(Q)$(MAKE) --no-print-directory all
-	$(Q)tests/hil/run.sh $(B)

@@ -1,71 +1,104 @@
 #!/bin/sh
-# Device tests in a virtual machine: the stock Debian kernel with simulated devices, this machine's own files read-only.
-# usage: tests/hil/run.sh BUILD_FOLDER [TEST ...]     tests are tests/hil/*.guest.sh; prints TAP
-# Installs nothing by itself where it is not root; prints SKIP where QEMU cannot be had.
+# Device tests in a virtual machine: the stock Debian kernel with simulated devices and, in memory, Gonio's programs.
+# usage: tests/hil/run.sh BUILD_FOLDER [GROUP ...]     groups: chain vivid usbtmc gpio measure; prints TAP and a summary; SKIP where QEMU or the kernel cannot be had
 set -u
 build=$1
 shift
+[ $# -gt 0 ] || set -- chain vivid usbtmc gpio measure
 vm=$PWD/$build/vm
-mkdir -p "$vm"
+root=$vm/root
+log=$build/test-logs/vm.tap
+mkdir -p "$vm" "$build/test-logs"
+helpers=
+stop_helpers() { for pid in $helpers; do kill "$pid" 2>/dev/null; done; }
+trap stop_helpers EXIT
 skip_all() {
-    echo "ok 1 - device tests # SKIP $1"
-    echo "1..1"
+    echo "ok 1 - device tests in a virtual machine # SKIP $1"
+    echo "0 passed, 0 failed, 1 skipped"
     exit 0
 }
-for package in qemu-system-x86 busybox-static cpio kmod; do
-    dpkg-query -W -f='${Status}' $package 2>/dev/null | grep -q 'ok installed' && continue
-    [ "$(id -u)" -eq 0 ] || skip_all "$package is not installed"
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $package >"$vm/apt.log" 2>&1 ||
-        skip_all "$package cannot be installed"
-done
-kernel=$(ls -d "$vm"/linux/boot/vmlinuz-* 2>/dev/null | head -n 1)
-if [ -z "$kernel" ]; then
-    name=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[^ ]*\)$/\1/p' | head -n 1)
-    [ -n "$name" ] || skip_all "no kernel package is known"
-    (cd "$vm" && apt-get download -qq "$name" >apt.log 2>&1 && dpkg-deb -x "$name"_*.deb linux && rm "$name"_*.deb) ||
-        skip_all "the kernel package cannot be had"
-    kernel=$(ls -d "$vm"/linux/boot/vmlinuz-*)
-fi
-version=${kernel##*/vmlinuz-}
-[ -f "$vm/linux/lib/modules/$version/modules.dep" ] || depmod -b "$vm/linux" "$version"
+[ "$(uname -m)" = x86_64 ] || skip_all "for x86-64 only"
+tools/deps.sh qemu-system-x86 busybox-static cpio kmod xz-utils make gcc >"$vm/deps.log" 2>&1 ||
+    skip_all "$(tail -n 1 "$vm/deps.log")"
+tests/hil/modules.sh "$vm" >"$vm/modules.log" || skip_all "no kernel package can be had"
+sed 's/^/# /' "$vm/modules.log"
+version=$(cat "$vm/version")
+start=$(date +%s)
 
-# The first file system: busybox and the modules that reach this machine's files.
-root=$vm/initrd
+# ---- the guest's files ----
 rm -rf "$root"
-mkdir -p "$root/bin" "$root/modules" "$root/proc" "$root/sys" "$root/dev" "$root/root"
+mkdir -p "$root/bin" "$root/tests" "$root/modules" "$root/lib64"
 cp /bin/busybox "$root/bin/"
-number=10
-for module in virtio_pci virtio_console 9pnet_virtio 9p; do
-    for file in $(modprobe -S "$version" -d "$vm/linux" --show-depends $module | awk '/^insmod/ {print $2}'); do
-        ls "$root/modules" | grep -q -- "-${file##*/}\$" && continue
-        cp "$file" "$root/modules/$number-${file##*/}"
-        number=$((number + 1))
-    done
-done
 cp tests/hil/init.sh "$root/init"
 chmod +x "$root/init"
-(cd "$root" && find . | cpio -o -H newc --quiet | gzip -1) >"$vm/initrd.gz"
+programs="$build/gonio $build/gonio-controller"
+for name in vivid gpio usbtmc usbtmc_gadget loopback chain; do programs="$programs $build/tests/hil/$name"; done
+for program in $programs; do strip -o "$root/tests/${program##*/}" "$program"; done
+# shellcheck disable=SC2086
+ldd $programs | grep -o '/[^ ]*' | grep -v : | sort -u | while read -r library; do
+    mkdir -p "$root${library%/*}"
+    cp -L "$library" "$root$library"
+done
+for file in "$vm/extra/gpio-sim.ko" "$vm/extra/v4l2loopback.ko"; do
+    [ -f "$file" ] || continue
+    name=${file##*/}
+    cp "$file" "$root/modules/"
+    for needed in $(modinfo -F depends "$file" | tr , ' '); do
+        modprobe -S "$version" -d "$vm/linux" --show-depends "$needed" | awk '/^insmod/ {print $2}'
+    done >"$vm/needed"
+    while read -r module; do cp "$module" "$root/modules/"; echo "${module##*/}"; done <"$vm/needed" >"$root/modules/${name%.ko}.list"
+    echo "$name" >>"$root/modules/${name%.ko}.list"
+done
+for name in configfs vivid libcomposite usb_f_fs dummy_hcd xhci_pci ftdi_sio; do
+    modprobe -S "$version" -d "$vm/linux" --show-depends $name 2>/dev/null | awk '/^insmod/ {print $2}' >"$vm/needed" || continue
+    [ -s "$vm/needed" ] || grep -q "/$name.ko" "$vm/linux/lib/modules/$version/modules.builtin" || continue
+    while read -r module; do cp "$module" "$root/modules/"; echo "${module##*/}"; done <"$vm/needed" >"$root/modules/$name.list"
+done
+cp tests/hil/guest.sh tests/hil/loopback.ini "$root/tests/"
+printf 'theta_i,phi_i,theta_o,phi_o\n20,0,30,180\n35,0,10,90\n10,0,45,30\n' >"$root/tests/plan.csv"
 
-# What the guest is to do.
-[ $# -gt 0 ] || set -- tests/hil/*.guest.sh
-cat >"$vm/guest" <<END
-export KERNEL=$version MODULES=$vm/linux HOME=/tmp PATH=/usr/sbin:/usr/bin:/sbin:/bin GONIO=$PWD/$build/gonio
-cd $PWD
-for test in $*; do sh \$test || echo "not ok - \$test ended with \$?"; done
-echo finished
-END
-rm -f "$vm/output"
-timeout "${LIMIT:-240}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
-    -accel tcg,thread=multi -cpu max -smp 2 -m 1024 -kernel "$kernel" -initrd "$vm/initrd.gz" \
-    -append "console=ttyS0 quiet panic=-1 tsc=unstable mitigations=off gonio=$vm" -serial "file:$vm/console" \
-    -device virtio-serial-pci -chardev "file,id=out,path=$vm/output" -device virtserialport,chardev=out \
-    -fsdev local,id=root,path=/,security_model=none,readonly=on,multidevs=remap \
-    -device virtio-9p-pci,fsdev=root,mount_tag=root </dev/null >"$vm/qemu.log" 2>&1
-if ! grep -q '^finished' "$vm/output" 2>/dev/null; then
-    [ -f "$vm/output" ] && cat "$vm/output"
-    tail -n 20 "$vm/console" "$vm/qemu.log" 2>/dev/null | sed 's/^/# /'
-    echo "not ok - the virtual machine did not finish in ${LIMIT:-240} s"
-    exit 1
+# The simulated measure whose frames v4l2loopback will carry.
+rm -rf "$vm/session"
+sed '/^# the real camera/,$d' tests/hil/loopback.ini >"$vm/simulated.ini"
+"$build/gonio" measure --rig "$vm/simulated.ini" --seed 3 --plan "$root/tests/plan.csv" --method mba --json "$vm/session" 2>"$vm/measure.log" |
+    sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p' >"$root/tests/session.samples_sha256"
+cp -r "$vm/session" "$root/tests/session"
+
+# ---- the controller at the far end of the USB serial adapter: the emulated board where it can be built ----
+rm -f "$vm/line" "$vm/output"
+if command -v arm-none-eabi-gcc >/dev/null && command -v qemu-system-arm >/dev/null &&
+    make --no-print-directory firmware B="$build" >"$vm/firmware.log" 2>&1; then
+    qemu-system-arm -M lm3s6965evb -kernel "$build/firmware/lm3s6965evb.elf" -display none -monitor none -accel tcg \
+        -icount shift=5 -serial "unix:$vm/line,server=on,wait=off" >"$vm/arm.log" 2>&1 </dev/null &
+    line="socket,id=line,path=$vm/line" board=2
+else
+    "$build/gonio-controller" --pty "$vm/line" >"$vm/controller.log" 2>&1 </dev/null &
+    line="serial,id=line,path=$vm/line" board=1
 fi
-grep -v '^finished' "$vm/output"
-! grep -q '^not ok' "$vm/output"
+helpers=$!
+# An emulated processor never rests; once its test is over it is taken away from the others.
+(until grep -q '^# chain: from' "$vm/output" 2>/dev/null; do sleep 0.5; done; kill "$helpers") 2>/dev/null &
+helpers="$helpers $!"
+echo $board >"$root/tests/board"
+echo "$*" >"$root/tests/groups"
+(cd "$root" && find . | cpio -o -H newc --quiet) >"$vm/initrd"
+for i in 1 2 3 4 5 6 7 8 9 10; do [ -e "$vm/line" ] && break; sleep 0.2; done
+echo "# prepared in $(($(date +%s) - start)) s, $(du -m "$vm/initrd" | cut -f1) MB"
+
+# ---- the machine ----
+/usr/bin/time -o "$vm/time" -f "%U %S %e" timeout "${LIMIT:-300}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
+    -accel "${ACCEL:-tcg,thread=multi,tb-size=512}" -cpu "${CPU:-max,-erms,-fsrm}" -smp 2 -m 1536 \
+    -kernel "$vm/linux/boot/vmlinuz-$version" -initrd "$vm/initrd" \
+    -append "console=ttyS0 quiet panic=-1 tsc=unstable mitigations=off nokaslr random.trust_cpu=on no_timer_check rdinit=/init" \
+    -serial "file:$vm/console" -serial "file:$vm/output" \
+    -device qemu-xhci -chardev "$line" -device usb-serial,chardev=line </dev/null >"$vm/qemu.log" 2>&1
+tr -d '\r' <"$vm/output" >"$log" 2>/dev/null
+if ! grep -q '^finished' "$log"; then
+    tail -n 20 "$vm/console" "$vm/qemu.log" 2>/dev/null | sed 's/^/# /'
+    echo "not ok - the virtual machine did not finish in ${LIMIT:-300} s" >>"$log"
+fi
+grep -v '^finished' "$log"
+skipped=$(grep -c '^ok .*# SKIP' "$log") passed=$(grep '^ok ' "$log" | grep -vc '# SKIP') failed=$(grep -c '^not ok ' "$log")
+echo "# $(($(date +%s) - start)) s"
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]
