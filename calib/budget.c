@@ -38,6 +38,7 @@ static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model
         .flat = f * sqrt(u->flat),
         .reference = f * sqrt(u->reference),
         .drift = f * sqrt(u->monitor + u->drift),
+        .stray = f * sqrt(u->stray_random + u->stray),
         .angle = f * sqrt(v2 * (s.angle_random + s.angle_systematic) + u->alignment),
         .area = f * sqrt(v2 * s.area),
         .blur = f * sqrt(v2 * s.blur),
@@ -82,7 +83,7 @@ static gonio_status later_ratio(const gonio_calib *calib, double *ratio, double 
                 continue;
             }
             const double known = calib->facts.reference_reflectance[calib->channel[p]] / GONIO_PI * hit.irradiance;
-            const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, calib->flat[p] * known * scale);
+            const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, scale, calib->flat[p] * known * scale);
             read += t.signal;
             expected += t.scale;
             clipped += t.clipped;

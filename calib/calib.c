@@ -93,10 +93,11 @@ gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_fa
     calib->defect = calloc(pixels, 1);
     calib->bias = calloc(pixels, sizeof *calib->bias);
     calib->dark_rate = calloc(pixels, sizeof *calib->dark_rate);
+    calib->stray = calloc(pixels, sizeof *calib->stray);
     calib->flat = calloc(pixels, sizeof *calib->flat);
     calib->flat_variance = calloc(pixels, sizeof *calib->flat_variance);
     if (calib->ray == NULL || calib->channel == NULL || calib->defect == NULL || calib->bias == NULL ||
-        calib->dark_rate == NULL || calib->flat == NULL || calib->flat_variance == NULL) {
+        calib->dark_rate == NULL || calib->stray == NULL || calib->flat == NULL || calib->flat_variance == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the maps of %zu pixels", pixels);
     }
     if (status == GONIO_OK) {
@@ -126,6 +127,7 @@ void gonio_calib_free(gonio_calib *calib) {
         return;
     }
     free_frames(&calib->dark);
+    free_frames(&calib->trap);
     free_frames(&calib->reference);
     free_frames(&calib->later);
     response_free(&calib->response);
@@ -134,6 +136,7 @@ void gonio_calib_free(gonio_calib *calib) {
     free(calib->defect);
     free(calib->bias);
     free(calib->dark_rate);
+    free(calib->stray);
     free(calib->flat);
     free(calib->flat_variance);
     free(calib);
@@ -205,6 +208,14 @@ gonio_status gonio_calib_add_dark(gonio_calib *calib, const gonio_exposure *expo
     return status == GONIO_OK ? keep(calib, &calib->dark, &(gonio_pair){0}, &unlit, error) : status;
 }
 
+gonio_status gonio_calib_add_trap(gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error) {
+    if (calib->prepared) {
+        return gonio_fail(error, GONIO_E_USAGE, "a light-trap frame after the calibration was prepared");
+    }
+    const gonio_status status = exposure_check(calib, exposure, error);
+    return status == GONIO_OK ? keep(calib, &calib->trap, &(gonio_pair){0}, exposure, error) : status;
+}
+
 gonio_status gonio_calib_add_reference(gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *exposure,
                                        gonio_error *error) {
     const gonio_status status = exposure_check(calib, exposure, error);
@@ -221,10 +232,15 @@ gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error) {
         status = transfer_prepare(calib, error);
     }
     if (status == GONIO_OK) {
+        status = stray_prepare(calib, error);
+    }
+    if (status == GONIO_OK) {
         status = flat_prepare(calib, error);
     }
     if (status == GONIO_OK) {
+        stray_describe(calib);
         free_frames(&calib->dark);
+        free_frames(&calib->trap);
         free_frames(&calib->reference);
         calib->prepared = true;
     }

@@ -1,6 +1,6 @@
 # Frames -> radiance -> BRDF samples with uncertainty.
 lib-y  += calib/calib.c calib/statistics.c calib/response.c calib/geometry.c calib/merge.c calib/dark.c calib/transfer.c \
-          calib/flat.c calib/bracket.c calib/radiance.c calib/pose.c calib/plate.c calib/sphere.c calib/budget.c calib/pointing.c calib/blur.c \
+          calib/stray.c calib/flat.c calib/bracket.c calib/radiance.c calib/pose.c calib/plate.c calib/sphere.c calib/budget.c calib/pointing.c calib/blur.c \
           calib/noise.c calib/image.c calib/intrinsics.c calib/curve.c calib/emor.c calib/response_fit.c calib/opencv.cpp
 unit-y += tests/unit/test_merge.c tests/unit/test_geometry.c tests/unit/test_calib.c tests/unit/test_noise.c tests/unit/test_intrinsics.c tests/unit/test_response_fit.c
 bench-y += tests/bench/radiance_speed.c tests/bench/calib_accuracy.c tests/bench/calib_coverage.c tests/bench/merge_bound.c

@@ -18,20 +18,6 @@ static double panel_signal(const gonio_calib *calib, const geometry *g, size_t p
     return calib->facts.reference_reflectance[calib->channel[p]] / GONIO_PI * hit.irradiance;
 }
 
-// Lamp readings: all of them or none.
-static void use_monitor(gonio_calib *calib) {
-    double sum = 0;
-    calib->monitored = true;
-    calib->monitor_reference = 1;
-    for (int i = 0; i < calib->reference.n; i++) {
-        calib->monitored = calib->monitored && calib->reference.items[i].monitor > 0;
-        sum += calib->reference.items[i].monitor;
-    }
-    if (calib->monitored) {
-        calib->monitor_reference = sum / calib->reference.n;
-    }
-}
-
 typedef struct flat_work {
     geometry *poses;  // one a reference frame
     double *share;    // sum over pixels of each frame's share in the value
@@ -45,8 +31,8 @@ static void merge_panel(gonio_calib *calib, flat_work *work, size_t p) {
     for (int j = 0; j < n; j++) {
         const stored_frame *f = &calib->reference.items[j];
         const double known = panel_signal(calib, &work->poses[j], p);
-        terms[j] =
-            term_of(calib, p, f->pixels[p], f->exposure_s, known * exposure_scale(calib, f->exposure_s, f->monitor));
+        const double lit_s = exposure_scale(calib, f->exposure_s, f->monitor);
+        terms[j] = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, known * lit_s);
         terms[j].clipped = terms[j].clipped || known == 0;
     }
     merge_pixel(&calib->noise, n, terms, &merged);
@@ -125,7 +111,6 @@ gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the flat field");
         goto done;
     }
-    use_monitor(calib);
     for (int j = 0; j < n; j++) {
         work.poses[j] = geometry_of_pose(&calib->facts, &calib->reference.items[j].pose);
     }

@@ -37,11 +37,15 @@ struct gonio_calib {
     float *ray;       // [pixels][2]: undistorted pixel centres on the plane Z = 1
     uint8_t *channel; // of each pixel
     response response;
-    stored_frames dark, reference, later; // later: reference frames after gonio_calib_prepare
+    stored_frames dark, trap, reference, later; // later: reference frames after gonio_calib_prepare
     bool prepared;
     // From dark frames: bias (linear DN), dark rate (DN/s), their covariance a pixel {b b, b rate, rate rate}.
     float *bias, *dark_rate;
     double dark_covariance[3];
+    // From light-trap frames: stray light (DN/s at the reference's lamp level), its variance from noise, and how it
+    // hangs on the dark maps: d stray / d bias and d dark rate. All 0 without a trap.
+    float *stray;
+    double stray_variance, stray_bias, stray_rate;
     double dark_quantum; // quantisation variance at the bias level, linear DN^2: part of the noise of dark frames
     uint8_t *defect;     // not 0: never used
     // From reference frames: responsivity (DN/s for unit f_r x relative irradiance) and its relative variance.
@@ -59,8 +63,8 @@ struct gonio_calib {
 
 // Variances (1/sr^2) of one value, by cause.
 typedef struct uncertainty {
-    double photon, read, monitor;                   // from pose to pose
-    double dark, flat, reference, drift, alignment; // common to poses
+    double photon, read, monitor, stray_random;            // from pose to pose
+    double dark, flat, reference, drift, stray, alignment; // common to poses
 } uncertainty;
 
 // One sample before it is added: its directions, and value and uncertainty of each channel.
@@ -90,10 +94,10 @@ static inline double exposure_scale(const gonio_calib *calib, double exposure_s,
     return exposure_s * (calib->monitored && monitor > 0 ? monitor / calib->monitor_reference : 1);
 }
 
-// A pixel's reading as the merge wants it; scale is exposure_scale times what unit radiance gives.
-static inline merge_term term_of(const gonio_calib *calib, size_t pixel, uint16_t raw, double exposure_s,
+// A pixel's reading as the merge wants it; lit_s: its exposure_scale; scale: lit_s times what unit radiance gives.
+static inline merge_term term_of(const gonio_calib *calib, size_t pixel, uint16_t raw, double exposure_s, double lit_s,
                                  double scale) {
-    const double dark = calib->dark_rate[pixel] * exposure_s;
+    const double dark = calib->dark_rate[pixel] * exposure_s + calib->stray[pixel] * lit_s;
     return (merge_term){.signal = linear_dn(calib, raw) - calib->bias[pixel] - dark,
                         .scale = scale,
                         .dark = dark > 0 ? dark : 0,
@@ -114,13 +118,28 @@ void response_free(response *r);
 // The steps of gonio_calib_prepare, in this order.
 gonio_status dark_prepare(gonio_calib *calib, gonio_error *error);
 gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error); // saturation, gain
+gonio_status stray_prepare(gonio_calib *calib, gonio_error *error);    // lamp readings, stray light
 gonio_status flat_prepare(gonio_calib *calib, gonio_error *error);
+void stray_describe(gonio_calib *calib); // what the report says of it
 
 // Refuse exposures that do not fit this calibration: wrong window, exposure or gain.
 gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
 // Merge one prepared pixel's exposures into f_r x irradiance.
 void pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures, const double *scale,
                  merge_result *result);
+// How one pixel's merged value hangs on what is common to all poses.
+typedef struct sensitivity {
+    double bias, rate, stray; // d value / d bias, d dark rate, d stray light
+} sensitivity;
+sensitivity sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                           const merge_result *merged);
+// Variance of a pixel's value by the errors of the dark maps.
+double dark_variance(const gonio_calib *calib, const sensitivity *s);
+// Mean over the window of what its pixels see (f_r x irradiance), a channel.
+void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                        double mean[3]);
+// Variance of f_r x irradiance `seen` by the lens' veiling glare, with these surroundings.
+double glare_variance(const gonio_calib *calib, double seen, double surroundings);
 // Does the pixel see the sample inside the used region?
 bool pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
 // Variances that concern the whole pose, relative to the value.

@@ -18,8 +18,9 @@
 
 typedef struct disc_sums {
     double area, value;
-    double photon, read, dark, flat;
-    double frame[MERGE_MAX]; // each exposure's share of value
+    double photon, read, dark, flat, stray;
+    double removed, irradiance; // stray light taken off, area-weighted like value; mean irradiance
+    double frame[MERGE_MAX];    // each exposure's share of value
     size_t valid, invalid, saturated;
 } disc_sums;
 
@@ -39,19 +40,18 @@ static void add_pixel(const gonio_calib *calib, size_t p, int n, const gonio_exp
     sums->photon += a2 * merged.photon_variance;
     sums->read += a2 * merged.read_variance;
     sums->flat += value * value * calib->flat_variance[p];
-    double bias = 0, rate = 0; // d value / d bias and d dark rate of this pixel
     for (int j = 0; j < n; j++) {
-        const double w = merged.weight[j];
-        bias += w;
-        rate += w * exposures[j].frame.exposure_s;
-        sums->frame[j] += a * w * calib->flat[p] * scale[j] * merged.value;
+        sums->frame[j] += a * merged.weight[j] * calib->flat[p] * scale[j] * merged.value;
     }
-    const double *c = calib->dark_covariance;
-    sums->dark += a2 * (bias * bias * c[0] + 2 * bias * rate * c[1] + rate * rate * c[2]);
+    const sensitivity s = sensitivity_of(calib, n, exposures, scale, &merged);
+    sums->dark += a2 * dark_variance(calib, &s);
+    sums->stray += a2 * s.stray * s.stray * calib->stray_variance;
+    sums->removed += a * s.stray * calib->stray[p];
+    sums->irradiance += area * hit->irradiance;
 }
 
 static void disc_estimate(const gonio_calib *calib, int n, const gonio_exposure *exposures, const disc_sums *sums,
-                          double *value, uncertainty *u) {
+                          double surroundings, double *value, uncertainty *u) {
     const double a2 = sums->area * sums->area;
     *value = sums->value / sums->area;
     *u = (uncertainty){
@@ -60,6 +60,11 @@ static void disc_estimate(const gonio_calib *calib, int n, const gonio_exposure 
         const double share = sums->frame[j] / sums->area * exposures[j].monitor_sigma;
         u->monitor += exposures[j].monitor > 0 ? share * share : 0;
     }
+    const double removed = calib->facts.stray_variation * sums->removed / sums->area;
+    const double irradiance = sums->irradiance / sums->area;
+    u->stray_random = removed * removed;
+    u->stray = sums->stray / a2 + removed * removed +
+               glare_variance(calib, *value * irradiance, surroundings) / (irradiance * irradiance);
     uncertainty_common(calib, n, exposures, *value, u);
 }
 
@@ -134,8 +139,10 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
         return status;
     }
     estimate e = {.pair = *pose};
+    double surroundings[3];
+    stray_surroundings(calib, n, exposures, scale, surroundings);
     for (int k = 0; k < calib->channels; k++) {
-        disc_estimate(calib, n, exposures, &sums[k], &e.value[k], &e.variance[k]);
+        disc_estimate(calib, n, exposures, &sums[k], surroundings[k], &e.value[k], &e.variance[k]);
     }
     return sink(context, &e, error);
 }

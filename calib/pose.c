@@ -28,7 +28,7 @@ void pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_expo
                  merge_result *result) {
     merge_term terms[MERGE_MAX];
     for (int j = 0; j < n; j++) {
-        terms[j] = term_of(calib, pixel, exposures[j].frame.pixels[pixel], exposures[j].frame.exposure_s,
+        terms[j] = term_of(calib, pixel, exposures[j].frame.pixels[pixel], exposures[j].frame.exposure_s, scale[j],
                            calib->flat[pixel] * scale[j]);
     }
     merge_pixel(&calib->noise, n, terms, result);
@@ -52,10 +52,10 @@ void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *e
     u->drift = v2 * (measured ? calib->monitor_reference_variance : bound * bound);
 }
 
-double uncertainty_random(const uncertainty *u) { return sqrt(u->photon + u->read + u->monitor); }
+double uncertainty_random(const uncertainty *u) { return sqrt(u->photon + u->read + u->monitor + u->stray_random); }
 
 double uncertainty_systematic(const uncertainty *u) {
-    return sqrt(u->dark + u->flat + u->reference + u->drift + u->alignment);
+    return sqrt(u->dark + u->flat + u->reference + u->drift + u->stray + u->alignment);
 }
 
 gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,

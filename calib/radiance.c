@@ -1,6 +1,7 @@
 // One frame -> radiance and variance of every pixel, streaming: linearise, dark, flat, variance, no remapping.
 //
-//   L = (lin(DN) - bias - rate t) / (K t m),  var = ((x + rate t) g + r^2 + q) / (K t m)^2 + L^2 var(K)/K^2
+//   L = (lin(DN) - bias - rate t - stray t m) / (K t m),  var = ((x + rate t + stray t m) g + r^2 + q) / (K t m)^2 +
+//   L^2 var(K)/K^2
 //
 // in float: the maps are float and a frame's own noise is far above their rounding. Rows are shared out among threads;
 // pixels are independent, so the result does not depend on their number.
@@ -18,10 +19,12 @@ static void linear_row(const gonio_calib *calib, const frame_terms *f, size_t fi
                        const uint16_t *restrict in, float *restrict radiance, float *restrict variance) {
     const float *restrict bias = calib->bias + first, *restrict rate = calib->dark_rate + first;
     const float *restrict flat = calib->flat + first, *restrict flat_variance = calib->flat_variance + first;
+    const float *restrict stray = calib->stray + first;
     const uint8_t *restrict defect = calib->defect + first;
     const float quantum = 1.0F / 12, t = f->exposure_s;
     for (size_t i = 0; i < n; i++) {
-        const float raw = in[i], dark = rate[i] * t, x = raw - bias[i] - dark, inverse = 1 / (flat[i] * f->scale);
+        const float raw = in[i], dark = rate[i] * t + stray[i] * f->scale, x = raw - bias[i] - dark,
+                    inverse = 1 / (flat[i] * f->scale);
         const float electrons = (x > 0 ? x : 0) + (dark > 0 ? dark : 0), value = x * inverse;
         const float noise = electrons * f->dn_per_e + f->read_variance + quantum;
         const bool valid = (raw < f->saturation) & (defect[i] == 0);
@@ -34,7 +37,7 @@ static void curved_row(const gonio_calib *calib, const frame_terms *f, size_t fi
                        float *radiance, float *variance) {
     for (size_t i = 0; i < n; i++) {
         const size_t p = first + i;
-        const float dark = calib->dark_rate[p] * f->exposure_s;
+        const float dark = calib->dark_rate[p] * f->exposure_s + calib->stray[p] * f->scale;
         const float x = (float)linear_dn(calib, in[i]) - calib->bias[p] - dark,
                     inverse = 1 / (calib->flat[p] * f->scale);
         const float electrons = fmaxf(x, 0) + fmaxf(dark, 0), value = x * inverse;

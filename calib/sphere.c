@@ -9,11 +9,17 @@ typedef struct sphere_frame {
     geometry g;
     int n;
     const gonio_exposure *exposures;
-    double scale[MERGE_MAX];
+    double scale[MERGE_MAX], surroundings[3];
 } sphere_frame;
 
+// One pixel's part in a sample.
+typedef struct pixel_sums {
+    double value, removed, irradiance;
+    double frame[MERGE_MAX];
+} pixel_sums;
+
 // Add one pixel's value and variances to its channel; false: it has none.
-static bool add_pixel(const sphere_frame *f, size_t p, double *value, uncertainty *u, double *frame) {
+static bool add_pixel(const sphere_frame *f, size_t p, uncertainty *u, pixel_sums *sums) {
     const gonio_calib *calib = f->calib;
     geometry_hit hit;
     if (!pixel_used(calib, &f->g, p, &hit, NULL)) {
@@ -25,18 +31,17 @@ static bool add_pixel(const sphere_frame *f, size_t p, double *value, uncertaint
         return false;
     }
     const double a = 1 / hit.irradiance, v = a * merged.value;
-    double bias = 0, rate = 0;
     for (int j = 0; j < f->n; j++) {
-        bias += merged.weight[j];
-        rate += merged.weight[j] * f->exposures[j].frame.exposure_s;
-        frame[j] += merged.weight[j] * calib->flat[p] * f->scale[j] * v;
+        sums->frame[j] += merged.weight[j] * calib->flat[p] * f->scale[j] * v;
     }
-    const double *c = calib->dark_covariance;
-    *value += v;
+    const sensitivity s = sensitivity_of(calib, f->n, f->exposures, f->scale, &merged);
+    sums->value += v;
+    sums->removed += a * s.stray * calib->stray[p];
+    sums->irradiance += hit.irradiance;
     u->photon += a * a * merged.photon_variance;
     // The maps' errors vary from pixel to pixel, hence from sample to sample: with the read noise, not systematic.
-    u->read += a * a * (merged.read_variance + bias * bias * c[0] + 2 * bias * rate * c[1] + rate * rate * c[2]) +
-               v * v * calib->flat_variance[p];
+    u->read += a * a * (merged.read_variance + dark_variance(calib, &s)) + v * v * calib->flat_variance[p];
+    u->stray_random += a * a * s.stray * s.stray * calib->stray_variance;
     return true;
 }
 
@@ -44,13 +49,14 @@ static bool add_pixel(const sphere_frame *f, size_t p, double *value, uncertaint
 static bool block_estimate(const sphere_frame *f, int column, int row, int side, estimate *e) {
     const gonio_calib *calib = f->calib;
     const int width = calib->window.width;
-    double frame[3][MERGE_MAX] = {{0}}, x = 0, y = 0;
+    pixel_sums sums[3] = {{0}};
+    double x = 0, y = 0;
     int count[3] = {0};
     *e = (estimate){0};
     for (int i = 0; i < side * side; i++) {
         const size_t p = (size_t)(row + i / side) * (size_t)width + (size_t)(column + i % side);
         const int k = calib->channel[p];
-        if (!add_pixel(f, p, &e->value[k], &e->variance[k], frame[k])) {
+        if (!add_pixel(f, p, &e->variance[k], &sums[k])) {
             return false;
         }
         count[k]++;
@@ -64,14 +70,18 @@ static bool block_estimate(const sphere_frame *f, int column, int row, int side,
     e->pair = geometry_isotropic_pair(&hit);
     for (int k = 0; k < calib->channels; k++) {
         const double m = count[k];
-        e->value[k] /= m;
+        e->value[k] = sums[k].value / m;
         uncertainty *u = &e->variance[k];
         u->photon /= m * m;
         u->read /= m * m;
         for (int j = 0; j < f->n && calib->monitored; j++) {
-            const double share = frame[k][j] / m * f->exposures[j].monitor_sigma;
+            const double share = sums[k].frame[j] / m * f->exposures[j].monitor_sigma;
             u->monitor += f->exposures[j].monitor > 0 ? share * share : 0;
         }
+        const double removed = calib->facts.stray_variation * sums[k].removed / m, irradiance = sums[k].irradiance / m;
+        u->stray_random = u->stray_random / (m * m) + removed * removed;
+        u->stray = removed * removed +
+                   glare_variance(calib, e->value[k] * irradiance, f->surroundings[k]) / (irradiance * irradiance);
         uncertainty_common(calib, f->n, f->exposures, e->value[k], u);
     }
     return true;
@@ -83,6 +93,7 @@ gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, i
     for (int j = 0; j < n; j++) {
         f.scale[j] = exposure_scale(calib, exposures[j].frame.exposure_s, exposures[j].monitor);
     }
+    stray_surroundings(calib, n, exposures, f.scale, f.surroundings);
     const int side = calib->channels == 1 ? 1 : 2;
     size_t made = 0;
     for (int row = 0; row + side <= calib->window.height; row += side) {

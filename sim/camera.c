@@ -59,9 +59,19 @@ static const unsigned char colours[][4] = {
     [GONIO_GRBG] = {1, 0, 2, 1}, [GONIO_GBRG] = {1, 2, 0, 1},
 };
 
+// A finite aperture: the scene from equal-area points of it (Vogel's spiral, as the lamp's), which all look at the same
+// point of the plane through the centre of rotation.
+#define APERTURE_POINTS 16
+typedef struct view {
+    sim_scene scene;
+    double x, y; // how far the image point moves
+} view;
+
 typedef struct exposure {
     const gonio_sim *sim;
-    const sim_scene *scene;
+    const view *views;
+    int n_views;
+    double stray[3]; // radiance that reaches every pixel, a channel
     gonio_stamp stamp;
     double exposure_s, white_e; // white_e: electrons that a perfect white diffuser gives in this exposure
     double well_e, scale;       // scale: relative exposure an electron
@@ -75,6 +85,14 @@ static uint16_t digitise(const exposure *e, double electrons) {
     return (uint16_t)fmin(fmax(word, 0), e->full_scale);
 }
 
+static double radiance(const exposure *e, double x, double y, int channel) {
+    double sum = 0;
+    for (int k = 0; k < e->n_views; k++) {
+        sum += sim_scene_radiance(&e->views[k].scene, x + e->views[k].x, y + e->views[k].y, channel);
+    }
+    return sum / e->n_views;
+}
+
 static uint16_t expose_pixel(const exposure *e, int column, int row) {
     const sim_sensor *sensor = e->sim->sensor;
     const uint32_t index = (uint32_t)(row * sensor->width + column);
@@ -82,7 +100,7 @@ static uint16_t expose_pixel(const exposure *e, int column, int row) {
     double mean = (double)pixel->dark_e_s * e->exposure_s;
     if (e->white_e > 0) {
         const int channel = e->colour[(row & 1) * 2 + (column & 1)];
-        mean += (double)pixel->gain * e->white_e * sim_scene_radiance(e->scene, pixel->x, pixel->y, channel);
+        mean += (double)pixel->gain * e->white_e * (radiance(e, pixel->x, pixel->y, channel) + e->stray[channel]);
     }
     mean = fmin(mean, MEAN_MAX_E);
     const sim_draw draw = sim_random(e->sim->seed, SIM_SHOT, e->stamp.pose, e->stamp.frame, index);
@@ -136,6 +154,42 @@ static gonio_status check_request(gonio_sim *sim, const gonio_window *w, double 
     return GONIO_OK;
 }
 
+static int place_views(const gonio_sim *sim, const sim_scene *scene, view *views) {
+    const double radius = sim->settings.rig.aperture_radius_mm, distance = sim->settings.rig.camera_distance_mm;
+    const int n = radius > 0 ? APERTURE_POINTS : 1;
+    for (int k = 0; k < n; k++) {
+        const double r = radius * sqrt((k + 0.5) / n), angle = k * GONIO_PI * (3 - sqrt(5));
+        const double right = r * cos(angle), up = r * sin(angle);
+        views[k] = (view){.scene = *scene, .x = -right / distance, .y = up / distance};
+        gonio_vec3 *c = &views[k].scene.camera;
+        c->x += right * scene->right.x + up * scene->up.x;
+        c->y += right * scene->right.y + up * scene->up.y;
+        c->z += right * scene->right.z + up * scene->up.z;
+    }
+    return n;
+}
+
+// The scene's mean radiance over the whole frame, from this many pixels of it.
+#define GLARE_COLUMNS 20
+#define GLARE_ROWS 16
+
+static void find_stray(const gonio_sim *sim, const sim_scene *scene, const gonio_stamp *stamp, double stray[3]) {
+    const sim_sensor *sensor = sim->sensor;
+    const double variation = sim->settings.stray.variation_percent / 100;
+    const double ambient =
+        sim->truth.ambient * fmax(0, 1 + variation * sim_normal(sim->seed, SIM_STRAY_POSE, stamp->pose, 0, 0));
+    for (int channel = 0; channel < sim->seen->channels; channel++) {
+        double sum = 0;
+        for (int i = 0; i < GLARE_COLUMNS * GLARE_ROWS && sim->truth.glare > 0; i++) {
+            const int column = (2 * (i % GLARE_COLUMNS) + 1) * sensor->width / (2 * GLARE_COLUMNS);
+            const int row = (2 * (i / GLARE_COLUMNS) + 1) * sensor->height / (2 * GLARE_ROWS);
+            const sim_pixel *pixel = &sensor->pixels[row * sensor->width + column];
+            sum += sim_scene_radiance(scene, pixel->x, pixel->y, channel);
+        }
+        stray[channel] = ambient + sim->truth.glare * sum / (GLARE_COLUMNS * GLARE_ROWS);
+    }
+}
+
 static gonio_status camera_capture(void *device, const gonio_window *window, double exposure_s, double gain_db,
                                    const gonio_stamp *stamp, double timeout_s, gonio_frame *frame, gonio_error *error) {
     gonio_sim *sim = device;
@@ -152,16 +206,21 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
     // The lamp changes too slowly to matter within a frame: its output in the middle is the mean over it.
     const double lamp = sim->shutter_open ? sim_lamp_output(sim, stamp, exposure_s / 2) : 0;
     const double full_scale = (double)((1 << s->camera.bits) - 1);
-    const exposure e = {.sim = sim,
-                        .scene = &scene,
-                        .stamp = *stamp,
-                        .exposure_s = exposure_s,
-                        .white_e = s->camera.white_e_per_s * lamp * exposure_s,
-                        .well_e = WELL_RESERVE * s->camera.full_well_e,
-                        .scale = pow(10, gain_db / 20) / s->camera.full_well_e,
-                        .black = floor((full_scale + 1) / BLACK_FRACTION),
-                        .full_scale = full_scale,
-                        .colour = colours[sim_camera_pattern(sim)]};
+    view views[APERTURE_POINTS];
+    exposure e = {.sim = sim,
+                  .views = views,
+                  .n_views = place_views(sim, &scene, views),
+                  .stamp = *stamp,
+                  .exposure_s = exposure_s,
+                  .white_e = s->camera.white_e_per_s * lamp * exposure_s,
+                  .well_e = WELL_RESERVE * s->camera.full_well_e,
+                  .scale = pow(10, gain_db / 20) / s->camera.full_well_e,
+                  .black = floor((full_scale + 1) / BLACK_FRACTION),
+                  .full_scale = full_scale,
+                  .colour = colours[sim_camera_pattern(sim)]};
+    if (e.white_e > 0) {
+        find_stray(sim, &scene, stamp, e.stray);
+    }
     expose(&e, window, frame->pixels);
     frame->window = *window;
     frame->exposure_s = exposure_s;

@@ -15,6 +15,7 @@ typedef struct sim_truth {
     double zero_error_rad[GONIO_AXES];
     double reflectance[3]; // of the white reference
     double drift_per_s;    // relative
+    double ambient, glare; // stray light, relative to white and to the scene's mean
     double wander_amplitude, wander_rad_per_s[SIM_WANDER_TERMS], wander_rad[SIM_WANDER_TERMS];
 } sim_truth;
 

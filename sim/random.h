@@ -20,6 +20,8 @@ typedef enum sim_effect {
     SIM_HOT = 10,
     SIM_SHOT = 11,
     SIM_READ = 12,
+    SIM_STRAY = 13,      // room's scatter, lens' glare
+    SIM_STRAY_POSE = 14, // the room's scatter at a pose
 } sim_effect;
 
 typedef struct sim_draw {

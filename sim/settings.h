@@ -35,7 +35,7 @@ enum { SIM_PATTERN_AUTO = -1 }; // else a gonio_pattern
 // Lengths and names follow the keys. NaN in a value that may be "auto" means auto.
 typedef struct sim_settings {
     struct {
-        double light_distance_mm, camera_distance_mm, light_radius_mm;
+        double light_distance_mm, camera_distance_mm, light_radius_mm, aperture_radius_mm;
         int backlash_takeup; // 0: poses are approached from wherever the axis comes, so backlash shows
     } rig;
     sim_axis_settings axis[GONIO_AXES];
@@ -51,6 +51,12 @@ typedef struct sim_settings {
     struct {
         double drift_percent_per_hour, wander_percent, warm_up_percent, warm_up_s;
     } lamp;
+    // Light that does not come from the sample. ambient: scattered by the room, relative to a white diffuser's
+    // radiance, drawn about this once and again at every pose (variation). glare: share of the scene's mean radiance
+    // that the lens spreads over the frame, drawn with this as its root mean square.
+    struct {
+        double ambient_percent, variation_percent, glare_percent;
+    } stray;
     struct {
         int present;
         double noise_percent;

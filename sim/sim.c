@@ -77,6 +77,9 @@ static void draw_truth(gonio_sim *sim) {
     for (int c = 0; c < 3; c++) {
         truth->reflectance[c] = s->reference.reflectance[c] * scale;
     }
+    // Scatter is positive and known to its order of magnitude: log-normal. Glare is positive too.
+    truth->ambient = s->stray.ambient_percent / 100 * exp(0.5 * sim_normal(sim->seed, SIM_STRAY, 0, 0, 0));
+    truth->glare = s->stray.glare_percent / 100 * fabs(sim_normal(sim->seed, SIM_STRAY, 0, 0, 1));
     truth->drift_per_s = s->lamp.drift_percent_per_hour / 100 / 3600 * sim_normal(sim->seed, SIM_DRIFT, 0, 0, 0);
     truth->wander_amplitude = s->lamp.wander_percent / 100 * sqrt(2.0 / SIM_WANDER_TERMS);
     for (uint32_t k = 0; k < SIM_WANDER_TERMS; k++) {
@@ -117,6 +120,10 @@ static void fill_facts(const gonio_sim *sim, gonio_rig_facts *facts) {
                                .pointing_random_deg = sqrt(variance / 2),
                                .pointing_systematic_deg = sqrt(variance / 2),
                                .reference_relative_sigma = s->reference.sigma_percent / 100,
+                               .light_radius_mm = s->rig.light_radius_mm,
+                               .aperture_radius_mm = s->rig.aperture_radius_mm,
+                               .stray_variation = s->stray.variation_percent / 100,
+                               .glare_sigma = s->stray.glare_percent / 100,
                                .lamp_drift_per_h = s->lamp.drift_percent_per_hour / 100,
                                .sphere = s->sample.sphere == 1,
                                .sphere_radius_mm = s->sample.radius_mm,

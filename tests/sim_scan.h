@@ -24,7 +24,7 @@ typedef struct sim_scan {
     uint16_t *pixels;  // SCAN_EXPOSURES frames
     gonio_exposure exposures[SCAN_EXPOSURES];
     int n; // of the pose just taken
-    int dark_frames, reference_frames;
+    int dark_frames, trap_frames, reference_frames;
     gonio_error error;
 } sim_scan;
 
@@ -38,7 +38,7 @@ static inline bool scan_ok(sim_scan *scan, gonio_status status, const char *what
 // settings: "section.key=value" texts, NULL-terminated. side: of the read-out window, centred; 0 for 160 x 128 (the
 // whole frame for a sphere).
 static inline bool scan_open(sim_scan *scan, const char *spec, uint64_t seed, const char *const *settings, int side) {
-    *scan = (sim_scan){.exposure_s = 0.01, .dark_frames = 8, .reference_frames = 16};
+    *scan = (sim_scan){.exposure_s = 0.01, .dark_frames = 8, .trap_frames = 4, .reference_frames = 16};
     if (!scan_ok(scan, gonio_sim_new(spec, seed, &scan->sim, &scan->error), "sim")) {
         return false;
     }
@@ -140,7 +140,18 @@ static inline bool scan_reference(sim_scan *scan) {
            scan_ok(scan, scan->rig.mount->mount(scan->rig.mount_device, GONIO_TARGET_SAMPLE, &scan->error), "mount");
 }
 
-// Warm-up, dark frames, reference, prepare.
+static inline bool scan_trap(sim_scan *scan) {
+    const gonio_pair pose = {.theta_i = gonio_radians(GONIO_REFERENCE_THETA_I_DEG)};
+    bool ok = scan_ok(scan, scan->rig.mount->mount(scan->rig.mount_device, GONIO_TARGET_TRAP, &scan->error), "mount") &&
+              scan_move(scan, &pose);
+    for (int i = 0; ok && i < scan->trap_frames; i++) {
+        ok = scan_capture(scan, 0, 1) &&
+             scan_ok(scan, gonio_calib_add_trap(scan->calib, &scan->exposures[0], &scan->error), "trap");
+    }
+    return ok;
+}
+
+// Warm-up, dark frames, light trap, reference, prepare.
 static inline bool scan_prepare(sim_scan *scan) {
     double waited = 0;
     bool ok = scan_ok(scan, scan->rig.lamp->wait_ready(scan->rig.lamp_device, &scan->stamp, 1e6, &waited, &scan->error),
@@ -152,7 +163,8 @@ static inline bool scan_prepare(sim_scan *scan) {
              scan_ok(scan, gonio_calib_add_dark(scan->calib, &scan->exposures[0], &scan->error), "dark");
     }
     return ok && scan_ok(scan, scan->rig.lamp->set_shutter(scan->rig.lamp_device, true, &scan->error), "shutter") &&
-           scan_reference(scan) && scan_ok(scan, gonio_calib_prepare(scan->calib, &scan->error), "prepare");
+           scan_trap(scan) && scan_reference(scan) &&
+           scan_ok(scan, gonio_calib_prepare(scan->calib, &scan->error), "prepare");
 }
 
 // One pose into the samples.

@@ -11,6 +11,7 @@
 // How to scan. gonio_scan_options_default() first.
 typedef struct gonio_scan_options {
     int dark_frames;                 // at the shortest exposure, and as many at the longest
+    int trap_frames;                 // of a light trap, the lamp on; 0: no light trap, stray light stays in
     int reference_frames;            // at each reference step
     double settle_s;                 // after every move
     double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
@@ -45,10 +46,10 @@ gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup);
 gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_facts *facts,
                                const gonio_scan_options *options, gonio_window *window, gonio_error *error);
 
-// The steps of a plan: dark frames, the white reference, the poses in an order of short moves, the reference again.
-// The caller frees *steps.
-gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_plan *plan, gonio_step **steps, size_t *n,
-                              gonio_error *error);
+// The steps of a plan: dark frames, the light trap, the white reference, the poses in an order of short moves, the
+// reference again. The caller frees *steps.
+gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *options, const gonio_plan *plan,
+                              gonio_step **steps, size_t *n, gonio_error *error);
 // The axes' targets of a pose.
 void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]);
 // The time that moves and settling take, from the stage's limits.
@@ -140,6 +141,7 @@ typedef struct gonio_outcome {
     gonio_samples *samples; // final
     gonio_model *model;
     gonio_fit_report fit;
+    gonio_blur blur;    // of light, aperture and averaged disc
     double drift_ratio; // responsivity at the end / at the start; NaN: not known
     size_t poses, frames;
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];

@@ -54,6 +54,10 @@ static const member facts_members[] = {
     M(gonio_rig_facts, reference_reflectance, REAL3),
     M(gonio_rig_facts, reference_relative_sigma, REAL),
     M(gonio_rig_facts, lamp_drift_per_h, REAL),
+    LATE(gonio_rig_facts, stray_variation, REAL),
+    LATE(gonio_rig_facts, glare_sigma, REAL),
+    LATE(gonio_rig_facts, light_radius_mm, REAL),
+    LATE(gonio_rig_facts, aperture_radius_mm, REAL),
     M(gonio_rig_facts, sphere, BOOLEAN),
     M(gonio_rig_facts, sphere_radius_mm, REAL),
     M(gonio_rig_facts, region_radius_mm, REAL),
@@ -66,6 +70,7 @@ static const member facts_members[] = {
 };
 static const member scan_members[] = {
     M(gonio_scan_options, dark_frames, INTEGER),
+    LATE(gonio_scan_options, trap_frames, INTEGER),
     M(gonio_scan_options, reference_frames, INTEGER),
     M(gonio_scan_options, settle_s, REAL),
     M(gonio_scan_options, exposure_max_s, REAL),

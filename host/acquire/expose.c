@@ -82,6 +82,35 @@ static gonio_status expose_dark(const gonio_rig *rig, const gonio_setup *setup, 
     return status;
 }
 
+// The light trap: so long that even faint stray light stands above the read noise, shorter where it is not so dark.
+#define TRAP_EXPOSURE_S 1.0
+#define TRAP_SHORTEN 8
+
+static bool too_bright(const gonio_setup *setup, const gonio_frame *frame) {
+    const int limit = (1 << setup->camera.bits) * 3 / 4;
+    const size_t n = (size_t)frame->window.width * (size_t)frame->window.height;
+    size_t bright = 0;
+    for (size_t p = 0; p < n; p++) {
+        bright += frame->pixels[p] > limit;
+    }
+    return bright * 100 > n; // hot pixels are fewer
+}
+
+static gonio_status expose_trap(const gonio_rig *rig, const gonio_setup *setup, const gonio_step *step,
+                                gonio_exposures *out, gonio_error *error) {
+    const double shortest_s = setup->camera.exposure_min_s;
+    out->end_s = fmax(fmin(TRAP_EXPOSURE_S, setup->camera.exposure_max_s), shortest_s);
+    gonio_status status = take(rig, setup, step, out->end_s, out, error);
+    while (status == GONIO_OK && out->end_s > shortest_s && too_bright(setup, &out->items[out->n - 1].frame)) {
+        out->end_s = fmax(out->end_s / TRAP_SHORTEN, shortest_s);
+        status = take(rig, setup, step, out->end_s, out, error);
+    }
+    for (int i = 1; status == GONIO_OK && i < setup->scan.trap_frames; i++) {
+        status = take(rig, setup, step, out->end_s, out, error);
+    }
+    return status;
+}
+
 static gonio_status bracket(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
                             const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error) {
     double next_s = first_s;
@@ -117,6 +146,8 @@ gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, c
         return expose_dark(rig, setup, step, out, error);
     case GONIO_STEP_REFERENCE:
         return expose_reference(rig, setup, calib, step, first_s, out, error);
+    case GONIO_STEP_TRAP:
+        return expose_trap(rig, setup, step, out, error);
     case GONIO_STEP_SAMPLE:
         break;
     }

@@ -125,6 +125,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
         status = fit_twice(process, changed ? NULL : options->stream, &fit, out, error);
     }
     if (status == GONIO_OK) {
+        gonio_calib_blur(&process->setup.facts, out->model, out->samples, &out->blur);
         status = save(options, out, error);
     }
     if (status != GONIO_OK) {

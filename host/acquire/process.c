@@ -47,8 +47,9 @@ static gonio_status calibrate(gonio_process *process, const gonio_step *step, co
                               gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (int i = 0; status == GONIO_OK && i < n; i++) {
-        status = step->kind == GONIO_STEP_DARK
-                     ? gonio_calib_add_dark(process->calib, &exposures[i], error)
+        status = step->kind == GONIO_STEP_DARK ? gonio_calib_add_dark(process->calib, &exposures[i], error)
+                 : step->kind == GONIO_STEP_TRAP
+                     ? gonio_calib_add_trap(process->calib, &exposures[i], error)
                      : gonio_calib_add_reference(process->calib, &step->pose, &exposures[i], error);
     }
     return status;

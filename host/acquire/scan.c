@@ -189,7 +189,9 @@ gonio_process *gonio_scan_process(gonio_scan *scan) { return &scan->process; }
 // ---- one step ----
 
 static gonio_status mount(gonio_scan *scan, gonio_step_kind kind, gonio_error *error) {
-    const int target = kind == GONIO_STEP_REFERENCE ? GONIO_TARGET_REFERENCE : GONIO_TARGET_SAMPLE;
+    const int target = kind == GONIO_STEP_REFERENCE ? GONIO_TARGET_REFERENCE
+                       : kind == GONIO_STEP_TRAP    ? GONIO_TARGET_TRAP
+                                                    : GONIO_TARGET_SAMPLE;
     if (kind == GONIO_STEP_DARK || scan->target == target) {
         return GONIO_OK; // dark frames do not see the table
     }

@@ -85,9 +85,10 @@ static void tour(const gonio_rig *rig, const gonio_pair *start, keyed *order, si
     }
 }
 
-gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_plan *plan, gonio_step **steps, size_t *n,
-                              gonio_error *error) {
-    *n = plan->n + 3;
+gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *options, const gonio_plan *plan,
+                              gonio_step **steps, size_t *n, gonio_error *error) {
+    const size_t before = options->trap_frames > 0 ? 3 : 2;
+    *n = before + plan->n + 1;
     *steps = calloc(*n, sizeof **steps);
     keyed *order = serpentine(plan);
     if (*steps == NULL || order == NULL) {
@@ -99,8 +100,9 @@ gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_plan *plan, goni
     const gonio_pair reference = {gonio_radians(GONIO_REFERENCE_THETA_I_DEG), 0, 0, 0};
     gonio_step *s = *steps;
     s[0] = (gonio_step){.kind = GONIO_STEP_DARK, .pose = reference};
-    s[1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
-    tour(rig, &reference, order, plan->n, s + 2);
+    s[1] = (gonio_step){.kind = GONIO_STEP_TRAP, .pose = reference};
+    s[before - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    tour(rig, &reference, order, plan->n, s + before);
     s[*n - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
     for (size_t i = 0; i < *n; i++) {
         s[i].index = (int64_t)i;

@@ -65,7 +65,7 @@ static gonio_status prepare(request *r, const cli_rig *rig, gonio_setup *setup, 
     if (status != GONIO_OK) {
         return status;
     }
-    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, plan, steps, n, error)
+    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, &setup->scan, plan, steps, n, error)
                          : gonio_fail(error, GONIO_E_INPUT, "plan '%s' has no poses", r->plan);
     gonio_plan_free(plan);
     return status;

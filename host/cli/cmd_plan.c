@@ -42,11 +42,14 @@ static gonio_status save(const gonio_step *steps, size_t n, const char *path, go
 
 static void fill(const cli_rig *rig, const gonio_setup *setup, const gonio_step *steps, size_t n, estimate *e) {
     const size_t pixels = (size_t)setup->window.width * (size_t)setup->window.height;
-    const double frames =
-        FRAMES_A_POSE * (double)(n - 3) + 2 * setup->scan.dark_frames + 2 * (double)setup->scan.reference_frames;
-    e->poses = n - 3;
+    e->poses = 0;
+    for (size_t i = 0; i < n; i++) {
+        e->poses += steps[i].kind == GONIO_STEP_SAMPLE;
+    }
+    const double frames = FRAMES_A_POSE * (double)e->poses + 2 * setup->scan.dark_frames + setup->scan.trap_frames +
+                          2 * (double)setup->scan.reference_frames;
     e->travel_s = gonio_scan_travel_s(&rig->rig, steps, n, setup->scan.settle_s);
-    e->total_s = e->travel_s + frames * setup->camera.read_out_s +
+    e->total_s = e->travel_s + frames * setup->camera.read_out_s + setup->scan.trap_frames +
                  setup->scan.dark_frames * (setup->camera.exposure_min_s + setup->camera.exposure_max_s);
     e->storage_bytes = frames * (double)pixels * setup->camera.bits / 8.0;
 }
@@ -62,7 +65,7 @@ static gonio_status plan(const cli_rig_options *options, const char *text, cli_r
         status = gonio_plan_make(text, options->seed, &poses, error);
     }
     if (status == GONIO_OK) {
-        status = gonio_scan_steps(&rig->rig, poses, steps, n, error);
+        status = gonio_scan_steps(&rig->rig, &setup->scan, poses, steps, n, error);
         gonio_plan_free(poses);
     }
     return status;

@@ -160,22 +160,16 @@ TERM(dark)
 TERM(flat)
 TERM(reference)
 TERM(drift)
+TERM(stray)
 TERM(angle)
 TERM(area)
 TERM(blur)
 TERM(random)
 TERM(systematic)
-static const term terms[] = {{"photon", of_photon},
-                             {"read", of_read},
-                             {"dark", of_dark},
-                             {"flat", of_flat},
-                             {"reference", of_reference},
-                             {"drift", of_drift},
-                             {"angle", of_angle},
-                             {"area", of_area},
-                             {"blur", of_blur},
-                             {"random", of_random},
-                             {"systematic", of_systematic}};
+static const term terms[] = {{"photon", of_photon}, {"read", of_read},           {"dark", of_dark},
+                             {"flat", of_flat},     {"reference", of_reference}, {"drift", of_drift},
+                             {"stray", of_stray},   {"angle", of_angle},         {"area", of_area},
+                             {"blur", of_blur},     {"random", of_random},       {"systematic", of_systematic}};
 #define TERMS (sizeof terms / sizeof *terms)
 
 static json_t *pair_json(const gonio_pair *p) {
@@ -194,6 +188,8 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
             for (size_t t = 0; t < TERMS; t++) {
                 json_object_set_new(one, terms[t].name, cli_json_real(terms[t].of(&budget[c])));
             }
+            json_object_set_new(one, "area_bias", cli_json_real(budget[c].area_bias));
+            json_object_set_new(one, "blur_bias", cli_json_real(budget[c].blur_bias));
             json_object_set_new(one, "sigma", cli_json_real(hypot(budget[c].random, budget[c].systematic)));
             json_array_append_new(list, one);
         }

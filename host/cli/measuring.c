@@ -30,7 +30,9 @@ bool cli_measuring_hands(const cli_measuring *measuring, const gonio_rig *rig, b
 
 static gonio_status ask_for_hands(void *context, gonio_target target, gonio_error *error) {
     run *r = context;
-    const char *what = target == GONIO_TARGET_REFERENCE ? "white reference" : "sample";
+    const char *what = target == GONIO_TARGET_REFERENCE ? "white reference"
+                       : target == GONIO_TARGET_TRAP    ? "light trap"
+                                                        : "sample";
     cli_progress_end(&r->progress);
     if (r->m->yes) {
         fprintf(stderr, "assuming that the %s lies on the table (--yes)\n", what);
@@ -151,6 +153,11 @@ void cli_outcome_print(const gonio_outcome *outcome) {
     if (isfinite(outcome->drift_ratio)) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
+    printf(
+        "blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; bias %.2g %% (at most %.2g %%), "
+        "corrected\n",
+        outcome->blur.light_deg, outcome->blur.aperture_deg, outcome->blur.region_deg, 100 * outcome->blur.bias_median,
+        100 * outcome->blur.bias_max);
     printf("fit        %s, level %d, %zu bytes, %.3g s\n", outcome->fit.method, outcome->fit.level, outcome->fit.bytes,
            outcome->fit.fit_seconds);
     cli_print_errors("training", &outcome->fit.train);
@@ -158,13 +165,19 @@ void cli_outcome_print(const gonio_outcome *outcome) {
     printf("samples    sha256 %s\nmodel      sha256 %s\n", outcome->samples_sha256, outcome->model_sha256);
 }
 
+static json_t *blur_json(const gonio_blur *b) {
+    return json_pack("{s:f,s:f,s:f,s:f,s:f,s:f,s:f}", "light_deg", b->light_deg, "aperture_deg", b->aperture_deg,
+                     "region_deg", b->region_deg, "light_sr", b->light_sr, "aperture_sr", b->aperture_sr, "bias_median",
+                     b->bias_median, "bias_max", b->bias_max);
+}
+
 json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
-    return json_pack("{s:s,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:s,s:i,s:o,s:o}", "session", session, "poses",
+    return json_pack("{s:s,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
                      "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
-                     o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "method", o->fit.method, "level",
-                     o->fit.level, "train", cli_json_errors(&o->fit.train), "held_out",
-                     cli_json_errors(&o->fit.held_out));
+                     o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur_json(&o->blur),
+                     "method", o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train),
+                     "held_out", cli_json_errors(&o->fit.held_out));
 }
 
 static void report(const run *r, const gonio_outcome *outcome, const char *model_path, double seconds) {

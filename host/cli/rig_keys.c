@@ -27,6 +27,7 @@ static const entry entries[] = {
     {"sample", "id", TEXT, true, AT(facts.sample_id), 0, 0},
     {"sample", "spec", TEXT, true, AT(sample), 0, 0},
     {"scan", "dark_frames", INTEGER, true, AT(scan.dark_frames), 4, 1000},
+    {"scan", "trap_frames", INTEGER, true, AT(scan.trap_frames), 0, 64},
     {"scan", "reference_frames", INTEGER, true, AT(scan.reference_frames), 2, 1000},
     {"scan", "settle_s", REAL, true, AT(scan.settle_s), 0, 600},
     {"scan", "audit_poses", INTEGER, true, AT(scan.audit_poses), 0, 1e6},
@@ -37,6 +38,10 @@ static const entry entries[] = {
     {"rig", "camera_distance_mm", REAL, false, AT(facts.camera_distance_mm), 10, 1e5},
     {"rig", "pointing_random_deg", REAL, false, AT(facts.pointing_random_deg), 0, 10},
     {"rig", "pointing_systematic_deg", REAL, false, AT(facts.pointing_systematic_deg), 0, 10},
+    {"rig", "light_radius_mm", REAL, false, AT(facts.light_radius_mm), 0, 1e3},
+    {"rig", "aperture_radius_mm", REAL, false, AT(facts.aperture_radius_mm), 0, 1e3},
+    {"stray", "variation_percent", PERCENT, false, AT(facts.stray_variation), 0, 100},
+    {"stray", "glare_percent", PERCENT, false, AT(facts.glare_sigma), 0, 20},
     {"reference", "reflectance", REFLECTANCE, false, AT(facts.reference_reflectance), 0.01, 1},
     {"reference", "sigma_percent", PERCENT, false, AT(facts.reference_relative_sigma), 0, 100},
     {"lamp", "drift_percent_per_hour", PERCENT, false, AT(facts.lamp_drift_per_h), 0, 100},
@@ -56,6 +61,8 @@ void rig_keys_default(rig_keys *keys) {
                                  .reference_reflectance = {0.99, 0.99, 0.99},
                                  .reference_relative_sigma = 0.01,
                                  .lamp_drift_per_h = 0.01,
+                                 .stray_variation = 0.2,
+                                 .glare_sigma = 0.002,
                                  .sphere_radius_mm = 20,
                                  .region_radius_mm = 5}};
     gonio_scan_options_default(&keys->scan);

@@ -5,7 +5,8 @@
 
 #include "host/session/internal.h"
 
-static const char *const kind_names[] = {"dark", "reference", "sample"};
+static const char *const kind_names[] = {"dark", "reference", "sample", "trap"};
+#define KINDS ((int)(sizeof kind_names / sizeof *kind_names))
 
 static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose) {
     sqlite3_bind_double(statement, first, gonio_degrees(pose->theta_i));
@@ -44,10 +45,10 @@ gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *s
 static bool read_step(sqlite3_stmt *row, gonio_step *step) {
     const char *kind = (const char *)sqlite3_column_text(row, 1);
     int k = 0;
-    while (k < 3 && (kind == NULL || strcmp(kind, kind_names[k]) != 0)) {
+    while (k < KINDS && (kind == NULL || strcmp(kind, kind_names[k]) != 0)) {
         k++;
     }
-    if (k == 3) {
+    if (k == KINDS) {
         return false;
     }
     *step = (gonio_step){
@@ -70,7 +71,7 @@ static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_
     for (*got = 0; (code = sqlite3_step(rows)) == SQLITE_ROW && *got < n; ++*got) {
         if (!read_step(rows, &steps[*got])) {
             return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                   "step %lld has an unknown kind; dark, reference or sample is expected",
+                                   "step %lld has an unknown kind; dark, trap, reference or sample is expected",
                                    (long long)sqlite3_column_int64(rows, 0));
         }
     }

@@ -6,6 +6,7 @@
 // the same bits.
 //
 // What a scan should take:
+//   trap       (optional) a light trap on the table, the lamp on: 4 frames or more, about a second each
 //   dark       >= 4 frames (better 16) at the shortest exposure that the scan may use and as many at the longest
 //   reference  gonio_calib_bracket until it is done (it works before gonio_calib_prepare too), then the last exposure
 //              again, 16 frames or more in all: the repeats give the gain and average the flat field's noise; and one
@@ -47,6 +48,7 @@ typedef struct gonio_calib_report {
     bool saturation_measured;                         // false: no frame saturated, so the camera's full scale
     int hot, noisy, dead;                             // defective pixels: dark signal, noise, response
     double flat_relative_sigma;                       // typical, of one pixel's responsivity
+    double stray;                                     // as f_r of a sample at perpendicular light, 1/sr; 0: no trap
 } gonio_calib_report;
 
 // Standard uncertainty (1/sr) of one value, by cause. Photon, read, and the monitor's part of drift vary from pose to
@@ -54,7 +56,7 @@ typedef struct gonio_calib_report {
 // model of the sample (0 without).
 typedef struct gonio_budget {
     double value;
-    double photon, read, dark, flat, reference, drift, angle, area, blur;
+    double photon, read, dark, flat, reference, drift, stray, angle, area, blur;
     double random, systematic;   // as carried by the sample
     double area_bias, blur_bias; // relative, of the mean over the disc, and over light and aperture; corrected in value
 } gonio_budget;
@@ -77,11 +79,14 @@ const char (*gonio_calib_channel_names(const gonio_calib *calib))[32];
 
 // The shutter was closed. Frames are borrowed for the call only.
 gonio_status gonio_calib_add_dark(gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
+// A light trap lay on the table and the lamp was on: what is seen is stray light, and is subtracted. Without such
+// frames none is.
+gonio_status gonio_calib_add_trap(gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
 // The white reference lay on the table at this pose.
 gonio_status gonio_calib_add_reference(gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *exposure,
                                        gonio_error *error);
 // Derive dark maps, read noise, gain, flat field and scale. Polite failures are named: dark frame not dark, lamp off,
-// reference overexposed.
+// reference overexposed, light trap that is not dark.
 gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error);
 void gonio_calib_describe(const gonio_calib *calib, gonio_calib_report *report); // after gonio_calib_prepare
 

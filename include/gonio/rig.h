@@ -156,6 +156,8 @@ typedef struct gonio_rig_facts {
     double reference_reflectance[3]; // of the near-Lambertian white reference, a channel (mono: [0])
     double reference_relative_sigma;
     double lamp_drift_per_h; // stated relative drift, used where no meter measures it
+    double stray_variation;  // relative, of the lamp's stray light from pose to pose; the light trap shows it at one
+    double glare_sigma;      // of the share of the scene's mean radiance that the lens spreads over every pixel
     bool sphere;             // sample shape: flat plate or sphere
     double sphere_radius_mm;
     double region_radius_mm;                    // flat: the averaged disc on the sample

@@ -18,7 +18,12 @@ extern "C" {
 
 typedef struct gonio_session gonio_session;
 
-typedef enum gonio_step_kind { GONIO_STEP_DARK, GONIO_STEP_REFERENCE, GONIO_STEP_SAMPLE } gonio_step_kind;
+typedef enum gonio_step_kind {
+    GONIO_STEP_DARK,
+    GONIO_STEP_REFERENCE,
+    GONIO_STEP_SAMPLE,
+    GONIO_STEP_TRAP
+} gonio_step_kind;
 
 // One step of the session: a pose with a target, done as a whole or not at all.
 typedef struct gonio_step {

@@ -78,7 +78,7 @@ static gonio_session *begin(const char *path, const gonio_rig *rig, const gonio_
     setup.fit.hold_out = 0.2;
     must(gonio_session_create(path, &session, &error));
     must(gonio_setup_of_rig(rig, &options, &setup, &error));
-    must(gonio_scan_steps(rig, plan, &steps, &n, &error));
+    must(gonio_scan_steps(rig, &options, plan, &steps, &n, &error));
     must(gonio_session_begin(session, &error));
     must(gonio_setup_put(session, &setup, &error));
     must(gonio_session_put_steps(session, steps, n, &error));

@@ -31,6 +31,8 @@ static const char *const sim_perfect[] = {"axis light_theta.pointing_deg=0",
                                           "lamp.drift_percent_per_hour=0",
                                           "lamp.wander_percent=0",
                                           "lamp.warm_up_percent=0",
+                                          "stray.ambient_percent=0",
+                                          "stray.glare_percent=0",
                                           "meter.noise_percent=0",
                                           "reference.sigma_percent=0",
                                           NULL};

@@ -72,16 +72,19 @@ static void test_steps_hold_every_pose_once(void **state) {
     gonio_plan *plan = make_plan("nusselt:300,anisotropic=1");
     gonio_step *steps;
     size_t n;
-    assert_int_equal(gonio_scan_steps(&b.rig, plan, &steps, &n, NULL), GONIO_OK);
-    assert_int_equal(n, 303);
+    gonio_scan_options options;
+    gonio_scan_options_default(&options);
+    assert_int_equal(gonio_scan_steps(&b.rig, &options, plan, &steps, &n, NULL), GONIO_OK);
+    assert_int_equal(n, 304);
     assert_int_equal(steps[0].kind, GONIO_STEP_DARK);
-    assert_int_equal(steps[1].kind, GONIO_STEP_REFERENCE);
+    assert_int_equal(steps[1].kind, GONIO_STEP_TRAP);
+    assert_int_equal(steps[2].kind, GONIO_STEP_REFERENCE);
     assert_int_equal(steps[n - 1].kind, GONIO_STEP_REFERENCE);
     gonio_pair poses[300];
     for (size_t i = 0; i < 300; i++) {
-        assert_int_equal(steps[i + 2].kind, GONIO_STEP_SAMPLE);
-        assert_int_equal(steps[i + 2].index, i + 2);
-        poses[i] = steps[i + 2].pose;
+        assert_int_equal(steps[i + 3].kind, GONIO_STEP_SAMPLE);
+        assert_int_equal(steps[i + 3].index, i + 3);
+        poses[i] = steps[i + 3].pose;
         // Canonical: the journal's degrees bring it back exactly.
         assert_true(gonio_radians(gonio_degrees(poses[i].theta_o)) == poses[i].theta_o);
         gonio_pair *p = &plan->poses[i];
@@ -101,13 +104,15 @@ static void test_steps_hold_every_pose_once(void **state) {
 static void test_steps_make_short_moves(void **state) {
     (void)state;
     bench b = open_rig();
+    gonio_scan_options options;
+    gonio_scan_options_default(&options);
     static const char *const plans[] = {"nusselt:1000", "nusselt:5000"};
     for (int p = 0; p < 2; p++) {
         gonio_plan *plan = make_plan(plans[p]);
         gonio_step *steps, *again, *plain;
         size_t n;
-        assert_int_equal(gonio_scan_steps(&b.rig, plan, &steps, &n, NULL), GONIO_OK);
-        assert_int_equal(gonio_scan_steps(&b.rig, plan, &again, &n, NULL), GONIO_OK);
+        assert_int_equal(gonio_scan_steps(&b.rig, &options, plan, &steps, &n, NULL), GONIO_OK);
+        assert_int_equal(gonio_scan_steps(&b.rig, &options, plan, &again, &n, NULL), GONIO_OK);
         assert_memory_equal(steps, again, n * sizeof *steps);
         plain = calloc(n, sizeof *plain);
         for (size_t i = 0; i < plan->n; i++) {
@@ -209,7 +214,7 @@ static gonio_session *begin(bench *b, const gonio_scan_options *scan) {
     gonio_plan *plan = make_plan("nusselt:12");
     assert_int_equal(gonio_session_create(path, &session, &error), GONIO_OK);
     assert_int_equal(gonio_setup_of_rig(&b->rig, scan, &setup, &error), GONIO_OK);
-    assert_int_equal(gonio_scan_steps(&b->rig, plan, &steps, &n, &error), GONIO_OK);
+    assert_int_equal(gonio_scan_steps(&b->rig, scan, plan, &steps, &n, &error), GONIO_OK);
     assert_int_equal(gonio_setup_put(session, &setup, &error), GONIO_OK);
     assert_int_equal(gonio_session_put_steps(session, steps, n, &error), GONIO_OK);
     free(steps);
@@ -265,7 +270,7 @@ static void test_a_scan_in_pieces(void **state) {
     const gonio_scan_hooks hooks = {0};
     bench b = open_rig();
     gonio_session *whole = begin(&b, &options);
-    assert_int_equal(drive(whole, &b.rig, &hooks, 1000, GONIO_OK), POSES + 3);
+    assert_int_equal(drive(whole, &b.rig, &hooks, 1000, GONIO_OK), POSES + 4);
     gonio_samples *expected = samples_of(whole);
     assert_int_equal(expected->n, POSES);
     close_rig(&b);
@@ -273,7 +278,7 @@ static void test_a_scan_in_pieces(void **state) {
     snprintf(path, sizeof path, "%s/pieces", root);
     b = open_rig();
     gonio_session *pieces = begin(&b, &options);
-    for (int done = 0; done < POSES + 3; done++) {
+    for (int done = 0; done < POSES + 4; done++) {
         close_rig(&b);
         b = open_rig();
         assert_int_equal(drive(pieces, &b.rig, &hooks, 1, GONIO_OK), 1);
@@ -376,7 +381,7 @@ static void test_dark_frames_that_are_not_dark(void **state) {
     assert_non_null(strstr(error.message, "dark"));
     gonio_scan_free(scan);
     // Repaired, the same session goes the whole way.
-    assert_int_equal(drive(session, &b.rig, &hooks, 1000, GONIO_OK), POSES + 3);
+    assert_int_equal(drive(session, &b.rig, &hooks, 1000, GONIO_OK), POSES + 4);
     gonio_session_close(session);
     close_rig(&b);
 }
@@ -402,13 +407,14 @@ static void test_hands_are_asked_for_each_change(void **state) {
     const gonio_scan_hooks hooks = {.context = &log, .mount = ask};
     bench b = open_rig();
     gonio_session *session = begin(&b, &options);
-    assert_int_equal(drive(session, &b.rig, &hooks, 5, GONIO_OK), 5);
-    assert_int_equal(log.calls, 2); // nothing for the dark frames
-    assert_true(log.targets[0] == GONIO_TARGET_REFERENCE && log.targets[1] == GONIO_TARGET_SAMPLE);
+    assert_int_equal(drive(session, &b.rig, &hooks, 6, GONIO_OK), 6);
+    assert_int_equal(log.calls, 3); // nothing for the dark frames
+    assert_true(log.targets[0] == GONIO_TARGET_TRAP && log.targets[1] == GONIO_TARGET_REFERENCE &&
+                log.targets[2] == GONIO_TARGET_SAMPLE);
     // After a stop nobody knows what lies there: it is asked for again.
     assert_int_equal(drive(session, &b.rig, &hooks, 1000, GONIO_OK), POSES - 2);
-    assert_int_equal(log.calls, 4);
-    assert_true(log.targets[2] == GONIO_TARGET_SAMPLE && log.targets[3] == GONIO_TARGET_REFERENCE);
+    assert_int_equal(log.calls, 5);
+    assert_true(log.targets[3] == GONIO_TARGET_SAMPLE && log.targets[4] == GONIO_TARGET_REFERENCE);
     gonio_session_close(session);
     close_rig(&b);
 }
