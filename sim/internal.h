@@ -2,6 +2,7 @@
 #ifndef GONIO_SIM_INTERNAL_H
 #define GONIO_SIM_INTERNAL_H
 
+#include "firmware/board/posix/machine.h"
 #include "gonio/sim.h"
 #include "sim/response.h"
 #include "sim/scene.h"
@@ -31,16 +32,19 @@ struct gonio_sim {
     int fault_hits[SIM_FAULTS];
     bool loses_steps; // was ever told to, perhaps in the process before this one
 
-    bool homed;
-    double position_rad[GONIO_AXES]; // as the counters say
-    double actual_rad[GONIO_AXES];   // where the arms really stand
-    double lost_rad[GONIO_AXES];     // steps lost since the last homing
-    gonio_stamp moved;               // the stamp of the last move
+    struct machine machine; // the controller with its motors and switches
+    double steps_per_deg[GONIO_AXES];
+    int64_t target_steps[GONIO_AXES]; // of the last move
+    double target_rad[GONIO_AXES];
+    double actual_rad[GONIO_AXES]; // where the arms really stand
+    gonio_stamp moved;             // the stamp of the last move
     double lamp_level;
     bool shutter_open;
     gonio_target target;
 };
 
+// Power the stage up: nothing is homed, the arms stand at 0.
+gonio_status sim_stage_start(gonio_sim *sim, gonio_error *error);
 extern const gonio_stage_ops sim_stage_ops;
 extern const gonio_lamp_ops sim_lamp_ops;
 extern const gonio_meter_ops sim_meter_ops;

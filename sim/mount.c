@@ -12,7 +12,9 @@ static gonio_status mount(void *device, gonio_target target, gonio_error *error)
 // It has no stamp of its own: a fault strikes at the pose that the stage was last sent to.
 static gonio_status check(void *device, gonio_error *error) {
     gonio_sim *sim = device;
-    if (sim_fault_strikes(sim, SIM_FAULT_INTERLOCK_OPEN, &sim->moved)) {
+    const bool open = sim_fault_strikes(sim, SIM_FAULT_INTERLOCK_OPEN, &sim->moved);
+    machine_hold(&sim->machine, FW_CONTACT_door, open);
+    if (open) {
         return gonio_fail(error, GONIO_E_DEVICE, "interlock: the door is open");
     }
     return GONIO_OK;

@@ -25,6 +25,7 @@ typedef struct entry {
 #define AXIS(name, index, limit)                                                                                         \
     {"axis " name, "speed_deg_per_s", REAL, AT(axis[index].speed_deg_per_s), 1e-3, 1e4, "20", 0, 0},                     \
         {"axis " name, "acceleration_deg_per_s2", REAL, AT(axis[index].acceleration_deg_per_s2), 1e-3, 1e6, "40", 0, 0}, \
+        {"axis " name, "jerk_deg_per_s3", REAL, AT(axis[index].jerk_deg_per_s3), 0, 1e9, "0", 0, 0},                     \
         {"axis " name, "backlash_deg", REAL, AT(axis[index].backlash_deg), 0, 10, "0.05", 0, 0},                         \
         {"axis " name, "min_deg", REAL, AT(axis[index].min_deg), -720, 0, "-" limit, 0, 0},                              \
         {"axis " name, "max_deg", REAL, AT(axis[index].max_deg), 0, 720, limit, 0, 0}, {                                 \
@@ -90,6 +91,7 @@ static const entry entries[] = {
     FAULT_KEY("camera_error", SIM_FAULT_CAMERA_ERROR),
     FAULT_KEY("stage_stall", SIM_FAULT_STAGE_STALL),
     FAULT_KEY("stage_timeout", SIM_FAULT_STAGE_TIMEOUT),
+    FAULT_KEY("stage_estop", SIM_FAULT_STAGE_ESTOP),
     FAULT_KEY("lamp_off", SIM_FAULT_LAMP_OFF),
     FAULT_KEY("meter_error", SIM_FAULT_METER_ERROR),
     FAULT_KEY("interlock_open", SIM_FAULT_INTERLOCK_OPEN),

@@ -8,7 +8,8 @@
 
 typedef struct sim_axis_settings {
     double speed_deg_per_s, acceleration_deg_per_s2, backlash_deg, min_deg, max_deg;
-    double pointing_deg; // k = 1, half of its variance a zero error, half repeatability
+    double jerk_deg_per_s3; // 0: trapezoid
+    double pointing_deg;    // k = 1, half of its variance a zero error, half repeatability
 } sim_axis_settings;
 
 // When an injected fault strikes: at a pose (and frame), at most `times` times in a process.
@@ -23,6 +24,7 @@ typedef enum sim_fault_kind {
     SIM_FAULT_CAMERA_ERROR,
     SIM_FAULT_STAGE_STALL,
     SIM_FAULT_STAGE_TIMEOUT,
+    SIM_FAULT_STAGE_ESTOP,
     SIM_FAULT_LAMP_OFF,
     SIM_FAULT_METER_ERROR,
     SIM_FAULT_INTERLOCK_OPEN,

@@ -160,15 +160,14 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     release_devices(sim);
     sim->threads = threads > 0 ? threads : omp_get_max_threads();
     draw_truth(sim);
-    status = prepare_devices(sim, error);
+    status = sim_stage_start(sim, error);
+    if (status == GONIO_OK) {
+        status = prepare_devices(sim, error);
+    }
     if (status != GONIO_OK) {
         release_devices(sim);
         return status;
     }
-    sim->homed = false;
-    memset(sim->position_rad, 0, sizeof sim->position_rad);
-    memset(sim->actual_rad, 0, sizeof sim->actual_rad);
-    memset(sim->lost_rad, 0, sizeof sim->lost_rad);
     memset(sim->fault_hits, 0, sizeof sim->fault_hits);
     sim->moved = (gonio_stamp){.pose = -1};
     sim->lamp_level = 1;

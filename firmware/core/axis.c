@@ -87,6 +87,26 @@ static int64_t approach_point(const struct fw_core *core, unsigned axis, int64_t
     return target;
 }
 
+double fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]) {
+    double seconds = 0.0;
+    uint32_t approach[FW_AXES], rest[FW_AXES];
+    uint32_t moved = 0, left = 0;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        const int64_t over = approach_point(core, i, from[i], target[i]);
+        moved |= approach[i] = (uint32_t)magnitude(over - from[i]);
+        left |= rest[i] = (uint32_t)magnitude(target[i] - over);
+    }
+    if (moved != 0) {
+        const struct fw_ramp_limits limits = limits_of(core, approach, core->registers.speed_max);
+        seconds = fw_ramp_least_seconds(&limits);
+    }
+    if (left != 0) {
+        const struct fw_ramp_limits limits = limits_of(core, rest, core->registers.speed_max);
+        seconds += fw_ramp_least_seconds(&limits);
+    }
+    return seconds;
+}
+
 static enum fw_refusal check(const struct fw_core *core, unsigned axis, int64_t from) {
     const int64_t target = core->registers.target[axis], low = core->registers.soft_min[axis],
                   high = core->registers.soft_max[axis];

@@ -42,6 +42,9 @@ bool fw_axis_poll(struct fw_core *core);
 void fw_axis_continue(struct fw_core *core, bool came_to_rest);
 // Current positions, booked up to the last segment left. Main loop.
 void fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
+// Seconds that a MOVE of all axes at full speed takes from rest at `from`, by the limits alone: what rounding to
+// segments and waiting add is left out. For simulators; ways below 2^31.
+double fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]);
 // Switch motors off; their positions become unknown. Callable in interrupts.
 void fw_axis_release(struct fw_core *core, uint8_t axes);
 

@@ -6,8 +6,9 @@
 
 enum { FULL_DRIVE = 10000, DRIVE_BITS = 16 };
 
+// The emergency stop's interrupt has made the lamp safe before the main loop learns of it.
 static bool alarmed(const struct fw_core *core) {
-    return core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP;
+    return core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP || core->interlock.estop;
 }
 
 static void put(struct fw_core *core, uint32_t drive) {

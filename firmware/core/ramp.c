@@ -4,11 +4,17 @@
 
 #define ONE ((double)(1ull << FW_RAMP_FRACTION_BITS))
 
-// The core has no libm; Newton's iteration from above, converged when it no longer falls.
+// The core has no libm; Newton's iteration from the power of two above the root, converged when it no longer falls.
 static double root(double x, int power) {
     if (x <= 0.0)
         return 0.0;
-    double r = x > 1.0 ? x : 1.0;
+    union {
+        double value;
+        uint64_t bits; // IEEE 754 binary64
+    } start = {x};
+    const int exponent = (int)(start.bits >> 52) - 1022; // x < 2^exponent
+    start.bits = (uint64_t)(1023 + (exponent > 0 ? (exponent + power - 1) / power : exponent / power)) << 52;
+    double r = start.value;
     for (;;) {
         const double next = power == 2 ? 0.5 * (r + x / r) : (2.0 * r + x / (r * r)) / 3.0;
         if (next >= r)
@@ -52,7 +58,12 @@ static void fill(struct fw_ramp *ramp) {
     ramp->end = (uint64_t)(v * (2.0 * tj + ta + tv) * ONE);
 }
 
-bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
+// The phases' lengths in segments, not yet rounded.
+struct shape {
+    double tj, ta, tv;
+};
+
+static struct shape shape_of(const struct fw_ramp_limits *limits) {
     const double segment_s = (double)FW_SEGMENT_TICKS / FW_TICK_HZ;
     const double v = limits->speed * segment_s, a = limits->acceleration * segment_s * segment_s,
                  j = limits->jerk * segment_s * segment_s * segment_s;
@@ -75,12 +86,23 @@ bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
             tj = root(0.5 / j, 3);
         }
     }
+    return (struct shape){tj, ta, tv};
+}
+
+static double length_of(struct shape shape) { return 4.0 * shape.tj + 2.0 * shape.ta + shape.tv; }
+
+double fw_ramp_least_seconds(const struct fw_ramp_limits *limits) {
+    return length_of(shape_of(limits)) * ((double)FW_SEGMENT_TICKS / FW_TICK_HZ);
+}
+
+bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
     const double longest = 536870912.0; // 2^29, so that half segments, twice as many, fit well into 32 bits
-    if (4.0 * tj + 2.0 * ta + tv > longest)
+    const struct shape shape = shape_of(limits);
+    if (length_of(shape) > longest)
         return false;
-    ramp->jerk_segments = ceiling(tj);
-    ramp->acceleration_segments = ceiling(ta);
-    ramp->cruise_segments = ceiling(tv);
+    ramp->jerk_segments = ceiling(shape.tj);
+    ramp->acceleration_segments = ceiling(shape.ta);
+    ramp->cruise_segments = ceiling(shape.tv);
     const double half_tj = 2.0 * ramp->jerk_segments, half_ta = 2.0 * ramp->acceleration_segments;
     ramp->acceleration = 1.0 / ((half_tj + half_ta) * (2.0 * half_tj + half_ta + 2.0 * ramp->cruise_segments));
     fill(ramp);

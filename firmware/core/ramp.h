@@ -49,5 +49,7 @@ void fw_ramp_cut(struct fw_ramp *result, const struct fw_ramp *ramp, uint32_t ti
 uint64_t fw_ramp_at(const struct fw_ramp *ramp, uint32_t time);
 // Seconds from start to end.
 double fw_ramp_seconds(const struct fw_ramp *ramp);
+// Seconds that the limits alone would take, phases not rounded up.
+double fw_ramp_least_seconds(const struct fw_ramp_limits *limits);
 
 #endif

@@ -23,7 +23,7 @@ typedef struct entry {
         {"axis " name, "speed_deg_per_s", REAL, AT(stage.axes[k].speed_deg_per_s), 1e-3, 1e4, "modbus", true},          \
         {"axis " name, "acceleration_deg_per_s2", REAL, AT(stage.axes[k].acceleration_deg_per_s2), 1e-3, 1e6, "modbus", \
          true},                                                                                                         \
-        {"axis " name, "jerk_deg_per_s3", REAL, AT(stage.axes[k].jerk_deg_per_s3), 0, 1e9, "modbus", false},            \
+        {"axis " name, "jerk_deg_per_s3", REAL, AT(stage.axes[k].jerk_deg_per_s3), 0, 1e9, "modbus", true},             \
         {"axis " name, "min_deg", REAL, AT(stage.axes[k].min_deg), -720, 720, "modbus", true},                          \
         {"axis " name, "max_deg", REAL, AT(stage.axes[k].max_deg), -720, 720, "modbus", true},                          \
         {"axis " name, "backlash_deg", REAL, AT(stage.axes[k].backlash_deg), -10, 10, "modbus", true},                  \

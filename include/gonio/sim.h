@@ -23,8 +23,8 @@ void gonio_sim_free(gonio_sim *sim);
 // k1 = -2 (1.4 px at the corner), 5 % warm-up over 120 s, 0.05 % lamp wander, a monitor with 0.05 % noise a reading.
 // A perfect white diffuser, lit and seen at normal incidence, gives camera.white_e_per_s = 500,000 e-/s.
 // camera.response: linear, gamma:G, or a CSV's path. A fault (camera_timeout, camera_error, stage_stall, stage_timeout,
-// lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as a bound per
-// process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
+// stage_estop, lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as a
+// bound per process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value, gonio_error *error);
 // Every setting as "section.key=value" lines, for the journal: setting them all on a new sim gives the same sim. Caller
 // frees.

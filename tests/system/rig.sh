@@ -59,7 +59,7 @@ END
 rig "tcp:127.0.0.1:$port" >"$work/tcp.ini"
 rig "$work/controller" >"$work/pty.ini"
 for axis in light_theta light_phi camera_theta camera_phi; do
-    sed -n "/axis $axis/,\$p" "$work/tcp.ini" | sed -n '1,4p' | grep -v steps_per_deg
+    sed -n "/axis $axis/,\$p" "$work/tcp.ini" | sed -n '1,5p' | grep -v -e steps_per_deg -e home
 done | sed '1i [rig]\ndriver = sim' >"$work/plain.ini"
 sample=ward:rho_d=0.3,rho_s=0.2,alpha=0.15
 

@@ -1,4 +1,5 @@
-// The simulated axes: durations against the trapezoid's closed forms, limits, pointing, backlash, faults.
+// The simulated axes: durations against the trapezoid's closed forms and the machine's own time, limits, homing,
+// pointing, backlash, faults.
 //
 // Statistics: 2000 fixed seeds; bounds are 5 standard errors, 6e-7 each for fresh seeds, a dozen of them.
 #include <math.h>
@@ -39,6 +40,119 @@ static void durations(void **state) {
     sim_rig_close(&r);
 }
 
+// The nominal clock leaves out what rounding to segments, the approach to rest and the energising add: milliseconds.
+static void moves_take_what_the_clock_says(void **state) {
+    (void)state;
+    for (int jerk = 0; jerk < 2; jerk++) {
+        const char *const extra[] = {"axis light_phi.speed_deg_per_s=50", "axis camera_phi.acceleration_deg_per_s2=300",
+                                     jerk ? "axis light_theta.jerk_deg_per_s3=100" : "camera.width=8", NULL};
+        sim_rig r;
+        sim_rig_open(&r, "lambert:rho=0.5", 1, 1, small, extra);
+        const double poses[][GONIO_AXES] = {
+            {10, 20, 30, 40}, {70, -300, 2, 41}, {69.98, -300, 2, 41}, {70, -300, 2, 41}, {0, 0, 0, 0}};
+        double from[GONIO_AXES] = {0};
+        for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) {
+            double to[GONIO_AXES];
+            for (int k = 0; k < GONIO_AXES; k++) {
+                to[k] = gonio_radians(poses[i][k]);
+            }
+            const double nominal = r.rig.stage->duration_s(r.sim, from, to);
+            const uint64_t start_us = r.sim->machine.now_us;
+            sim_rig_move(&r, 1, poses[i][0], poses[i][1], poses[i][2], poses[i][3]);
+            const double took = 1e-6 * (double)(r.sim->machine.now_us - start_us);
+            if (took < nominal || took > nominal + 0.02) {
+                fail_msg("move %zu: %g s, the clock says %g s", i, took, nominal);
+            }
+            memcpy(from, to, sizeof from);
+        }
+        sim_rig_close(&r);
+    }
+}
+
+// From anywhere, without a step of difference.
+static void homing_finds_the_same_place(void **state) {
+    (void)state;
+    sim_rig r;
+    sim_rig_open(&r, "lambert:rho=0.5", 1, 1, small, NULL);
+    const double poses[][GONIO_AXES] = {{90, 360, -90, -360}, {-0.1, -0.11, -0.05, -0.16}, {1, 0, 2, 0}};
+    for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) {
+        sim_rig_move(&r, 1, poses[i][0], poses[i][1], poses[i][2], poses[i][3]);
+        assert_int_equal(r.rig.stage->home(r.sim, 100, NULL), GONIO_OK);
+        for (int k = 0; k < GONIO_AXES; k++) {
+            assert_true(r.sim->machine.core.registers.home_difference[k] == 0);
+            assert_true(r.sim->machine.axis[k].steps == 0 && r.sim->machine.axis[k].arm == 0);
+            assert_near(r.sim->actual_rad[k], r.sim->truth.zero_error_rad[k], 0);
+        }
+    }
+    gonio_error error = {0};
+    sim_rig_move(&r, 1, 90, 360, 90, 360);
+    assert_int_equal(r.rig.stage->home(r.sim, 2, &error), GONIO_E_TIMEOUT);
+    machine_hold(&r.sim->machine, FW_CONTACT_home_2, true);
+    assert_int_equal(r.rig.stage->home(r.sim, 1000, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "camera_theta"));
+    machine_release(&r.sim->machine, FW_CONTACT_home_2);
+    assert_int_equal(r.rig.stage->home(r.sim, 1000, NULL), GONIO_OK);
+    sim_rig_close(&r);
+}
+
+// What the controller's contacts do to a stage: a limit switch, the emergency stop, the door.
+static void contacts_stop_the_stage(void **state) {
+    (void)state;
+    const char *const extra[] = {"faults.stage_estop=3x1", NULL};
+    sim_rig r;
+    gonio_error error = {0};
+    sim_rig_open(&r, "lambert:rho=0.5", 1, 1, small, extra);
+    struct machine *m = &r.sim->machine;
+    const double up[GONIO_AXES] = {1, 1, 1, 1};
+    gonio_stamp stamp = {.pose = 3};
+    assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "emergency stop"));
+    double position[GONIO_AXES];
+    assert_int_equal(r.rig.stage->position(r.sim, position, NULL), GONIO_OK);
+    assert_true(position[0] > 0.4 && position[0] < 0.6);
+    assert_near(r.sim->actual_rad[0] - r.sim->truth.zero_error_rad[0], position[0], 1e-3);
+    assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
+    machine_hold(m, FW_CONTACT_estop, true);
+    assert_int_equal(r.rig.stage->home(r.sim, 100, &error), GONIO_E_DEVICE);
+    machine_release(m, FW_CONTACT_estop);
+    assert_int_equal(r.rig.stage->home(r.sim, 100, NULL), GONIO_OK);
+    m->axis[2].limit_max_at = 300;
+    assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "upper limit switch: camera_theta"));
+    assert_true(m->axis[2].steps == 300);
+    m->axis[2].limit_max_at = 100000;
+    assert_int_equal(r.rig.stage->home(r.sim, 100, NULL), GONIO_OK);
+    machine_hold(m, FW_CONTACT_door, true);
+    assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
+    machine_release(m, FW_CONTACT_door);
+    assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_OK);
+    sim_rig_close(&r);
+}
+
+// Whatever the axes can do, the controller's registers hold it, and an arm arrives where it is sent.
+static void odd_axes_arrive(void **state) {
+    (void)state;
+    const char *const speeds[][3] = {
+        {"axis light_phi.speed_deg_per_s=10000", "axis light_phi.acceleration_deg_per_s2=1e6",
+         "axis light_phi.jerk_deg_per_s3=1e9"},
+        {"axis light_phi.speed_deg_per_s=0.01", "axis light_phi.acceleration_deg_per_s2=1e6",
+         "axis light_phi.min_deg=-0.1"},
+        {"axis light_phi.speed_deg_per_s=300", "axis light_phi.acceleration_deg_per_s2=2000",
+         "axis light_phi.jerk_deg_per_s3=40000"},
+        {"axis light_phi.backlash_deg=10", "axis light_phi.max_deg=720", "axis light_phi.min_deg=-720"}};
+    for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++) {
+        const char *const extra[] = {speeds[i][0], speeds[i][1], speeds[i][2], NULL};
+        const double far = i == 1 ? 0.3 : 300, near = i == 1 ? -0.1 : -300;
+        sim_rig r;
+        sim_rig_open(&r, "lambert:rho=0.5", 1, 1, sim_perfect, extra);
+        sim_rig_move(&r, 1, 0, far, 0, 0);
+        assert_near(r.sim->actual_rad[1], gonio_radians(far), 1e-15);
+        sim_rig_move(&r, 2, 0, near, 0, 0);
+        assert_near(r.sim->actual_rad[1], gonio_radians(near), 1e-15);
+        sim_rig_close(&r);
+    }
+}
+
 static void limits_and_homing(void **state) {
     (void)state;
     gonio_error error = {0};
@@ -51,6 +165,8 @@ static void limits_and_homing(void **state) {
     assert_int_equal(r.rig.stage->move(r.sim, beyond, 1, &stamp, 100, &error), GONIO_E_RANGE);
     assert_non_null(strstr(error.message, "camera_theta cannot go to 80.01 deg"));
     assert_int_equal(r.rig.stage->move(r.sim, nan, 1, &stamp, 100, &error), GONIO_E_RANGE);
+    assert_int_equal(r.rig.stage->check(r.sim, at, beyond, &error), GONIO_E_RANGE);
+    assert_int_equal(r.rig.stage->check(r.sim, beyond, at, &error), GONIO_OK);
     assert_int_equal(r.rig.stage->move(r.sim, at, 1, &stamp, 100, &error), GONIO_OK);
     double position[GONIO_AXES];
     assert_int_equal(r.rig.stage->position(r.sim, position, NULL), GONIO_OK);
@@ -68,10 +184,20 @@ static void limits_and_homing(void **state) {
 static void pointing_is_as_stated(void **state) {
     (void)state;
     enum { SEEDS = 2000 };
+    // Quick axes: pointing does not depend on how long a move takes.
+    const char *const quick[] = {"axis light_theta.speed_deg_per_s=1000",
+                                 "axis light_theta.acceleration_deg_per_s2=100000",
+                                 "axis light_phi.speed_deg_per_s=1000",
+                                 "axis light_phi.acceleration_deg_per_s2=100000",
+                                 "axis camera_theta.speed_deg_per_s=1000",
+                                 "axis camera_theta.acceleration_deg_per_s2=100000",
+                                 "axis camera_phi.speed_deg_per_s=1000",
+                                 "axis camera_phi.acceleration_deg_per_s2=100000",
+                                 NULL};
     double systematic = 0, random = 0, product = 0, stated[2] = {0};
     for (uint64_t seed = 0; seed < SEEDS; seed++) {
         sim_rig r;
-        sim_rig_open(&r, "lambert:rho=0.5", seed, 1, small, NULL);
+        sim_rig_open(&r, "lambert:rho=0.5", seed, 1, small, quick);
         sim_rig_move(&r, 1, 10, 20, 30, 40);
         double first[GONIO_AXES];
         memcpy(first, r.sim->actual_rad, sizeof first);
@@ -160,7 +286,11 @@ static void faults_are_named_and_counted(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(durations),
+        cmocka_unit_test(moves_take_what_the_clock_says),
         cmocka_unit_test(limits_and_homing),
+        cmocka_unit_test(homing_finds_the_same_place),
+        cmocka_unit_test(contacts_stop_the_stage),
+        cmocka_unit_test(odd_axes_arrive),
         cmocka_unit_test(pointing_is_as_stated),
         cmocka_unit_test(backlash_shows_without_takeup),
         cmocka_unit_test(faults_are_named_and_counted),

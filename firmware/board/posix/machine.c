@@ -92,6 +92,19 @@ void fw_board_shutter(struct fw_core *core, bool open) { machine_of(core)->shutt
 void fw_board_lamp(struct fw_core *core, uint16_t level) { machine_of(core)->lamp = level; }
 void fw_board_trigger(struct fw_core *core, bool high) { machine_of(core)->trigger = high; }
 
+static bool beside(int64_t a, int64_t b) { return a - b <= 1 && b - a <= 1; }
+
+// One step of a motor; whether a switch may have changed with it. Most steps are far from any.
+static bool step(struct machine_axis *axis, int way) {
+    axis->steps += way;
+    if (axis->arm < axis->steps)
+        axis->arm = axis->steps;
+    else if (axis->arm > axis->steps + axis->play)
+        axis->arm = axis->steps + axis->play;
+    return axis->home_switch == MACHINE_SWITCH_BOUNCING || beside(axis->steps, axis->home_at) ||
+           beside(axis->steps, axis->limit_min_at) || beside(axis->steps, axis->limit_max_at);
+}
+
 static void put_edges(struct machine *m, uint8_t edges) {
     const unsigned up = edges & 0x0Fu;
     m->pins = (uint8_t)((m->pins | up) & ~(edges >> 4u));
@@ -100,6 +113,7 @@ static void put_edges(struct machine *m, uint8_t edges) {
     if (up == 0)
         return;
     const unsigned upward = m->directions ^ m->core.registers.direction_invert[0];
+    bool near = false;
     for (unsigned i = 0; i < FW_AXES; i++) {
         if ((up >> i & 1) == 0)
             continue;
@@ -107,9 +121,10 @@ static void put_edges(struct machine *m, uint8_t edges) {
         if ((m->motors >> i & 1) == 0)
             m->wrong_edges++;
         else
-            m->axis[i].steps += (upward >> i & 1) != 0 ? 1 : -1;
+            near |= step(&m->axis[i], (upward >> i & 1) != 0 ? 1 : -1);
     }
-    interrupt_on_change(m);
+    if (near)
+        interrupt_on_change(m);
 }
 
 // ---- time ----
@@ -229,7 +244,7 @@ void machine_new(struct machine *m) {
     m->temperature = 25000;
     m->flash_operations_left = -1;
     for (unsigned i = 0; i < FW_AXES; i++) {
-        m->axis[i].steps = 1000 * ((int64_t)i + 1);
+        m->axis[i].steps = m->axis[i].arm = 1000 * ((int64_t)i + 1);
         m->axis[i].home_at = -37000;
         m->axis[i].limit_min_at = -40000;
         m->axis[i].limit_max_at = 40000;
@@ -260,8 +275,9 @@ static void run_pending(struct machine *m) {
 static void poll_once(struct machine *m) {
     interrupt_on_change(m); // a switch may bounce on while nothing moves
     fw_core_poll(&m->core);
-    const bool busy = m->core.axis.under_way || m->core.modbus.length > 0 || m->core.modbus.sending ||
-                      m->core.homing.phase != FW_HOMING_NONE;
+    const unsigned phase = m->core.homing.phase;
+    const bool busy = m->core.modbus.length > 0 || m->core.modbus.sending || phase == FW_HOMING_RELEASE ||
+                      phase == FW_HOMING_FAST || phase == FW_HOMING_HOLD;
     m->poll_us = m->now_us + (busy ? POLL_US : IDLE_POLL_US);
     if (m->now_us - m->fed_us > m->watchdog_ms * 1000ull)
         m->bitten = true;

@@ -27,6 +27,7 @@ enum machine_switch {
 
 struct machine_axis {
     int64_t steps;                      // where the motor truly stands
+    int64_t play, arm;                  // backlash, and where the arm behind it stands: steps <= arm <= steps + play
     int64_t home_at;                    // its switch is active from here on towards the side of home_up
     int64_t limit_min_at, limit_max_at; // limit switches active from here on outwards
     enum machine_switch home_switch;
