@@ -12,6 +12,9 @@
 
 typedef uint16_t half16 __attribute__((vector_size(32), aligned(2), may_alias));
 typedef int8_t byte16 __attribute__((vector_size(16), aligned(1), may_alias));
+typedef float f8 __attribute__((vector_size(32), aligned(4), may_alias));
+typedef int16_t short16 __attribute__((vector_size(32)));
+typedef int32_t wide16 __attribute__((vector_size(64)));
 typedef uint32_t word16 __attribute__((vector_size(64)));
 
 size_t gonio_sparse_element(gonio_storage storage) {
@@ -48,66 +51,92 @@ GONIO_INLINE void load_plane(const void *data, size_t element, const gonio_stora
     } else if (storage == GONIO_STORAGE_HALF) {
         decode_halves((const uint16_t *)data + element, out);
     } else {
-        *out = __builtin_convertvector(*(const byte16 *)((const int8_t *)data + element), gonio_f16);
+        // Width by width: GCC 12 takes the step from bytes to floats one number at a time.
+        const short16 wide = __builtin_convertvector(*(const byte16 *)((const int8_t *)data + element), short16);
+        *out = __builtin_convertvector(__builtin_convertvector(wide, wide16), gonio_f16);
     }
 }
+
+// The four basis functions of a cell as polynomials: coefficient[power][k], for Horner's rule in all lanes at once.
+#define SIXTH (1.0f / 6)
+#define BASIS0 SIXTH, 4 * SIXTH, SIXTH, 0
+#define BASIS1 -0.5f, 0, 0.5f, 0
+#define BASIS2 0.5f, -1, 0.5f, 0
+#define BASIS3 -SIXTH, 0.5f, -0.5f, SIXTH
+static const float basis_coefficients[4][4] = {{BASIS0}, {BASIS1}, {BASIS2}, {BASIS3}};
+
+// The same at places low .. low + 3 of eight, 0 elsewhere: [low][power][place]. Computing the weights where they belong
+// beats moving them there: a store at a varying place and a load across it stall.
+static const float placed_coefficients[4][4][8] = {
+    {{BASIS0}, {BASIS1}, {BASIS2}, {BASIS3}},
+    {{0, BASIS0}, {0, BASIS1}, {0, BASIS2}, {0, BASIS3}},
+    {{0, 0, BASIS0}, {0, 0, BASIS1}, {0, 0, BASIS2}, {0, 0, BASIS3}},
+    {{0, 0, 0, BASIS0}, {0, 0, 0, BASIS1}, {0, 0, 0, BASIS2}, {0, 0, 0, BASIS3}},
+};
 
 // The bricks that the cell's points lie in, and the weights: of the first axis, and of the 16 points of a plane of the
 // bricks [j][k] over the other two, zero where a point is not the cell's.
 typedef struct brick_cell {
-    uint32_t brick[2][2][2];
-    uint32_t low[3]; // the cell's first point within its first brick
+    uint32_t brick[2][4]; // [first axis][2 j + k]
+    uint32_t low;         // the cell's first point along the first axis, within its first brick
     float first[4];
-    gonio_f16 plane[2][2];
+    gonio_f16 plane[4]; // [2 j + k]
 } brick_cell;
 
-// False where all bricks are empty.
-GONIO_INLINE bool find_bricks(const gonio_sparse *s, const gonio_position *position, brick_cell *cell) {
-    uint32_t any = 0, first[3];
+GONIO_INLINE void place_in_cell(const gonio_position *position, int level, gonio_f4 *t) {
+    const gonio_i4 part = (gonio_i4)(*(const gonio_u4 *)position->x << (uint32_t)level >> 1);
+    *t = __builtin_convertvector(part, gonio_f4) * 0x1p-31f;
+}
+
+GONIO_INLINE void basis_at(const gonio_f4 *t, const int axis, gonio_f4 *out) {
+    const gonio_f4 *c = (const gonio_f4 *)basis_coefficients;
+    const float x = (*t)[axis];
+    *out = ((c[3] * x + c[2]) * x + c[1]) * x + c[0];
+}
+
+GONIO_INLINE void placed_basis_at(const gonio_f4 *t, const int axis, uint32_t low, f8 *out) {
+    const f8 *c = (const f8 *)placed_coefficients[low];
+    const float x = (*t)[axis];
+    *out = ((c[3] * x + c[2]) * x + c[1]) * x + c[0];
+}
+
+// Returns 0 where all bricks are empty.
+GONIO_INLINE uint32_t find_bricks(const gonio_sparse *s, const gonio_position *position, brick_cell *cell) {
+    uint32_t first[3], low[3];
+    GONIO_UNROLL
     for (int d = 0; d < 3; d++) {
         const uint32_t c = gonio_bspline_cell(position->x[d], s->level);
         first[d] = c >> 2;
-        cell->low[d] = c & 3;
+        low[d] = c & 3;
     }
     const uint16_t *table = s->table + (first[0] * s->side + first[1]) * s->side + first[2];
+    uint32_t any = 0;
     GONIO_UNROLL
     for (size_t k = 0; k < 8; k++) {
         // A cell that begins with its brick lies in it alone; its neighbours' weights are 0.
         const uint32_t id = table[((k >> 2) * s->side + (k >> 1 & 1)) * s->side + (k & 1)];
-        cell->brick[k >> 2][k >> 1 & 1][k & 1] = id;
+        cell->brick[k >> 2][k & 3] = id;
         any |= id;
     }
-    return any != 0;
-}
-
-// Four weights at place `low` of eight.
-GONIO_INLINE void spread_weights(const gonio_d4 *w, uint32_t low, float out[8]) {
-    const gonio_f4 zero = {0};
-    *(gonio_f4 *)out = zero;
-    *(gonio_f4 *)(out + 4) = zero;
-    *(gonio_f4 *)(out + low) = __builtin_convertvector(*w, gonio_f4);
+    cell->low = low[0];
+    return any;
 }
 
 GONIO_INLINE void fill_weights(const gonio_sparse *s, const gonio_position *position, brick_cell *cell) {
-    gonio_place place;
-    float y[8], z[8];
-    gonio_rows_locate(position->x, s->level, gonio_bspline_size(s->level), 3, &place);
-    const gonio_d4 *b = place.basis;
-    const gonio_d4 x = {b[0][0], b[1][0], b[2][0], b[3][0]}, middle = {b[0][1], b[1][1], b[2][1], b[3][1]},
-                   last = {b[0][2], b[1][2], b[2][2], b[3][2]};
-    *(gonio_f4 *)cell->first = __builtin_convertvector(x, gonio_f4);
-    spread_weights(&middle, cell->low[1], y);
-    spread_weights(&last, cell->low[2], z);
-    GONIO_UNROLL
-    for (int n = 0; n < 4; n++) {
-        const float *v = y + 4 * (n / 2);
-        const gonio_f4 w = *(const gonio_f4 *)(z + 4 * (n % 2));
-        float *out = (float *)&cell->plane[n / 2][n % 2];
-        *(gonio_f4 *)out = v[0] * w;
-        *(gonio_f4 *)(out + 4) = v[1] * w;
-        *(gonio_f4 *)(out + 8) = v[2] * w;
-        *(gonio_f4 *)(out + 12) = v[3] * w;
-    }
+    gonio_f4 t;
+    f8 y, z;
+    place_in_cell(position, s->level, &t);
+    basis_at(&t, 0, (gonio_f4 *)cell->first);
+    placed_basis_at(&t, 1, gonio_bspline_cell(position->x[1], s->level) & 3, &y);
+    placed_basis_at(&t, 2, gonio_bspline_cell(position->x[2], s->level) & 3, &z);
+    const gonio_f16 y0 = __builtin_shufflevector(y, y, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    const gonio_f16 y1 = __builtin_shufflevector(y, y, 4, 4, 4, 4, 5, 5, 5, 5, 6, 6, 6, 6, 7, 7, 7, 7);
+    const gonio_f16 z0 = __builtin_shufflevector(z, z, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+    const gonio_f16 z1 = __builtin_shufflevector(z, z, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7);
+    cell->plane[0] = y0 * z0;
+    cell->plane[1] = y0 * z1;
+    cell->plane[2] = y1 * z0;
+    cell->plane[3] = y1 * z1;
 }
 
 GONIO_INLINE float sum_bricks(const gonio_sparse *s, const brick_cell *cell, size_t channel,
@@ -117,17 +146,17 @@ GONIO_INLINE float sum_bricks(const gonio_sparse *s, const brick_cell *cell, siz
     GONIO_UNROLL
     for (uint32_t n = 0; n < 4; n++) {
         gonio_f16 sum = {0}, points;
-        if ((cell->brick[0][n / 2][n % 2] | cell->brick[1][n / 2][n % 2]) == 0) {
+        if ((cell->brick[0][n] | cell->brick[1][n]) == 0) {
             continue;
         }
         GONIO_UNROLL
         for (uint32_t r = 0; r < 4; r++) {
-            const uint32_t i = cell->low[0] + r;
-            const size_t block = (size_t)cell->brick[i >> 2][n / 2][n % 2] * channels + channel;
+            const uint32_t i = cell->low + r;
+            const size_t block = (size_t)cell->brick[i >> 2][n] * channels + channel;
             load_plane(s->data, block * GONIO_BRICK_POINTS + (i & 3) * 16, storage, &points);
             sum += (storage == GONIO_STORAGE_BYTE ? cell->first[r] * s->scales[block] : cell->first[r]) * points;
         }
-        total += sum * cell->plane[n / 2][n % 2];
+        total += sum * cell->plane[n];
     }
     float lanes[16];
     memcpy(lanes, &total, sizeof lanes);
