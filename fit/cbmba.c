@@ -129,7 +129,10 @@ static gonio_status number_bricks(const gonio_lattice *l, const bool *keep, goni
     return GONIO_OK;
 }
 
-static void encode(const gonio_sparse *s, void *data, float *scales, const float *values) {
+static void encode(const gonio_sparse *s, const float *values) {
+    // Const for those who evaluate; here the arrays are being filled.
+    void *data = (void *)(uintptr_t)s->data;
+    float *scales = (float *)(uintptr_t)s->scales;
     const size_t blocks = s->bricks * (size_t)s->channels;
     for (size_t b = 0; b < blocks; b++) {
         const float *from = values + b * GONIO_BRICK_POINTS;
@@ -154,19 +157,11 @@ static void encode(const gonio_sparse *s, void *data, float *scales, const float
     }
 }
 
-static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_sparse *s, gonio_error *error) {
-    gonio_status status = number_bricks(l, keep, s, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    const size_t c = (size_t)l->channels, elements = s->bricks * c * GONIO_BRICK_POINTS;
-    float *values = calloc(elements, sizeof *values);
-    void *data = malloc(elements * gonio_sparse_element(s->storage));
-    float *scales = s->storage == GONIO_STORAGE_BYTE ? malloc(s->bricks * c * sizeof *scales) : NULL;
-    s->data = data;
-    s->scales = scales;
-    if (values == NULL || data == NULL || (s->storage == GONIO_STORAGE_BYTE && scales == NULL)) {
-        free(values);
+// The control points of every brick in use, encoded.
+static gonio_status fill_bricks(const gonio_lattice *l, const gonio_sparse *s, gonio_error *error) {
+    const size_t c = (size_t)l->channels;
+    float *values = calloc(s->bricks * c * GONIO_BRICK_POINTS, sizeof *values);
+    if (values == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu bricks", s->bricks);
     }
     for (size_t i = 0; i < l->count; i++) {
@@ -175,9 +170,23 @@ static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_
             values[(brick * c + k) * GONIO_BRICK_POINTS + place_in_brick(l, i)] = l->points[i * c + k];
         }
     }
-    encode(s, data, scales, values);
+    encode(s, values);
     free(values);
     return GONIO_OK;
+}
+
+static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_sparse *s, gonio_error *error) {
+    const gonio_status status = number_bricks(l, keep, s, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t blocks = s->bricks * (size_t)l->channels;
+    s->data = malloc(blocks * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage));
+    s->scales = s->storage == GONIO_STORAGE_BYTE ? malloc(blocks * sizeof *s->scales) : NULL;
+    if (s->data == NULL || (s->storage == GONIO_STORAGE_BYTE && s->scales == NULL)) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu bricks", s->bricks);
+    }
+    return fill_bricks(l, s, error);
 }
 
 static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t kept, gonio_sparse *s,
@@ -242,28 +251,75 @@ gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice 
     return GONIO_OK;
 }
 
-gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_scatter *scatter, int threads,
-                                 gonio_error *error) {
-    gonio_lattice diffuse = {.dims = 3,
-                             .level = parts->diffuse_level,
-                             .channels = scatter->channels,
-                             .size = gonio_bspline_size(parts->diffuse_level),
-                             .count = gonio_lattice_count(3, parts->diffuse_level),
-                             .points = parts->diffuse};
-    gonio_scatter residual = *scatter;
+static gonio_lattice diffuse_of(const gonio_cbmba_parts *parts, int channels) {
+    const int level = parts->diffuse_level;
+    return (gonio_lattice){
+        3, level, channels, gonio_bspline_size(level), gonio_lattice_count(3, level), parts->diffuse};
+}
+
+// What the packed parts leave of the samples: a scatter that borrows all but its values, which the caller frees.
+static gonio_status residuals(const gonio_cbmba_parts *parts, const gonio_scatter *scatter, gonio_scatter *residual,
+                              gonio_error *error) {
+    const gonio_lattice diffuse = diffuse_of(parts, scatter->channels);
     const size_t values = scatter->n * (size_t)scatter->channels * sizeof(float);
-    residual.values = malloc(values);
-    if (residual.values == NULL) {
+    *residual = *scatter;
+    residual->values = malloc(values);
+    if (residual->values == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the residuals of %zu samples", scatter->n);
     }
-    memcpy(residual.values, scatter->values, values);
-    subtract(scatter, &diffuse, &parts->sparse, residual.values);
+    memcpy(residual->values, scatter->values, values);
+    subtract(scatter, &diffuse, &parts->sparse, residual->values);
+    return GONIO_OK;
+}
+
+static gonio_status correct_diffuse(gonio_cbmba_parts *parts, const gonio_scatter *scatter, int threads,
+                                    gonio_error *error) {
+    gonio_scatter residual;
     gonio_lattice correction = {0};
-    const gonio_status status = gonio_mba_fit(&residual, NULL, parts->diffuse_level, threads, &correction, error);
-    for (size_t i = 0; status == GONIO_OK && i < diffuse.count * (size_t)diffuse.channels; i++) {
-        diffuse.points[i] += correction.points[i];
+    gonio_status status = residuals(parts, scatter, &residual, error);
+    if (status == GONIO_OK) {
+        status = gonio_mba_fit(&residual, NULL, parts->diffuse_level, threads, &correction, error);
+    }
+    for (size_t i = 0; status == GONIO_OK && i < correction.count * (size_t)correction.channels; i++) {
+        parts->diffuse[i] += correction.points[i];
     }
     gonio_lattice_release(&correction);
     free(residual.values);
+    return status;
+}
+
+static gonio_status correct_specular(gonio_cbmba_parts *parts, gonio_lattice *specular, const gonio_scatter *scatter,
+                                     int threads, gonio_error *error) {
+    gonio_scatter residual;
+    gonio_lattice correction = {0};
+    gonio_status status = residuals(parts, scatter, &residual, error);
+    if (status == GONIO_OK) {
+        status = gonio_mba_fit_alone(&residual, specular->level, threads, &correction, error);
+    }
+    for (size_t i = 0; status == GONIO_OK && i < specular->count * (size_t)specular->channels; i++) {
+        specular->points[i] += correction.points[i];
+    }
+    gonio_lattice_release(&correction);
+    free(residual.values);
+    return status == GONIO_OK ? fill_bricks(specular, &parts->sparse, error) : status;
+}
+
+gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_lattice *specular, const gonio_scatter *scatter,
+                                 int threads, gonio_error *error) {
+    gonio_lattice master = *specular;
+    const size_t bytes = specular->count * (size_t)specular->channels * sizeof(float);
+    master.points = malloc(bytes);
+    if (master.points == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to refine %zu control points", specular->count);
+    }
+    memcpy(master.points, specular->points, bytes);
+    gonio_status status = correct_diffuse(parts, scatter, threads, error);
+    if (status == GONIO_OK) {
+        status = correct_specular(parts, &master, scatter, threads, error);
+    }
+    if (status == GONIO_OK) {
+        status = correct_diffuse(parts, scatter, threads, error);
+    }
+    free(master.points);
     return status;
 }

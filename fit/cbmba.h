@@ -14,10 +14,11 @@ gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start
 // for the same bytes. Release *parts with gonio_cbmba_parts_release unless a model took it over.
 gonio_status gonio_cbmba_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
                               gonio_storage storage, gonio_cbmba_parts *parts, gonio_error *error);
-// Fit what the packed parts leave of the samples at the diffuse level, and add it to the diffuse control points: what
-// was dropped comes back as far as the coarse lattice can hold it, at no byte more. Beyond chapter 6.
-gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_scatter *scatter, int threads,
-                                 gonio_error *error);
+// Beyond chapter 6, bricks only, at no byte more: what was dropped comes back as far as the parts that are left can
+// hold it. What they leave of the samples is fitted at the diffuse level and added to the diffuse control points; then
+// what remains at the specular level alone, added in the bricks; then at the diffuse level once more.
+gonio_status gonio_cbmba_correct(gonio_cbmba_parts *parts, const gonio_lattice *specular, const gonio_scatter *scatter,
+                                 int threads, gonio_error *error);
 // libcmph's minimal perfect hash of n distinct keys, packed; the caller frees *packed.
 gonio_status gonio_cbmba_hash(const uint32_t *keys, size_t n, void **packed, size_t *length, gonio_error *error);
 

@@ -73,7 +73,7 @@ static gonio_status pack_model(const source *s, const gonio_lattice *diffuse, co
         return status;
     }
     if (t->storage != GONIO_STORAGE_HASH) {
-        status = gonio_cbmba_correct(&parts, &s->scatter, s->options->threads, error);
+        status = gonio_cbmba_correct(&parts, specular, &s->scatter, s->options->threads, error);
         if (status != GONIO_OK) {
             gonio_cbmba_parts_release(&parts);
             return status;

@@ -22,6 +22,7 @@ struct gonio_mba {
     gonio_mba_level level;
     gonio_lattice lattice;
     double start[GONIO_CHANNELS_MAX];
+    int first_level;
     bool begun;
 };
 
@@ -62,7 +63,7 @@ gonio_status gonio_mba_next(gonio_mba *mba, gonio_error *error) {
     if (mba->begun) {
         status = gonio_lattice_refine(&mba->lattice, error);
     } else {
-        status = gonio_lattice_init(&mba->lattice, s->dims, 0, s->channels, error);
+        status = gonio_lattice_init(&mba->lattice, s->dims, mba->first_level, s->channels, error);
         if (status == GONIO_OK) {
             gonio_lattice_fill(&mba->lattice, mba->start);
             mba->begun = true;
@@ -100,15 +101,18 @@ gonio_status gonio_mba_check_memory(int dims, int level, int channels, size_t sa
                             level, channels, dims, needed / 1e9, machine / 1e9, fits);
 }
 
-gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, int level, int threads,
-                           gonio_lattice *lattice, gonio_error *error) {
+static gonio_status fit_levels(const gonio_scatter *scatter, const double *start, int first, int level, int threads,
+                               gonio_lattice *lattice, gonio_error *error) {
     gonio_mba *mba;
     gonio_status status = gonio_mba_check_memory(scatter->dims, level, scatter->channels, scatter->n, error);
     if (status != GONIO_OK) {
         return status;
     }
     status = gonio_mba_new(scatter, start, threads, &mba, error);
-    for (int h = 0; h <= level && status == GONIO_OK; h++) {
+    if (status == GONIO_OK) {
+        mba->first_level = first;
+    }
+    for (int h = first; h <= level && status == GONIO_OK; h++) {
         status = gonio_mba_next(mba, error);
     }
     if (status == GONIO_OK) {
@@ -116,4 +120,14 @@ gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, in
     }
     gonio_mba_free(mba);
     return status;
+}
+
+gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, int level, int threads,
+                           gonio_lattice *lattice, gonio_error *error) {
+    return fit_levels(scatter, start, 0, level, threads, lattice, error);
+}
+
+gonio_status gonio_mba_fit_alone(const gonio_scatter *scatter, int level, int threads, gonio_lattice *lattice,
+                                 gonio_error *error) {
+    return fit_levels(scatter, NULL, level, level, threads, lattice, error);
 }
