@@ -59,8 +59,8 @@ static const unsigned char colours[][4] = {
     [GONIO_GRBG] = {1, 0, 2, 1}, [GONIO_GBRG] = {1, 2, 0, 1},
 };
 
-// A finite aperture: the scene from equal-area points of it (Vogel's spiral, as the lamp's), which all look at the same
-// point of the plane through the centre of rotation.
+// A finite aperture: the scene from points of it, which all look at the same point of the plane through the centre of
+// rotation.
 #define APERTURE_POINTS 16
 typedef struct view {
     sim_scene scene;
@@ -158,8 +158,10 @@ static int place_views(const gonio_sim *sim, const sim_scene *scene, view *views
     const double radius = sim->settings.rig.aperture_radius_mm, distance = sim->settings.rig.camera_distance_mm;
     const int n = radius > 0 ? APERTURE_POINTS : 1;
     for (int k = 0; k < n; k++) {
-        const double r = radius * sqrt((k + 0.5) / n), angle = k * GONIO_PI * (3 - sqrt(5));
-        const double right = r * cos(angle), up = r * sin(angle);
+        double right = 0, up = 0;
+        sim_disc_point(k, APERTURE_POINTS, &right, &up);
+        right *= radius;
+        up *= radius;
         views[k] = (view){.scene = *scene, .x = -right / distance, .y = up / distance};
         gonio_vec3 *c = &views[k].scene.camera;
         c->x += right * scene->right.x + up * scene->up.x;

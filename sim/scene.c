@@ -16,18 +16,26 @@ static void arm_axes(double theta, double phi, gonio_vec3 *right, gonio_vec3 *up
     *outward = (gonio_vec3){st * cp, st * sp, ct};
 }
 
-// A lamp of finite size: equal-area points on its disc by Vogel's sunflower spiral (1979).
+// Rings of eight, of equal area, every second one turned by half a step: no first moment, equal second ones.
+void sim_disc_point(int k, int n, double *x, double *y) {
+    const double r = sqrt((k / 8 + 0.5) / (n / 8)), angle = (k % 8 + 0.5 * (k / 8 % 2)) * GONIO_PI / 4;
+    *x = r * cos(angle);
+    *y = r * sin(angle);
+}
+
+// A lamp of finite size: points that share its power.
 static void place_light(sim_scene *scene, const sim_settings *settings, double theta, double phi) {
     const gonio_vec3 origin = {0, 0, 0};
     gonio_vec3 right, up, outward;
     arm_axes(theta, phi, &right, &up, &outward);
-    const double radius = settings->rig.light_radius_mm, golden_angle = GONIO_PI * (3 - sqrt(5));
+    const double radius = settings->rig.light_radius_mm;
     scene->light_distance_mm = settings->rig.light_distance_mm;
     scene->lights = radius > 0 ? SIM_LIGHT_POINTS : 1;
     const gonio_vec3 centre = add(origin, scene->light_distance_mm, outward);
     for (int k = 0; k < scene->lights; k++) {
-        const double r = radius * sqrt((k + 0.5) / scene->lights), angle = k * golden_angle;
-        scene->light[k] = add(add(centre, r * cos(angle), right), r * sin(angle), up);
+        double x = 0, y = 0;
+        sim_disc_point(k, SIM_LIGHT_POINTS, &x, &y);
+        scene->light[k] = add(add(centre, radius * x, right), radius * y, up);
     }
 }
 

@@ -20,6 +20,9 @@ typedef struct sim_scene {
     double reflectance[3]; // true one of the white reference
 } sim_scene;
 
+// Point k of n (a multiple of 8) that stand for a disc of radius 1.
+void sim_disc_point(int k, int n, double *x, double *y);
+
 // angles: light theta, light phi, camera theta, camera phi (rad), where the arms really stand.
 void sim_scene_place(sim_scene *scene, const sim_settings *settings, const double angles[GONIO_AXES]);
 
