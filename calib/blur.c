@@ -72,9 +72,9 @@ static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){s * v.x, 
 
 blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
                    double centre) {
-    const geometry g = geometry_of_pose(facts, pair);
+    const geometry g = geometry_of_directions(facts, pair);
     const gonio_pair swapped = {pair->theta_o, pair->phi_o, pair->theta_i, pair->phi_i};
-    const geometry turned = geometry_of_pose(facts, &swapped); // its right and up are the light arm's
+    const geometry turned = geometry_of_directions(facts, &swapped); // its right and up are the light arm's
     blur_terms terms = {0};
     if (!facts->sphere && facts->region_radius_mm > 0) {
         const double r = facts->region_radius_mm;

@@ -82,7 +82,7 @@ static double first_exposure(const gonio_calib *calib, const gonio_pair *pose) {
     for (size_t p = 0; p < calib->pixels && calib->prepared; p++) {
         rate = fmax(rate, calib->defect[p] ? 0 : calib->flat[p]);
     }
-    rate *= fmax(cos(pose->theta_i), 0.05) / GONIO_PI;
+    rate *= fmax(cos(geometry_pair(&calib->facts, pose).theta_i), 0.05) / GONIO_PI;
     return clamped(calib, rate > 0 ? 0.5 * calib->noise.ceiling / rate : 0.01);
 }
 

@@ -93,7 +93,7 @@ static void describe_reference(gonio_calib *calib, const flat_work *work) {
         const stored_frame *f = &frames->items[j];
         const double share = work->share[j] / (double)work->n;
         clock += share * f->stamp.clock_s;
-        theta += share * f->pose.theta_i;
+        theta += share * geometry_pair(&calib->facts, &f->pose).theta_i;
         variance += calib->monitored ? share * share * f->monitor_sigma * f->monitor_sigma : 0;
         poses += j == 0 || f->stamp.pose != frames->items[j - 1].stamp.pose;
     }

@@ -3,15 +3,9 @@
 #include <math.h>
 #include <stddef.h>
 
-static gonio_vec3 scaled(gonio_vec3 a, double s) { return (gonio_vec3){a.x * s, a.y * s, a.z * s}; }
-static gonio_vec3 difference(gonio_vec3 a, gonio_vec3 b) { return (gonio_vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
-static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static gonio_vec3 cross(gonio_vec3 a, gonio_vec3 b) {
-    return (gonio_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-static gonio_vec3 normalised(gonio_vec3 a) { return scaled(a, 1 / sqrt(dot(a, a))); }
+#include "calib/vector.h"
 
-geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) {
+geometry geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pose) {
     const gonio_vec3 wi = gonio_direction(pose->theta_i, pose->phi_i);
     const gonio_vec3 wo = gonio_direction(pose->theta_o, pose->phi_o);
     const double s = sin(pose->phi_o), c = cos(pose->phi_o);
@@ -23,6 +17,29 @@ geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) 
         .forward = scaled(wo, -1),
         .light_distance_mm = facts->light_distance_mm,
     };
+}
+
+geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) {
+    if (!facts->alignment.known) {
+        return geometry_of_directions(facts, pose);
+    }
+    const double *value = facts->alignment.value;
+    geometry g = {.light = gonio_alignment_light(value, pose->theta_i, pose->phi_i),
+                  .light_distance_mm = facts->light_distance_mm};
+    gonio_alignment_camera(value, pose->theta_o, pose->phi_o, &g.camera, &g.right, &g.up, &g.forward);
+    return g;
+}
+
+gonio_pair geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose) {
+    if (!facts->alignment.known) {
+        return *pose;
+    }
+    gonio_pair p = gonio_alignment_directions(&facts->alignment, pose);
+    p.theta_i = gonio_angle_canonical(p.theta_i);
+    p.phi_i = gonio_angle_canonical(p.phi_i);
+    p.theta_o = gonio_angle_canonical(p.theta_o);
+    p.phi_o = gonio_angle_canonical(p.phi_o);
+    return p;
 }
 
 static gonio_vec3 ray_of(const geometry *g, double x, double y) {

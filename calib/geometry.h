@@ -18,7 +18,12 @@ typedef struct geometry_hit {
     double irradiance;              // cos(theta_i) (d0 / d)^2: relative to perpendicular light at the centre
 } geometry_hit;
 
+// pose: the axes' counters. Where the rig's alignment is known, its arms stand where that says.
 geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose);
+// The directions that a sample of this pose has at the centre: the pose itself on a rig that is taken as perfect.
+gonio_pair geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose);
+// The geometry that a perfect rig has at these directions.
+geometry geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pair);
 
 // The ray through (x, y) of the plane Z = 1 (an undistorted pixel). false: it misses, or meets the face away from the
 // camera. *footprint (may be NULL): area on the plate, mm^2, per unit of x and of y.

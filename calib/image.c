@@ -19,6 +19,10 @@ gonio_status gonio_map_write(const char *path, int width, int height, const floa
     return opencv_write_map(path, width, height, values, error);
 }
 
+gonio_status gonio_image_write(const gonio_image *image, const char *path, gonio_error *error) {
+    return opencv_write_image(image, path, error);
+}
+
 static gonio_status move(gonio_image *image, const int shift[2], gonio_error *error) {
     const size_t pixel = (size_t)image->channels * sizeof *image->pixels;
     uint16_t *moved = calloc((size_t)image->width * (size_t)image->height, pixel);

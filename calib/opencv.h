@@ -15,6 +15,7 @@ gonio_status opencv_undistort(const gonio_camera_info *camera, int n, const doub
 // Read an image file as 8 or 16 bits, channels r g b; *pixels is malloc'ed.
 gonio_status opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels, int *bits,
                                uint16_t **pixels, gonio_error *error);
+gonio_status opencv_write_image(const gonio_image *image, const char *path, gonio_error *error);
 // Write a float map as 32-bit TIFF to a path that ends in .tiff.
 gonio_status opencv_write_map(const char *path, int width, int height, const float *values, gonio_error *error);
 

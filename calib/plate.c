@@ -2,7 +2,7 @@
 //
 // Every pixel is divided by the irradiance of its own point (the light is at a finite distance, and at 85 deg its
 // cosine changes by several per cent over the disc) and weighted with its footprint, so that the mean is over area. Its
-// directions spread evenly about the nominal pose, which the sample therefore carries.
+// directions spread evenly about those at the centre, which the sample therefore carries.
 #include "calib/internal.h"
 
 #include <math.h>
@@ -101,23 +101,26 @@ static gonio_status check_disc(const gonio_calib *calib, const gonio_exposure *f
 }
 
 // f_r = L/(E cos theta_i): where the pointing alone moves cos(theta_i) by a tenth, nothing is known of E cos(theta_i).
-static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *first,
+static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *pair, const gonio_exposure *first,
                                     gonio_error *error) {
-    const double pointing =
-        fmax(hypot(calib->facts.pointing_random_deg, calib->facts.pointing_systematic_deg), POINTING_MIN_DEG);
-    if (gonio_radians(pointing) * sin(pose->theta_i) < INCIDENCE_MAX * cos(pose->theta_i)) {
+    const gonio_rig_facts *facts = &calib->facts;
+    const double systematic =
+        facts->alignment.known ? gonio_degrees(facts->alignment.sigma_rad) : facts->pointing_systematic_deg;
+    const double pointing = fmax(hypot(facts->pointing_random_deg, systematic), POINTING_MIN_DEG);
+    if (gonio_radians(pointing) * sin(pair->theta_i) < INCIDENCE_MAX * cos(pair->theta_i)) {
         return GONIO_OK;
     }
     return gonio_fail(error, GONIO_E_RANGE,
                       "step %lld frame %d: theta_i %.6g deg grazes so far that pointing to %.2g deg leaves its "
                       "irradiance unknown",
-                      (long long)first->frame.stamp.pose, first->frame.stamp.frame, gonio_degrees(pose->theta_i),
+                      (long long)first->frame.stamp.pose, first->frame.stamp.frame, gonio_degrees(pair->theta_i),
                       pointing);
 }
 
 gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                             estimate_sink sink, void *context, gonio_error *error) {
-    gonio_status status = check_incidence(calib, pose, &exposures[0], error);
+    const gonio_pair pair = geometry_pair(&calib->facts, pose);
+    gonio_status status = check_incidence(calib, &pair, &exposures[0], error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -138,7 +141,7 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
     if (status != GONIO_OK) {
         return status;
     }
-    estimate e = {.pair = *pose};
+    estimate e = {.pair = pair};
     double surroundings[3];
     stray_surroundings(calib, n, exposures, scale, surroundings);
     for (int k = 0; k < calib->channels; k++) {

@@ -6,6 +6,9 @@
 // d ln f. The white reference was lit at 45 deg through the same axis with the same zero error, which scaled every
 // sample by cos 45 / cos(45 + error): + tan 45 for the systematic part of theta_i.
 //
+// Where the rig's alignment is known, the sample is stated at its true directions, and the alignment's own covariance,
+// the correlation with the reference included, takes the place of the zero errors.
+//
 // A sphere about the centre of rotation looks the same to the camera wherever that stands; only the light's direction
 // relative to the camera matters, in which both arms' errors meet: a tangential error of the light, in both directions
 // (at most, where the axes cross at right angles), each of sqrt(2) times one axis' uncertainty.
@@ -27,13 +30,30 @@ static double model_at(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, i
     return gonio_model_eval_channel(model, wi, wo, channel);
 }
 
+// Relative variance by the errors of a known alignment. d: relative slopes along theta_i, phi_i, theta_o, phi_o. An
+// alignment turns directions by what a displacement on the sphere is, so a slope along phi is taken per unit of length.
+static double alignment_variance(const gonio_rig_facts *facts, const gonio_pair *pair, const double d[4]) {
+    const gonio_pair reference = {.theta_i = gonio_radians(GONIO_REFERENCE_THETA_I_DEG)};
+    const double si = fmax(sin(pair->theta_i), 1e-3), so = fmax(sin(pair->theta_o), 1e-3);
+    const double slope[5] = {d[0] - tan(pair->theta_i), d[1] / si, d[2], d[3] / so, tan(reference.theta_i)};
+    double c[5][5], variance = 0;
+    gonio_alignment_covariance(&facts->alignment, pair, &reference, c);
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 5; j++) {
+            variance += slope[i] * c[i][j] * slope[j];
+        }
+    }
+    return fmax(variance, 0);
+}
+
 slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
                            double measured) {
     const double value = model_at(model, gonio_direction(pair->theta_i, pair->phi_i),
                                   gonio_direction(pair->theta_o, pair->phi_o), channel);
     const double floor = fmax(value, VALUE_MIN);
     const double random = square(gonio_radians(facts->pointing_random_deg));
-    const double systematic = square(gonio_radians(facts->pointing_systematic_deg));
+    const double systematic = facts->alignment.known ? square(facts->alignment.sigma_rad)
+                                                     : square(gonio_radians(facts->pointing_systematic_deg));
     double d[4];
     gonio_model_gradient(model, pair, channel, d);
     for (int i = 0; i < 4; i++) {
@@ -53,7 +73,8 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
     }
     const double others = square(d[1]) + square(d[2]) + square(d[3]);
     terms.angle_random = random * (square(own) + others);
-    terms.angle_systematic = systematic * (square(with_reference) + others);
+    terms.angle_systematic =
+        facts->alignment.known ? alignment_variance(facts, pair, d) : systematic * (square(with_reference) + others);
     return terms;
 }
 

@@ -200,8 +200,17 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
         return status;
     }
     const sim_settings *s = &sim->settings;
-    sim_scene scene = {.target = sim->target, .sample = sim->seen};
-    sim_scene_place(&scene, s, sim->actual_rad);
+    gonio_camera_info info;
+    sim_camera_describe(sim, &info);
+    sim_scene scene = {.target = sim->target,
+                       .sample = sim->seen,
+                       .texture = &sim->texture,
+                       .pixel = 1 / info.fx,
+                       .ball = sim->ball,
+                       .mirror = sim->mirror,
+                       .ball_centre = sim->truth.ball_centre,
+                       .ball_radius_mm = s->ball.radius_mm};
+    sim_scene_place(&scene, s, sim->truth.axis, sim->actual_rad);
     for (int c = 0; c < 3; c++) {
         scene.reflectance[c] = sim->truth.reflectance[c];
     }

@@ -14,9 +14,11 @@
 // What is drawn once from the seed: the truth behind every stated uncertainty.
 typedef struct sim_truth {
     double zero_error_rad[GONIO_AXES];
-    double reflectance[3]; // of the white reference
-    double drift_per_s;    // relative
-    double ambient, glare; // stray light, relative to white and to the scene's mean
+    sim_axis axis[GONIO_AXES];
+    gonio_vec3 ball_centre; // where the ball came to lie
+    double reflectance[3];  // of the white reference
+    double drift_per_s;     // relative
+    double ambient, glare;  // stray light, relative to white and to the scene's mean
     double wander_amplitude, wander_rad_per_s[SIM_WANDER_TERMS], wander_rad[SIM_WANDER_TERMS];
 } sim_truth;
 
@@ -24,8 +26,9 @@ struct gonio_sim {
     uint64_t seed;
     int threads;
     sim_settings settings;
-    gonio_model *sample; // what the spec says
-    gonio_model *seen;   // the same in the camera's channels, after open; may be `sample` itself
+    gonio_model *sample;        // what the spec says
+    gonio_model *ball, *mirror; // after open: of the targets that show the light
+    gonio_model *seen;          // the same in the camera's channels, after open; may be `sample` itself
     sim_truth truth;
     sim_sensor *sensor; // after open
     sim_response *response;
@@ -41,6 +44,7 @@ struct gonio_sim {
     double lamp_level;
     bool shutter_open;
     gonio_target target;
+    sim_texture texture; // of the fiducial; its pixels are owned
 };
 
 // Power the stage up: nothing is homed, the arms stand at 0.

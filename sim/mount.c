@@ -2,10 +2,14 @@
 #include "sim/internal.h"
 
 static gonio_status mount(void *device, gonio_target target, gonio_error *error) {
-    if (target < GONIO_TARGET_SAMPLE || target > GONIO_TARGET_TRAP) {
+    if (target < GONIO_TARGET_SAMPLE || target > GONIO_TARGET_MIRROR) {
         return gonio_fail(error, GONIO_E_RANGE, "sample changer: there is no target %d", (int)target);
     }
-    ((gonio_sim *)device)->target = target;
+    gonio_sim *sim = device;
+    if (target == GONIO_TARGET_FIDUCIAL && sim->texture.pixels == NULL) {
+        return gonio_fail(error, GONIO_E_USAGE, "sample changer: there is no fiducial (gonio_sim_fiducial)");
+    }
+    sim->target = target;
     return GONIO_OK;
 }
 

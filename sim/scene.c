@@ -8,12 +8,40 @@ static gonio_vec3 add(gonio_vec3 a, double s, gonio_vec3 b) {
 }
 static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// Right, up and the direction outward of an arm at (theta, phi); see rig.h.
-static void arm_axes(double theta, double phi, gonio_vec3 *right, gonio_vec3 *up, gonio_vec3 *outward) {
-    const double ct = cos(theta), st = sin(theta), cp = cos(phi), sp = sin(phi);
-    *right = (gonio_vec3){-sp, cp, 0};
-    *up = (gonio_vec3){-ct * cp, -ct * sp, st};
-    *outward = (gonio_vec3){st * cp, st * sp, ct};
+static gonio_vec3 cross(gonio_vec3 a, gonio_vec3 b) {
+    return (gonio_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+// A direction turned about an axis: its part along the axis stays, the rest turns in the plane across.
+static gonio_vec3 turn(const sim_axis *axis, double angle, gonio_vec3 v) {
+    const gonio_vec3 origin = {0, 0, 0}, along = add(origin, dot(axis->direction, v), axis->direction);
+    const gonio_vec3 across = add(v, -1, along);
+    return add(add(along, cos(angle), across), sin(angle), cross(axis->direction, across));
+}
+
+static gonio_vec3 carry(const sim_axis *axis, double angle, gonio_vec3 point) {
+    return add(axis->point, 1, turn(axis, angle, add(point, -1, axis->point)));
+}
+
+// What an arm carries: a point on the z axis at the given distance, and the directions right, up and outward there.
+typedef struct arm {
+    gonio_vec3 position, right, up, outward;
+} arm;
+
+static arm arm_at(const sim_axis *tilt, const sim_axis *azimuth, double theta, double phi, double distance) {
+    const gonio_vec3 at_zero[3] = {{0, 1, 0}, {-1, 0, 0}, {0, 0, 1}};
+    arm a = {.position = carry(azimuth, phi, carry(tilt, theta, (gonio_vec3){0, 0, distance}))};
+    gonio_vec3 *const directions[3] = {&a.right, &a.up, &a.outward};
+    for (int k = 0; k < 3; k++) {
+        *directions[k] = turn(azimuth, phi, turn(tilt, theta, at_zero[k]));
+    }
+    return a;
+}
+
+void sim_axes_perfect(sim_axis axes[GONIO_AXES]) {
+    static const gonio_vec3 z = {0, 0, 1}, y = {0, 1, 0}, origin = {0, 0, 0};
+    axes[GONIO_LIGHT_THETA] = axes[GONIO_CAMERA_THETA] = (sim_axis){y, origin};
+    axes[GONIO_LIGHT_PHI] = axes[GONIO_CAMERA_PHI] = (sim_axis){z, origin};
 }
 
 // Rings of eight, of equal area, every second one turned by half a step: no first moment, equal second ones.
@@ -24,28 +52,34 @@ void sim_disc_point(int k, int n, double *x, double *y) {
 }
 
 // A lamp of finite size: points that share its power.
-static void place_light(sim_scene *scene, const sim_settings *settings, double theta, double phi) {
-    const gonio_vec3 origin = {0, 0, 0};
-    gonio_vec3 right, up, outward;
-    arm_axes(theta, phi, &right, &up, &outward);
+static void place_light(sim_scene *scene, const sim_settings *settings, const arm *light) {
     const double radius = settings->rig.light_radius_mm;
     scene->light_distance_mm = settings->rig.light_distance_mm;
     scene->lights = radius > 0 ? SIM_LIGHT_POINTS : 1;
-    const gonio_vec3 centre = add(origin, scene->light_distance_mm, outward);
     for (int k = 0; k < scene->lights; k++) {
         double x = 0, y = 0;
         sim_disc_point(k, SIM_LIGHT_POINTS, &x, &y);
-        scene->light[k] = add(add(centre, radius * x, right), radius * y, up);
+        scene->light[k] = add(add(light->position, radius * x, light->right), radius * y, light->up);
     }
 }
 
-void sim_scene_place(sim_scene *scene, const sim_settings *settings, const double angles[GONIO_AXES]) {
+void sim_scene_place(sim_scene *scene, const sim_settings *settings, const sim_axis *axes,
+                     const double angles[GONIO_AXES]) {
     const gonio_vec3 origin = {0, 0, 0};
-    gonio_vec3 outward;
-    place_light(scene, settings, angles[GONIO_LIGHT_THETA], angles[GONIO_LIGHT_PHI]);
-    arm_axes(angles[GONIO_CAMERA_THETA], angles[GONIO_CAMERA_PHI], &scene->right, &scene->up, &outward);
-    scene->camera = add(origin, settings->rig.camera_distance_mm, outward);
-    scene->forward = add(origin, -1, outward);
+    sim_axis perfect[GONIO_AXES];
+    if (axes == NULL) {
+        sim_axes_perfect(perfect);
+        axes = perfect;
+    }
+    const arm light = arm_at(&axes[GONIO_LIGHT_THETA], &axes[GONIO_LIGHT_PHI], angles[GONIO_LIGHT_THETA],
+                             angles[GONIO_LIGHT_PHI], settings->rig.light_distance_mm);
+    const arm camera = arm_at(&axes[GONIO_CAMERA_THETA], &axes[GONIO_CAMERA_PHI], angles[GONIO_CAMERA_THETA],
+                              angles[GONIO_CAMERA_PHI], settings->rig.camera_distance_mm);
+    place_light(scene, settings, &light);
+    scene->camera = camera.position;
+    scene->right = camera.right;
+    scene->up = camera.up;
+    scene->forward = add(origin, -1, camera.outward);
     scene->sphere = settings->sample.sphere == 1;
     scene->radius_mm = settings->sample.radius_mm;
     scene->half_plate_mm = settings->sample.plate_mm / 2;
@@ -61,14 +95,14 @@ static bool hit_plane(const sim_scene *scene, gonio_vec3 ray, double half, gonio
     return fabs(point->x) <= half && fabs(point->y) <= half;
 }
 
-// The nearer root of |C + s ray| = r.
-static bool hit_sphere(const sim_scene *scene, gonio_vec3 ray, gonio_vec3 *point) {
-    const double a = dot(ray, ray), b = dot(ray, scene->camera), r = scene->radius_mm;
-    const double c = dot(scene->camera, scene->camera) - r * r, root = b * b - a * c;
+// The nearer root of |camera + s ray| = r; all from the centre.
+static bool hit_sphere(gonio_vec3 camera, double r, gonio_vec3 ray, gonio_vec3 *point) {
+    const double a = dot(ray, ray), b = dot(ray, camera);
+    const double c = dot(camera, camera) - r * r, root = b * b - a * c;
     if (!(root >= 0) || !(c > 0)) {
         return false;
     }
-    *point = add(scene->camera, (-b - sqrt(root)) / a, ray);
+    *point = add(camera, (-b - sqrt(root)) / a, ray);
     return true;
 }
 
@@ -86,44 +120,93 @@ static gonio_vec3 toward(gonio_vec3 from, gonio_vec3 to, double *distance2) {
     return add(origin, 1 / sqrt(*distance2), d);
 }
 
-static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 normal, int channel) {
+// pi f_r of what stands at the point; wi and wo in the local frame where the sample is a sphere.
+static double pi_brdf(const sim_scene *scene, gonio_vec3 wi, gonio_vec3 wo, int channel) {
+    switch (scene->target) {
+    case GONIO_TARGET_REFERENCE:
+        return scene->reflectance[channel];
+    case GONIO_TARGET_BALL:
+        return GONIO_PI * gonio_model_eval_channel(scene->ball, wi, wo, 0);
+    case GONIO_TARGET_MIRROR:
+        return GONIO_PI * gonio_model_eval_channel(scene->mirror, wi, wo, 0);
+    case GONIO_TARGET_FIDUCIAL:
+        return 1; // the picture multiplies it
+    default:
+        return GONIO_PI * gonio_model_eval_channel(scene->sample, wi, wo, channel);
+    }
+}
+
+static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 normal, bool curved, int channel) {
     double distance2, sum = 0;
-    const bool sphere = scene->sphere && scene->target == GONIO_TARGET_SAMPLE;
     gonio_vec3 wo = toward(point, scene->camera, &distance2);
-    wo = sphere ? to_local(normal, wo) : wo;
+    wo = curved ? to_local(normal, wo) : wo;
     if (!(wo.z > 0)) {
         return 0;
     }
     for (int k = 0; k < scene->lights; k++) {
         gonio_vec3 wi = toward(point, scene->light[k], &distance2);
-        wi = sphere ? to_local(normal, wi) : wi;
+        wi = curved ? to_local(normal, wi) : wi;
         if (wi.z > 0) {
-            const double pi_f = scene->target == GONIO_TARGET_REFERENCE
-                                    ? scene->reflectance[channel]
-                                    : GONIO_PI * gonio_model_eval_channel(scene->sample, wi, wo, channel);
-            sum += pi_f * wi.z * scene->light_distance_mm * scene->light_distance_mm / distance2;
+            sum += pi_brdf(scene, wi, wo, channel) * wi.z * scene->light_distance_mm * scene->light_distance_mm /
+                   distance2;
         }
     }
     // A fitted model may undershoot; light cannot. fmax takes NaN to 0 too.
     return fmax(0, sum / scene->lights);
 }
 
+// Rays a side of one pixel that average the picture: its edges lie within pixels.
+#define TEXTURE_RAYS 4
+
+static gonio_vec3 ray_of(const sim_scene *scene, double x, double y) {
+    return add(add(scene->forward, x, scene->right), -y, scene->up);
+}
+
+// The picture's mean reflectance over the pixel about (x, y).
+static double picture(const sim_scene *scene, double x, double y) {
+    const sim_texture *t = scene->texture;
+    double sum = 0;
+    for (int k = 0; k < TEXTURE_RAYS * TEXTURE_RAYS && t != NULL && t->pixels != NULL; k++) {
+        const double dx = (k % TEXTURE_RAYS + 0.5) / TEXTURE_RAYS - 0.5;
+        const double dy = (k / TEXTURE_RAYS + 0.5) / TEXTURE_RAYS - 0.5;
+        gonio_vec3 point;
+        if (hit_plane(scene, ray_of(scene, x + dx * scene->pixel, y + dy * scene->pixel), INFINITY, &point)) {
+            const double column = floor(point.x / t->mm_per_px + t->width / 2.0);
+            const double row = floor(t->height / 2.0 - point.y / t->mm_per_px);
+            const bool inside = column >= 0 && row >= 0 && column < t->width && row < t->height;
+            sum += inside ? (double)t->pixels[(size_t)row * (size_t)t->width + (size_t)column] : 0;
+        }
+    }
+    return sum / (TEXTURE_RAYS * TEXTURE_RAYS);
+}
+
+// A sphere's point and normal: the sample's or the ball's.
+static bool hit_round(const sim_scene *scene, gonio_vec3 ray, gonio_vec3 *point, gonio_vec3 *normal) {
+    const bool ball = scene->target == GONIO_TARGET_BALL;
+    const gonio_vec3 origin = {0, 0, 0}, centre = ball ? scene->ball_centre : origin;
+    const double radius = ball ? scene->ball_radius_mm : scene->radius_mm;
+    if (!hit_sphere(add(scene->camera, -1, centre), radius, ray, point)) {
+        return false;
+    }
+    *normal = add(origin, 1 / radius, *point);
+    *point = add(*point, 1, centre);
+    return true;
+}
+
 double sim_scene_radiance(const sim_scene *scene, double x, double y, int channel) {
-    const gonio_vec3 ray = add(add(scene->forward, x, scene->right), -y, scene->up);
+    const gonio_vec3 ray = ray_of(scene, x, y);
     gonio_vec3 point, normal = {0, 0, 1};
     if (scene->target == GONIO_TARGET_TRAP) {
         return 0;
     }
-    if (scene->sphere && scene->target == GONIO_TARGET_SAMPLE) {
-        if (!hit_sphere(scene, ray, &point)) {
-            return 0;
-        }
-        const gonio_vec3 origin = {0, 0, 0};
-        normal = add(origin, 1 / scene->radius_mm, point);
-    } else if (!hit_plane(scene, ray,
-                          scene->target == GONIO_TARGET_REFERENCE ? scene->half_panel_mm : scene->half_plate_mm,
-                          &point)) {
-        return 0;
+    if (scene->target == GONIO_TARGET_BALL || (scene->sphere && scene->target == GONIO_TARGET_SAMPLE)) {
+        return hit_round(scene, ray, &point, &normal) ? reflected(scene, point, normal, true, channel) : 0;
     }
-    return reflected(scene, point, normal, channel);
+    if (scene->target == GONIO_TARGET_FIDUCIAL) {
+        return hit_plane(scene, ray, INFINITY, &point)
+                   ? picture(scene, x, y) * reflected(scene, point, normal, false, channel)
+                   : 0;
+    }
+    const double half = scene->target == GONIO_TARGET_REFERENCE ? scene->half_panel_mm : scene->half_plate_mm;
+    return hit_plane(scene, ray, half, &point) ? reflected(scene, point, normal, false, channel) : 0;
 }

@@ -28,8 +28,10 @@ typedef struct entry {
         {"axis " name, "jerk_deg_per_s3", REAL, AT(axis[index].jerk_deg_per_s3), 0, 1e9, "0", 0, 0},                     \
         {"axis " name, "backlash_deg", REAL, AT(axis[index].backlash_deg), 0, 10, "0.05", 0, 0},                         \
         {"axis " name, "min_deg", REAL, AT(axis[index].min_deg), -720, 0, "-" limit, 0, 0},                              \
-        {"axis " name, "max_deg", REAL, AT(axis[index].max_deg), 0, 720, limit, 0, 0}, {                                 \
-        "axis " name, "pointing_deg", REAL, AT(axis[index].pointing_deg), 0, 10, "0.01", 0, 0                            \
+        {"axis " name, "max_deg", REAL, AT(axis[index].max_deg), 0, 720, limit, 0, 0},                                   \
+        {"axis " name, "pointing_deg", REAL, AT(axis[index].pointing_deg), 0, 10, "0.01", 0, 0},                         \
+        {"axis " name, "tilt_deg", REAL, AT(axis[index].tilt_deg), 0, 5, "0", 0, 0}, {                                   \
+        "axis " name, "offset_mm", REAL, AT(axis[index].offset_mm), 0, 10, "0", 0, 0                                     \
     }
 #define FAULT_KEY(name, index)                                                                                         \
     { "faults", name, FAULT, AT(fault[index]), 0, 0, "never", 0, 0 }
@@ -87,6 +89,8 @@ static const entry entries[] = {
     {"sample", "radius_mm", REAL, AT(sample.radius_mm), 0.1, 1e4, "20", 0, 0},
     {"sample", "plate_mm", REAL, AT(sample.plate_mm), 0.1, 1e5, "50", 0, 0},
     {"sample", "region_radius_mm", REAL, AT(sample.region_radius_mm), 0.01, 1e4, "5", 0, 0},
+    {"ball", "radius_mm", REAL, AT(ball.radius_mm), 1, 1e3, "20", 0, 0},
+    {"ball", "offset_mm", REAL, AT(ball.offset_mm), 0, 100, "0.5", 0, 0},
     FAULT_KEY("camera_timeout", SIM_FAULT_CAMERA_TIMEOUT),
     FAULT_KEY("camera_error", SIM_FAULT_CAMERA_ERROR),
     FAULT_KEY("stage_stall", SIM_FAULT_STAGE_STALL),

@@ -10,6 +10,7 @@ typedef struct sim_axis_settings {
     double speed_deg_per_s, acceleration_deg_per_s2, backlash_deg, min_deg, max_deg;
     double jerk_deg_per_s3; // 0: trapezoid
     double pointing_deg;    // k = 1, half of its variance a zero error, half repeatability
+    double tilt_deg, offset_mm; // k = 1, of the axis in space, each of two components; drawn once
 } sim_axis_settings;
 
 // When an injected fault strikes: at a pose (and frame), at most `times` times in a process.
@@ -70,6 +71,9 @@ typedef struct sim_settings {
         int sphere;
         double radius_mm, plate_mm, region_radius_mm;
     } sample;
+    struct {
+        double radius_mm, offset_mm; // offset: k = 1, of where it comes to lie, each of three components
+    } ball;
     sim_fault fault[SIM_FAULTS];
 } sim_settings;
 

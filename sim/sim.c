@@ -9,6 +9,11 @@
 #include "sim/random.h"
 #include "sim/sample.h"
 
+// A polished steel ball: nothing diffuse, a highlight of 1.6 deg (a few pixels, so that its centre is well defined).
+#define BALL_SPEC "ward:rho_d=0.001,rho_s=0.5,alpha=0.02"
+// Black glass behind a grey filter; the slight roughness makes the lamp's image a spot of about 1 mm on it.
+#define MIRROR_SPEC "ward:rho_d=0.001,rho_s=0.002,alpha=0.001"
+
 gonio_status gonio_sim_new(const char *spec, uint64_t seed, gonio_sim **out, gonio_error *error) {
     *out = NULL;
     gonio_sim *sim = calloc(1, sizeof *sim);
@@ -30,6 +35,9 @@ static void release_devices(gonio_sim *sim) {
     if (sim->seen != sim->sample) {
         gonio_model_free(sim->seen);
     }
+    gonio_model_free(sim->ball);
+    gonio_model_free(sim->mirror);
+    sim->ball = sim->mirror = NULL;
     sim_sensor_free(sim->sensor);
     sim_response_free(sim->response);
     sim->seen = NULL;
@@ -41,6 +49,7 @@ void gonio_sim_free(gonio_sim *sim) {
     if (sim != NULL) {
         release_devices(sim);
         gonio_model_free(sim->sample);
+        free(sim->texture.pixels);
         free(sim);
     }
 }
@@ -52,6 +61,24 @@ gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key,
     return status;
 }
 
+gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,
+                                gonio_error *error) {
+    if (width < 1 || height < 1 || !(mm_per_px > 0)) {
+        return gonio_fail(error, GONIO_E_USAGE, "a fiducial of %d x %d pixels, %g mm each", width, height, mm_per_px);
+    }
+    const size_t n = (size_t)width * (size_t)height;
+    float *copy = malloc(n * sizeof *copy);
+    if (copy == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a fiducial of %d x %d pixels", width, height);
+    }
+    for (size_t i = 0; i < n; i++) {
+        copy[i] = (float)fmin(pixels[i] / 255.0, 1);
+    }
+    free(sim->texture.pixels);
+    sim->texture = (sim_texture){width, height, mm_per_px, copy};
+    return GONIO_OK;
+}
+
 char *gonio_sim_settings(const gonio_sim *sim) { return sim_settings_text(&sim->settings); }
 
 const gonio_model *gonio_sim_truth(const gonio_sim *sim) { return sim->seen != NULL ? sim->seen : sim->sample; }
@@ -60,11 +87,41 @@ void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts 
     memcpy(facts->angles_rad, sim->actual_rad, sizeof facts->angles_rad);
     memcpy(facts->reference_reflectance, sim->truth.reflectance, sizeof facts->reference_reflectance);
     facts->lamp_output = sim_lamp_curve(sim, clock_s);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        facts->axis[k].direction = sim->truth.axis[k].direction;
+        facts->axis[k].point = sim->truth.axis[k].point;
+    }
+    facts->ball_centre_mm = sim->truth.ball_centre;
 }
 
 // Periods of the lamp's wander: slower than a pose, faster than a session.
 #define WANDER_PERIOD_MIN_S 600.0
 #define WANDER_PERIOD_MAX_S 3600.0
+
+// Where the axes stand in space: each direction and point off by normal errors across the axis.
+static void draw_axes(gonio_sim *sim) {
+    sim_axes_perfect(sim->truth.axis);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const sim_axis_settings *s = &sim->settings.axis[k];
+        const bool tilt = k == GONIO_LIGHT_THETA || k == GONIO_CAMERA_THETA; // along y; the azimuths along z
+        double n[4];
+        for (uint32_t i = 0; i < 2; i++) {
+            const sim_draw draw = sim_random(sim->seed, SIM_AXES, 0, 0, (uint32_t)k * 2 + i);
+            sim_normals(&draw, n + 2 * i);
+        }
+        const double a = tan(gonio_radians(s->tilt_deg)) * n[0], b = tan(gonio_radians(s->tilt_deg)) * n[1];
+        const double length = sqrt(1 + a * a + b * b), c = s->offset_mm * n[2], d = s->offset_mm * n[3];
+        sim->truth.axis[k] = tilt ? (sim_axis){{a / length, 1 / length, b / length}, {c, 0, d}}
+                                  : (sim_axis){{a / length, b / length, 1 / length}, {c, d, 0}};
+    }
+    double n[4];
+    for (uint32_t i = 0; i < 2; i++) {
+        const sim_draw draw = sim_random(sim->seed, SIM_AXES, 0, 0, 2 * GONIO_AXES + i);
+        sim_normals(&draw, n + 2 * i);
+    }
+    const double offset = sim->settings.ball.offset_mm;
+    sim->truth.ball_centre = (gonio_vec3){offset * n[0], offset * n[1], offset * n[2]};
+}
 
 static void draw_truth(gonio_sim *sim) {
     const sim_settings *s = &sim->settings;
@@ -112,13 +169,15 @@ static gonio_status check_settings(const gonio_sim *sim, gonio_error *error) {
 static void fill_facts(const gonio_sim *sim, gonio_rig_facts *facts) {
     const sim_settings *s = &sim->settings;
     double variance = 0; // the facts hold one figure for all axes: the root of their mean square
+    double tilt = 0;     // an axis that stands askew turns its arm like a zero error
     for (int k = 0; k < GONIO_AXES; k++) {
         variance += s->axis[k].pointing_deg * s->axis[k].pointing_deg / GONIO_AXES;
+        tilt += s->axis[k].tilt_deg * s->axis[k].tilt_deg / GONIO_AXES;
     }
     *facts = (gonio_rig_facts){.light_distance_mm = s->rig.light_distance_mm,
                                .camera_distance_mm = s->rig.camera_distance_mm,
                                .pointing_random_deg = sqrt(variance / 2),
-                               .pointing_systematic_deg = sqrt(variance / 2),
+                               .pointing_systematic_deg = sqrt(variance / 2 + 2 * tilt), // both axes of an arm
                                .reference_relative_sigma = s->reference.sigma_percent / 100,
                                .light_radius_mm = s->rig.light_radius_mm,
                                .aperture_radius_mm = s->rig.aperture_radius_mm,
@@ -147,6 +206,12 @@ static gonio_status prepare_devices(gonio_sim *sim, gonio_error *error) {
         status = sim_response_new(sim->settings.camera.response, &sim->response, error);
     }
     if (status == GONIO_OK) {
+        status = gonio_model_from_spec(BALL_SPEC, &sim->ball, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_model_from_spec(MIRROR_SPEC, &sim->mirror, error);
+    }
+    if (status == GONIO_OK) {
         status = sim_sensor_new(&sim->settings, &info, sim->seed, sim->threads, &sim->sensor, error);
     }
     return status;
@@ -160,6 +225,7 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     release_devices(sim);
     sim->threads = threads > 0 ? threads : omp_get_max_threads();
     draw_truth(sim);
+    draw_axes(sim);
     status = sim_stage_start(sim, error);
     if (status == GONIO_OK) {
         status = prepare_devices(sim, error);

@@ -11,12 +11,12 @@
 #include "gonio/output.h"
 #include "host/acquire/acquire.h"
 
-typedef enum kind { REAL, REAL3, INTEGER, BOOLEAN, TEXT, SEED } kind;
+typedef enum kind { REAL, REALS, INTEGER, BOOLEAN, TEXT, SEED } kind;
 
 typedef struct member {
     const char *name;
     kind kind;
-    size_t offset, size; // size: of a text's array
+    size_t offset, size; // size: of an array
     bool late;           // sessions of the first releases lack it, and have 0 there
 } member;
 
@@ -51,7 +51,7 @@ static const member facts_members[] = {
     M(gonio_rig_facts, camera_distance_mm, REAL),
     M(gonio_rig_facts, pointing_random_deg, REAL),
     M(gonio_rig_facts, pointing_systematic_deg, REAL),
-    M(gonio_rig_facts, reference_reflectance, REAL3),
+    M(gonio_rig_facts, reference_reflectance, REALS),
     M(gonio_rig_facts, reference_relative_sigma, REAL),
     M(gonio_rig_facts, lamp_drift_per_h, REAL),
     LATE(gonio_rig_facts, stray_variation, REAL),
@@ -66,6 +66,13 @@ static const member facts_members[] = {
     M(gonio_rig_facts, notes, TEXT),
     M(gonio_rig_facts, sample_id, TEXT),
     M(gonio_rig_facts, serials, TEXT),
+    {0},
+};
+static const member alignment_members[] = {
+    M(gonio_alignment, known, BOOLEAN),
+    M(gonio_alignment, value, REALS),
+    M(gonio_alignment, covariance, REALS),
+    M(gonio_alignment, sigma_rad, REAL),
     {0},
 };
 static const member scan_members[] = {
@@ -97,12 +104,14 @@ static const struct part {
     const char *key;
     const member *members;
     size_t offset;
+    bool optional; // sessions from before it had it lack it
 } parts[] = {
-    {"camera", camera_members, offsetof(gonio_setup, camera)},
-    {"facts", facts_members, offsetof(gonio_setup, facts)},
-    {"scan", scan_members, offsetof(gonio_setup, scan)},
-    {"window", window_members, offsetof(gonio_setup, window)},
-    {"fit", fit_members, 0},
+    {"camera", camera_members, offsetof(gonio_setup, camera), false},
+    {"facts", facts_members, offsetof(gonio_setup, facts), false},
+    {"alignment", alignment_members, offsetof(gonio_setup, facts.alignment), true},
+    {"scan", scan_members, offsetof(gonio_setup, scan), false},
+    {"window", window_members, offsetof(gonio_setup, window), false},
+    {"fit", fit_members, 0, false},
 };
 #define PARTS (sizeof parts / sizeof *parts)
 
@@ -110,9 +119,12 @@ static json_t *value_of(const member *m, const void *at) {
     switch (m->kind) {
     case REAL:
         return json_real(*(const double *)at);
-    case REAL3: {
-        const double *v = at;
-        return json_pack("[f,f,f]", v[0], v[1], v[2]);
+    case REALS: {
+        json_t *array = json_array();
+        for (size_t k = 0; k < m->size / sizeof(double); k++) {
+            json_array_append_new(array, json_real(((const double *)at)[k]));
+        }
+        return array;
     }
     case INTEGER:
         return json_integer(*(const int *)at);
@@ -135,11 +147,11 @@ static bool take(const member *m, const json_t *value, void *at) {
     case REAL:
         *(double *)at = json_number_value(value);
         return json_is_number(value);
-    case REAL3:
-        for (size_t k = 0; k < 3; k++) {
+    case REALS:
+        for (size_t k = 0; k < m->size / sizeof(double); k++) {
             ((double *)at)[k] = json_number_value(json_array_get(value, k));
         }
-        return json_array_size(value) == 3;
+        return json_array_size(value) == m->size / sizeof(double);
     case INTEGER:
         *(int *)at = (int)json_integer_value(value);
         return json_is_integer(value);
@@ -179,6 +191,9 @@ static gonio_status put(gonio_session *session, const struct part *part, const g
 static gonio_status get(gonio_session *session, const struct part *part, gonio_setup *setup, gonio_error *error) {
     char *text;
     gonio_status status = gonio_session_get(session, part->key, &text, error);
+    if (status == GONIO_E_INPUT && part->optional) {
+        return GONIO_OK;
+    }
     if (status != GONIO_OK) {
         return status;
     }

@@ -1,6 +1,7 @@
 // Which part of the sensor to read: the sample as the camera sees it, with a margin.
 #include <math.h>
 
+#include "gonio/calibrate.h"
 #include "host/acquire/acquire.h"
 
 // Beyond the sample's outline: pointing errors of a tenth of a degree, and neighbours for interpolation.
@@ -32,17 +33,51 @@ static void place(double c, double size, int limit, int *start, int *length) {
     *length = n;
 }
 
+// The sample's outline over all of the camera's poses: axes that do not meet move it about in the frame. centre, half:
+// of the box that holds it, px.
+static void aligned_box(const gonio_camera_info *camera, const gonio_rig_facts *facts, double centre[2],
+                        double half[2]) {
+    const double d = facts->camera_distance_mm, r = facts->sphere ? facts->sphere_radius_mm : facts->region_radius_mm;
+    const double rim = facts->sphere ? r / sqrt(1 - r * r / (d * d)) : r;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int k = 0; k < 7 * 12 * 16; k++) {
+        const gonio_pair axes = {.theta_o = gonio_radians(15 * (k % 7)), .phi_o = gonio_radians(30 * (k / 7 % 12))};
+        const double a = GONIO_PI / 8 * (k / 84), x = rim * cos(a), y = rim * sin(a);
+        gonio_vec3 position, right, up, forward, at = {x, y, 0};
+        double pixel[2];
+        gonio_alignment_camera(facts->alignment.value, axes.theta_o, axes.phi_o, &position, &right, &up, &forward);
+        if (facts->sphere) {
+            at = (gonio_vec3){x * right.x + y * up.x, x * right.y + y * up.y, x * right.z + y * up.z};
+        }
+        gonio_rig_project(camera, &facts->alignment, &axes, at, pixel);
+        for (int c = 0; c < 2; c++) {
+            low[c] = fmin(low[c], pixel[c]);
+            high[c] = fmax(high[c], pixel[c]);
+        }
+    }
+    for (int c = 0; c < 2; c++) {
+        centre[c] = (low[c] + high[c]) / 2;
+        half[c] = (high[c] - low[c]) / 2 * (1 + MARGIN_SHARE) + MARGIN_PX;
+    }
+}
+
 gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_facts *facts,
                                const gonio_scan_options *options, gonio_window *window, gonio_error *error) {
     if (options->window_width < 0) {
         *window = (gonio_window){0, 0, camera->width, camera->height};
         return GONIO_OK;
     }
-    double width = options->window_width, height = options->window_height;
-    if (options->window_width == 0) {
+    double width = options->window_width, height = options->window_height, centre[2] = {camera->cx, camera->cy};
+    if (facts->alignment.known) {
+        double half[2];
+        aligned_box(camera, facts, centre, half);
+        width = width > 0 ? width : 2 * half[0];
+        height = height > 0 ? height : 2 * half[1];
+    } else if (options->window_width == 0) {
         width = 2 * half_size_px(camera, facts, camera->fx);
         height = 2 * half_size_px(camera, facts, camera->fy);
-    } else if (options->window_width > camera->width || options->window_height > camera->height) {
+    }
+    if (options->window_width > camera->width || options->window_height > camera->height) {
         return gonio_fail(error, GONIO_E_INPUT, "window %d x %d: the camera has %d x %d pixels", options->window_width,
                           options->window_height, camera->width, camera->height);
     }
@@ -50,8 +85,8 @@ gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_
         return gonio_fail(error, GONIO_E_INPUT, "the sample (radius %g mm at %g mm) is not in front of the camera",
                           facts->sphere ? facts->sphere_radius_mm : facts->region_radius_mm, facts->camera_distance_mm);
     }
-    place(camera->cx, width, camera->width, &window->x, &window->width);
-    place(camera->cy, height, camera->height, &window->y, &window->height);
+    place(centre[0], width, camera->width, &window->x, &window->width);
+    place(centre[1], height, camera->height, &window->y, &window->height);
     return GONIO_OK;
 }
 

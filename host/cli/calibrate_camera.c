@@ -12,9 +12,8 @@
 static const char *const keys[9] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3"};
 
 typedef struct settings {
-    const char *board, *charuco, *out;
-    double square_mm, marker_mm;
-    int dictionary, half_window;
+    calibrate_board board;
+    const char *out;
 } settings;
 
 typedef struct work {
@@ -24,23 +23,6 @@ typedef struct work {
     gonio_view *views;
     gonio_camera_calibration found;
 } work;
-
-static bool parse_size(const char *text, int *columns, int *rows) {
-    char tail;
-    return sscanf(text, "%dx%d%c", columns, rows, &tail) == 2;
-}
-
-static gonio_status parse_board(const settings *s, gonio_board *board, gonio_error *error) {
-    *board = (gonio_board){.kind = s->charuco != NULL ? GONIO_CHARUCO : GONIO_CHESSBOARD,
-                           .square_mm = s->square_mm,
-                           .marker_mm = s->marker_mm > 0 ? s->marker_mm : 0.75 * s->square_mm,
-                           .dictionary = s->dictionary};
-    const char *size = s->charuco != NULL ? s->charuco : s->board;
-    if (!parse_size(size, &board->columns, &board->rows)) {
-        return gonio_fail(error, GONIO_E_USAGE, "'%s' is not a board's size; expected COLUMNSxROWS", size);
-    }
-    return GONIO_OK;
-}
 
 // Find the board in one image; a view without it is no failure, but an unreadable file is.
 static gonio_status look(work *w, int i, const gonio_board *board, int half_window, gonio_error *error) {
@@ -121,14 +103,14 @@ static void print(const work *w) {
 
 static gonio_status calibrate(work *w, const settings *s, gonio_error *error) {
     gonio_board board;
-    gonio_status status = parse_board(s, &board, error);
+    gonio_status status = calibrate_board_parse(&s->board, &board, error);
     w->corners = calloc((size_t)w->n, sizeof *w->corners);
     w->views = calloc((size_t)w->n, sizeof *w->views);
     if (status == GONIO_OK && (w->corners == NULL || w->views == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %d views", w->n);
     }
     for (int i = 0; status == GONIO_OK && i < w->n; i++) {
-        status = look(w, i, &board, s->half_window, error);
+        status = look(w, i, &board, s->board.half_window, error);
     }
     if (status == GONIO_OK) {
         status = gonio_camera_calibrate(w->n, w->corners, w->width, w->height, w->views, &w->found, error);
@@ -140,16 +122,10 @@ static gonio_status calibrate(work *w, const settings *s, gonio_error *error) {
 }
 
 int calibrate_camera(int argc, char **argv) {
-    settings s = {.board = "9x6", .square_mm = 25, .dictionary = 5, .half_window = 5};
-    const cli_option options[] = {
-        {"board", 0, CLI_TEXT, &s.board, NULL, "9x6", "chessboard: inner corners, columns x rows"},
-        {"charuco", 0, CLI_TEXT, &s.charuco, NULL, "8x6", "ChArUco board instead: squares, columns x rows"},
-        {"square-mm", 0, CLI_DOUBLE, &s.square_mm, NULL, "MM", "a square's side (25)"},
-        {"marker-mm", 0, CLI_DOUBLE, &s.marker_mm, NULL, "MM", "a marker's side (three quarters of the square's)"},
-        {"dictionary", 0, CLI_INT, &s.dictionary, NULL, "N", "OpenCV's number of the marker set (5: DICT_5X5_100)"},
-        {"window", 0, CLI_INT, &s.half_window, NULL, "PX", "half the sub-pixel search window (5)"},
-        {"out", 'o', CLI_TEXT, &s.out, NULL, "INI", "write a rig file's [camera] section"},
-        {0}};
+    settings s = {.board = {.chessboard = "9x6", .square_mm = 25, .dictionary = 5, .half_window = 5}};
+    const cli_option options[] = {CALIBRATE_BOARD_OPTIONS(s.board, "25"),
+                                  {"out", 'o', CLI_TEXT, &s.out, NULL, "INI", "write a rig file's [camera] section"},
+                                  {0}};
     static const cli_verb verb = {"calibrate camera", "IMAGE ... [-o INI]",
                                   "intrinsics and distortion from photographs of a board", NULL};
     work w = {0};

@@ -288,7 +288,13 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
         status = build(&b, rig->text, is_sim ? "--set" : options->rig, options->sample, options->seed, error);
     }
     rig->sim = b.sim;
-    return status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
+    if (status == GONIO_OK) {
+        status = open_devices(&b, options->threads, rig, error);
+    }
+    // A session journals the numbers, so that a resume needs no file.
+    return status == GONIO_OK && b.keys.alignment[0] != 0
+               ? gonio_alignment_read(b.keys.alignment, &rig->rig.facts.alignment, error)
+               : status;
 }
 
 void cli_rig_close(cli_rig *rig) {

@@ -24,6 +24,7 @@ static const entry entries[] = {
     {"rig", "operator", TEXT, true, AT(facts.operator_name), 0, 0},
     {"rig", "notes", TEXT, true, AT(facts.notes), 0, 0},
     {"rig", "serials", TEXT, true, AT(facts.serials), 0, 0},
+    {"rig", "alignment", TEXT, true, AT(alignment), 0, 0},
     {"sample", "id", TEXT, true, AT(facts.sample_id), 0, 0},
     {"sample", "spec", TEXT, true, AT(sample), 0, 0},
     {"scan", "dark_frames", INTEGER, true, AT(scan.dark_frames), 4, 1000},

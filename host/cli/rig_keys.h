@@ -7,7 +7,8 @@
 // What they set. Sizes of the texts are those of gonio_rig_facts.
 typedef struct rig_keys {
     char driver[16];
-    char sample[256]; // SPEC of the simulated sample
+    char sample[256];    // SPEC of the simulated sample
+    char alignment[256]; // file of the rig's true axes; empty: none
     gonio_scan_options scan;
     gonio_rig_facts facts; // texts always; numbers where the rig does not state its own
 } rig_keys;

@@ -24,6 +24,8 @@ typedef struct gonio_image {
 // The caller frees it with gonio_image_free.
 gonio_status gonio_image_read(const char *path, bool grey, gonio_image *image, gonio_error *error);
 void gonio_image_free(gonio_image *image);
+// Write it as PNG or TIFF, 8 or 16 bits, by the path's ending.
+gonio_status gonio_image_write(const gonio_image *image, const char *path, gonio_error *error);
 // Write a map of floats as 32-bit TIFF (the path ends in .tiff).
 gonio_status gonio_map_write(const char *path, int width, int height, const float *values, gonio_error *error);
 
@@ -108,6 +110,69 @@ void gonio_camera_apply(const gonio_camera_calibration *calibration, gonio_camer
 // Where each pixel of an undistorted image is found in the distorted one: map[height][width][2] (u, v). For previews;
 // radiometry never resamples.
 gonio_status gonio_camera_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
+
+// ---- the rig's true axes, from frames at known counters ----
+// What lies on the table. The board shows how the camera stands; a polished ball and a flat mirror (black glass) show
+// by the lamp's highlight how the light stands: the ball from everywhere, the mirror a hundred times as sharply, but
+// only about the mirror direction, and only up to its own tilt, which the ball settles.
+typedef enum gonio_rig_object { GONIO_RIG_BOARD, GONIO_RIG_BALL, GONIO_RIG_MIRROR, GONIO_RIG_OBJECTS } gonio_rig_object;
+
+// One frame of an object.
+typedef struct gonio_rig_view {
+    gonio_pair axes; // the counters, rad
+    gonio_rig_object object;
+    const gonio_corners *corners; // board: n = 0 leaves the view out (its reason stays); borrowed
+    double highlight[2];          // ball, mirror: (u, v), px
+    bool used;                    // ball, mirror: set where there is a highlight; then filled by gonio_rig_calibrate
+    char reason[160];             // why it was not
+    double rms;                   // reprojection, px
+} gonio_rig_view;
+
+// gonio_rig_options_default() first.
+typedef struct gonio_rig_options {
+    double light_distance_mm, camera_distance_mm; // nominal; the light's is known to about 20 mm only
+    double pointing_random_deg;                   // repeatability of each axis
+    double ball_radius_mm;
+    double board_azimuth_deg; // of the board's right side, from the sample's +x
+    bool reversible;          // the corners may come in reverse order: a chessboard
+    double camera_sigma[9];   // of fx fy cx cy k1 k2 p1 p2 k3; 0: held
+} gonio_rig_options;
+
+typedef struct gonio_rig_report {
+    int views[GONIO_RIG_OBJECTS];       // used
+    double noise_px[GONIO_RIG_OBJECTS]; // of one coordinate, from the residuals
+    // By axis (rig.h's order): angle to the sample's z (azimuths) or y (tilts); k = 1 of one component; the range of
+    // the counters in the frames that tell of it.
+    double tilt_deg[4], tilt_sigma_deg[4], range_deg[4];
+    double
+        origin_mm[2]; // of the sample's frame, where the camera's azimuth axis meets the board, from its first corner
+    double direction_sigma_deg; // of a direction, one component, over the poses
+} gonio_rig_report;
+
+void gonio_rig_options_default(gonio_rig_options *options);
+// The axes of both arms by least squares over all reprojections (calib/rig_axes.c). The board defines the sample's
+// frame: its face is z = 0, its right side points along +x (turned by board_azimuth_deg), and the origin is where the
+// camera's azimuth axis meets it. GONIO_E_INPUT: too few views, none of the ball, a board that lies otherwise than
+// stated. An axis that never moved keeps its place and a large uncertainty.
+gonio_status gonio_rig_calibrate(const gonio_camera_info *camera, const gonio_rig_options *options, int n,
+                                 gonio_rig_view *views, gonio_alignment *out, gonio_rig_report *report,
+                                 gonio_error *error);
+
+// The poses that a rig takes to calibrate itself: first of the board and the ball; then, aimed with the alignment that
+// those gave (NULL: a perfect rig), of the mirror. Each returns how many, at most GONIO_RIG_POSES_MAX.
+#define GONIO_RIG_POSES_MAX 256
+typedef struct gonio_rig_pose {
+    gonio_pair axes;
+    gonio_rig_object object;
+} gonio_rig_pose;
+int gonio_rig_poses(gonio_rig_pose *poses);
+int gonio_rig_mirror_poses(const gonio_alignment *alignment, gonio_rig_pose *poses);
+// The centre of the one highlight in an image, px. GONIO_E_INPUT: there is none, it is cut by the image's edge, or
+// there are several.
+gonio_status gonio_highlight_find(const gonio_image *image, double at[2], gonio_error *error);
+// Where a point of the sample's frame is seen from these counters. false: not in the frame.
+bool gonio_rig_project(const gonio_camera_info *camera, const gonio_alignment *alignment, const gonio_pair *axes,
+                       gonio_vec3 point, double pixel[2]);
 
 // ---- response of a camera that is not linear ----
 typedef enum gonio_response_method {

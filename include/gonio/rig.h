@@ -30,6 +30,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "gonio/alignment.h"
 #include "gonio/direction.h"
 #include "gonio/status.h"
 
@@ -140,7 +141,16 @@ typedef struct gonio_interlock_ops {
 } gonio_interlock_ops;
 
 // ---- mount: what lies on the table ----
-typedef enum gonio_target { GONIO_TARGET_SAMPLE, GONIO_TARGET_REFERENCE, GONIO_TARGET_TRAP } gonio_target;
+// FIDUCIAL: a board, which shows how the camera stands; BALL, MIRROR: a polished ball and a black glass plate, whose
+// highlights show where the light stands.
+typedef enum gonio_target {
+    GONIO_TARGET_SAMPLE,
+    GONIO_TARGET_REFERENCE,
+    GONIO_TARGET_TRAP,
+    GONIO_TARGET_FIDUCIAL,
+    GONIO_TARGET_BALL,
+    GONIO_TARGET_MIRROR
+} gonio_target;
 typedef struct gonio_mount_ops {
     int api_version;
     const char *name;
@@ -153,6 +163,7 @@ typedef struct gonio_mount_ops {
 typedef struct gonio_rig_facts {
     double light_distance_mm, camera_distance_mm;        // to the centre of rotation
     double pointing_random_deg, pointing_systematic_deg; // of each axis: repeatability, zero error
+    gonio_alignment alignment;                           // of the axes; not known: perfect up to pointing_*
     double reference_reflectance[3]; // of the near-Lambertian white reference, a channel (mono: [0])
     double reference_relative_sigma;
     double lamp_drift_per_h; // stated relative drift, used where no meter measures it

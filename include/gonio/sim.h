@@ -21,11 +21,16 @@ void gonio_sim_free(gonio_sim *sim);
 // camera_theta, camera_phi), [camera], [lamp], [meter], [reference], [sample], [faults].
 // Beyond DESIGN section 3 the defaults have 10 % nonuniformity of the dark current, 1 e- of the offset, 3 % vignetting,
 // k1 = -2 (1.4 px at the corner), 5 % warm-up over 120 s, 0.05 % lamp wander, a monitor with 0.05 % noise a reading.
+// An axis stands off by tilt_deg and offset_mm (k = 1 a component, 0 by default), drawn once: `gonio calibrate rig`.
 // A perfect white diffuser, lit and seen at normal incidence, gives camera.white_e_per_s = 500,000 e-/s.
 // camera.response: linear, gamma:G, or a CSV's path. A fault (camera_timeout, camera_error, stage_stall, stage_timeout,
 // stage_estop, lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as a
 // bound per process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value, gonio_error *error);
+// What the fiducial's plate shows (copied): width x height greys 0..255, centred on the table, its right side toward
+// the sample's +x, its top toward +y. May be called before or after opening.
+gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,
+                                gonio_error *error);
 // Every setting as "section.key=value" lines, for the journal: setting them all on a new sim gives the same sim. Caller
 // frees.
 char *gonio_sim_settings(const gonio_sim *sim);
@@ -39,6 +44,11 @@ typedef struct gonio_sim_facts {
     double angles_rad[GONIO_AXES];
     double reference_reflectance[3];
     double lamp_output;
+    // The lines that the arms turn about, in the order of the axes, and where the ball lies.
+    struct {
+        gonio_vec3 direction, point;
+    } axis[GONIO_AXES];
+    gonio_vec3 ball_centre_mm;
 } gonio_sim_facts;
 void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts *facts);
 

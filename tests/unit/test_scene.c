@@ -23,7 +23,7 @@ static sim_scene place(const sim_settings *settings, const gonio_model *model, d
                        double po) {
     sim_scene scene = {.target = GONIO_TARGET_SAMPLE, .sample = model};
     const double angles[GONIO_AXES] = {gonio_radians(ti), gonio_radians(pi), gonio_radians(to), gonio_radians(po)};
-    sim_scene_place(&scene, settings, angles);
+    sim_scene_place(&scene, settings, NULL, angles);
     return scene;
 }
 

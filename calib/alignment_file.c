@@ -1,0 +1,139 @@
+// The file of an alignment: CSV, one row a parameter with its value and its row of the covariance.
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "gonio/alignment.h"
+#include "gonio/output.h"
+
+#define P GONIO_ALIGNMENT_PARAMETERS
+#define HEADER "parameter,value,covariance"
+#define LINE_MAX_BYTES 2048
+
+const char *gonio_alignment_parameter_name(int index) {
+    static const char *const names[P] = {"camera azimuth axis a",
+                                         "camera azimuth axis b",
+                                         "camera azimuth axis c_mm",
+                                         "camera azimuth axis d_mm",
+                                         "camera tilt axis a",
+                                         "camera tilt axis b",
+                                         "camera tilt axis c_mm",
+                                         "camera tilt axis d_mm",
+                                         "camera x_mm",
+                                         "camera y_mm",
+                                         "camera z_mm",
+                                         "camera turn x_rad",
+                                         "camera turn y_rad",
+                                         "camera turn z_rad",
+                                         "light azimuth axis a",
+                                         "light azimuth axis b",
+                                         "light azimuth axis c_mm",
+                                         "light azimuth axis d_mm",
+                                         "light tilt axis a",
+                                         "light tilt axis b",
+                                         "light tilt axis c_mm",
+                                         "light tilt axis d_mm",
+                                         "light x_mm",
+                                         "light y_mm",
+                                         "light z_mm"};
+    return index >= 0 && index < P ? names[index] : "";
+}
+
+gonio_status gonio_alignment_write(const gonio_alignment *alignment, const char *path, gonio_error *error) {
+    gonio_output *output;
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    FILE *stream = gonio_output_stream(output);
+    fputs("# The true axes of a rig (gonio calibrate rig); [rig] alignment = this file\n" HEADER "\n", stream);
+    for (int k = 0; k < P; k++) {
+        fprintf(stream, "%s,%.17g", gonio_alignment_parameter_name(k), alignment->value[k]);
+        for (int l = 0; l < P; l++) {
+            fprintf(stream, ",%.17g", alignment->covariance[k * P + l]);
+        }
+        fputc('\n', stream);
+    }
+    return gonio_output_commit(output, error);
+}
+
+static gonio_status parse_row(const char *path, long long line, int k, const char *text, gonio_alignment *out,
+                              gonio_error *error) {
+    const char *name = gonio_alignment_parameter_name(k);
+    const size_t length = strlen(name);
+    if (strncmp(text, name, length) != 0 || text[length] != ',') {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "found '%.*s', expected the row of '%s'",
+                               (int)strcspn(text, ",\r\n"), text, name);
+    }
+    const char *at = text + length;
+    for (int column = 0; column <= P; column++) {
+        char *end = NULL;
+        double *to = column == 0 ? &out->value[k] : &out->covariance[k * P + column - 1];
+        *to = *at == ',' ? strtod(at + 1, &end) : NAN;
+        if (*at != ',' || end == at + 1 || !isfinite(*to)) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%d numbers behind '%s' expected, found %d", P + 1,
+                                   name, column);
+        }
+        at = end;
+    }
+    if (at[strspn(at, " \t\r\n")] != '\0') {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d numbers behind '%s'", P + 1, name);
+    }
+    return GONIO_OK;
+}
+
+// A covariance is symmetric and no variance is negative; half of the file from elsewhere would not be.
+static gonio_status check(const gonio_alignment *a, const char *path, gonio_error *error) {
+    for (int k = 0; k < P; k++) {
+        for (int l = 0; l < P; l++) {
+            const double c = a->covariance[k * P + l],
+                         limit = sqrt(a->covariance[k * P + k] * a->covariance[l * P + l]);
+            if (!(fabs(c) <= 1.000001 * limit) || fabs(c - a->covariance[l * P + k]) > 1e-9 * limit) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "the covariance of '%s' and '%s' is none",
+                                       gonio_alignment_parameter_name(k), gonio_alignment_parameter_name(l));
+            }
+        }
+    }
+    if (!(a->value[GONIO_CAMERA_ZERO + 2] > 0 && a->value[GONIO_LIGHT_ZERO + 2] > 0)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "camera or light below the sample");
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_alignment_read(const char *path, gonio_alignment *out, gonio_error *error) {
+    *out = (gonio_alignment){.known = false};
+    FILE *stream = fopen(path, "r");
+    if (stream == NULL) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read the alignment: %s", strerror(errno));
+    }
+    char text[LINE_MAX_BYTES];
+    int rows = -1; // the header is yet to come
+    gonio_status status = GONIO_OK;
+    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
+        if (text[0] == '#' || text[strspn(text, " \t\r\n")] == '\0') {
+            continue;
+        }
+        if (rows < 0) {
+            status = strncmp(text, HEADER, strlen(HEADER)) == 0
+                         ? GONIO_OK
+                         : gonio_fail_line(error, GONIO_E_INPUT, path, line,
+                                           "found '%.40s', expected the header " HEADER, text);
+        } else {
+            status = rows < P ? parse_row(path, line, rows, text, out, error)
+                              : gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d parameters", P);
+        }
+        rows++;
+    }
+    fclose(stream);
+    if (status == GONIO_OK && rows < P) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%d parameters, expected %d", rows < 0 ? 0 : rows, P);
+    }
+    status = status == GONIO_OK ? check(out, path, error) : status;
+    if (status == GONIO_OK) {
+        out->sigma_rad = gonio_alignment_sigma(out);
+        out->known = true;
+    }
+    return status;
+}
