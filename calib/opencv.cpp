@@ -178,7 +178,8 @@ int charuco_window(const gonio_board &board, const std::vector<cv::Point2f> &on_
                      std::sqrt(std::max(0.0, (sum - std::sqrt(std::max(0.0, sum * sum - 4 * product * product))) / 2)));
     }
     const double gap_px = (board.square_mm - board.marker_mm) / 2 * smallest;
-    return std::clamp(static_cast<int>(gap_px) - 1, 1, half_window);
+    // Below +-2 px there is too little of an edge to find.
+    return std::clamp(static_cast<int>(gap_px - 0.5), std::min(2, half_window), half_window);
 }
 
 int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window, gonio_corners &corners) {
