@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/rank.h"
+
 // values -= the lattice, and the sparse one where there is one, at every sample.
 static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, const gonio_sparse *sparse, float *values) {
     enum { BATCH = 64 };
@@ -48,40 +50,34 @@ gonio_status gonio_cbmba_split(const gonio_scatter *scatter, const double *start
     return status;
 }
 
-static float magnitude(const gonio_lattice *l, size_t point) {
+static double magnitude(const gonio_lattice *l, size_t point) {
     float largest = 0;
     for (size_t c = 0; c < (size_t)l->channels; c++) {
         largest = fmaxf(largest, fabsf(l->points[point * (size_t)l->channels + c]));
     }
-    return largest;
-}
-
-static int descending(const void *left, const void *right) {
-    const float a = *(const float *)left, b = *(const float *)right;
-    return (a < b) - (a > b);
+    return (double)largest;
 }
 
 // keep[i] for the (100 - percent) % largest control points, never for a zero; ties by index. *kept: how many.
 static gonio_status choose_points(const gonio_lattice *l, double percent, bool *keep, size_t *kept,
                                   gonio_error *error) {
     const size_t quota = (size_t)llround((double)l->count * (1 - percent / 100));
-    float *sorted = malloc(l->count * sizeof *sorted);
-    if (sorted == NULL) {
+    double *magnitudes = malloc(l->count * sizeof *magnitudes);
+    if (magnitudes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", l->count);
     }
     for (size_t i = 0; i < l->count; i++) {
-        sorted[i] = magnitude(l, i);
+        magnitudes[i] = magnitude(l, i);
     }
-    qsort(sorted, l->count, sizeof *sorted, descending);
-    const float limit = quota == 0 ? INFINITY : sorted[quota - 1];
+    const double limit = quota == 0 ? INFINITY : gonio_rank(magnitudes, l->count, l->count - quota);
     size_t ties = quota; // places left for points that equal the limit
-    while (ties > 0 && sorted[quota - ties] > limit) {
-        ties--;
+    for (size_t i = 0; i < l->count; i++) {
+        ties -= magnitudes[i] > limit;
     }
-    free(sorted);
+    free(magnitudes);
     *kept = 0;
     for (size_t i = 0; i < l->count; i++) {
-        const float m = magnitude(l, i);
+        const double m = magnitude(l, i);
         keep[i] = m > 0 && (m > limit || (m == limit && ties > 0));
         ties -= keep[i] && m == limit;
         *kept += keep[i];

@@ -157,7 +157,8 @@ static gonio_status try_drops(search *search, triple t, gonio_error *error) {
 
 // Judge on an inner fifth that the trial fits do not see; where the caller holds nothing out, on the samples
 // themselves.
-static gonio_status smallest(const gonio_samples *samples, const gonio_fit_options *o, triple *t, gonio_error *error) {
+static gonio_status smallest(const gonio_samples *samples, const gonio_fit_options *o, triple *t, char *note,
+                             size_t size, gonio_error *error) {
     const bool held_out = o->hold_out > 0 || o->folds >= 2;
     bool *side = malloc(samples->n * sizeof *side);
     gonio_samples *train = NULL, *judge = NULL;
@@ -197,6 +198,8 @@ static gonio_status smallest(const gonio_samples *samples, const gonio_fit_optio
                             usable ? "held-out" : "training", o->max_error, search.least);
     }
     *t = search.best_bytes > 0 ? search.best : *t;
+    snprintf(note, size, "the smallest (D,S,C) whose RMSE on %s keeps the limit",
+             usable ? "an inner fifth that it did not see" : "the training samples");
     return status;
 }
 
@@ -208,7 +211,7 @@ static gonio_status fit_cbmba(const gonio_samples *samples, const gonio_fit_opti
         status = gonio_fail(error, GONIO_E_UNSUPPORTED, "cbmba fits isotropic samples only");
     }
     if (status == GONIO_OK && options->max_error > 0) {
-        status = smallest(samples, options, &t, error);
+        status = smallest(samples, options, &t, report->note, sizeof report->note, error);
     }
     source s = {0};
     if (status == GONIO_OK) {

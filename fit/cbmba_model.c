@@ -7,16 +7,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/channels.h"
 #include "fit/locate.h"
 #include "fit/model_file.h"
 
 typedef struct cbmba_model {
     gonio_model head;
     gonio_cbmba_parts parts;
-    gonio_lattice diffuse;       // a view on parts.diffuse
-    gonio_transform *transforms; // [channels]
-    char (*names)[32];           // NULL when they lie in the file
-    gonio_mapped mapped;         // base NULL: the arrays are our own
+    gonio_lattice diffuse; // a view on parts.diffuse
+    gonio_channels channels;
+    gonio_mapped mapped; // base NULL: the arrays are our own
 } cbmba_model;
 
 typedef struct description {
@@ -41,7 +41,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     float v[model->channels];
     eval_f32(model, wi, wo, v);
     for (int c = 0; c < model->channels; c++) {
-        values[c] = gonio_transform_invert(m->parts.kind, &m->transforms[c], (double)v[c]);
+        values[c] = gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)v[c]);
     }
 }
 
@@ -49,7 +49,7 @@ static void eval_narrow(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, 
     const cbmba_model *m = (const cbmba_model *)model;
     eval_f32(model, wi, wo, values);
     for (int c = 0; c < model->channels; c++) {
-        values[c] = (float)gonio_transform_invert(m->parts.kind, &m->transforms[c], (double)values[c]);
+        values[c] = (float)gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)values[c]);
     }
 }
 
@@ -73,8 +73,7 @@ static void release(gonio_model *model) {
         gonio_cbmba_parts_release(&m->parts);
     }
     gonio_mapped_release(&m->mapped);
-    free(m->transforms);
-    free(m->names);
+    gonio_channels_release(&m->channels);
     free(m);
 }
 
@@ -97,7 +96,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
                                .kept = m->parts.kept};
     gonio_file_part parts[6] = {
         {&about, sizeof about},
-        {m->transforms, c * sizeof *m->transforms},
+        {m->channels.transforms, c * sizeof *m->channels.transforms},
         {m->parts.diffuse, diffuse_bytes(m->parts.diffuse_level, model->channels)},
     };
     if (s->storage == GONIO_STORAGE_HASH) {
@@ -139,17 +138,13 @@ gonio_status gonio_cbmba_model_new(gonio_cbmba_parts *parts, const gonio_transfo
     *out = NULL;
     const size_t c = (size_t)parts->sparse.channels;
     cbmba_model *m = calloc(1, sizeof *m);
-    if (m == NULL || (m->transforms = malloc(c * sizeof *transforms)) == NULL ||
-        (m->names = malloc(c * sizeof *m->names)) == NULL) {
-        if (m != NULL) {
-            free(m->transforms);
-        }
+    gonio_status status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, channel_names, error)
+                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    if (status != GONIO_OK) {
         free(m);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+        return status;
     }
-    memcpy(m->transforms, transforms, c * sizeof *transforms);
-    memcpy(m->names, channel_names, c * sizeof *m->names);
-    m->head.channel_names = (const char(*)[32])m->names;
+    m->head.channel_names = (const char(*)[32])m->channels.names;
     m->parts = *parts;
     *parts = (gonio_cbmba_parts){0};
     fill_head(m);
@@ -227,19 +222,17 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
         return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
     }
     m->parts.diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
-    memcpy(m->transforms, transforms, c * sizeof *transforms);
-    return s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    const gonio_status status =
+        s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    return status == GONIO_OK ? gonio_channels_init(&m->channels, c, transforms, NULL, error) : status;
 }
 
 gonio_status gonio_cbmba_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     cbmba_model *m = calloc(1, sizeof *m);
-    if (m == NULL || (m->transforms = malloc((size_t)mapped->channels * sizeof *m->transforms)) == NULL) {
-        free(m);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
-    }
-    const gonio_status status = read_parts(mapped, m, error);
+    const gonio_status status =
+        m != NULL ? read_parts(mapped, m, error)
+                  : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
     if (status != GONIO_OK) {
-        free(m->transforms);
         free(m);
         return status;
     }

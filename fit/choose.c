@@ -13,6 +13,7 @@
 
 #include "fit/lattice_eval.h"
 #include "fit/mba.h"
+#include "fit/memory.h"
 
 #define INNER_SEED 0x696e6e6572u // so that inner folds are not the outer ones
 #define LEVELS 10
@@ -263,6 +264,11 @@ static gonio_status compare_forms(const gonio_samples *samples, const gonio_fit_
     return status;
 }
 
+static bool fits(const gonio_samples *samples, const gonio_fit_options *options, int level) {
+    const gonio_fit_size size = gonio_fit_size_of(samples, options, level);
+    return gonio_fit_memory(&size) <= gonio_fit_memory_limit(samples, options);
+}
+
 gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_options *options, gonio_mba_choice *choice,
                               gonio_error *error) {
     form_scores forms[6] = {0};
@@ -275,6 +281,9 @@ gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_opti
     if (options->max_bytes > 0 && lattice_bytes(samples, limit) > options->max_bytes) {
         return gonio_fail(error, GONIO_E_RANGE, "level %d takes %zu bytes; the limit is %zu", limit,
                           lattice_bytes(samples, limit), options->max_bytes);
+    }
+    while (open_level && limit > 0 && !fits(samples, options, limit)) {
+        limit--;
     }
     *choice = (gonio_mba_choice){.scatter = forms[0].form, .level = limit, .score = NAN};
     if (n == 1 && !open_level) {

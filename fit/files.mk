@@ -1,5 +1,5 @@
 # Samples -> model.
-eval-y += fit/model.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
+eval-y += fit/model.c fit/channels.c fit/lattice.c fit/lattice_eval.c fit/lattice_model.c fit/model_file.c
 eval-y += fit/mph.c fit/sparse.c fit/cbmba_model.c
 lib-y  += fit/resolve.c fit/metrics.c fit/spec.c fit/check.c
 lib-y  += fit/rank.c fit/scatter.c fit/scatter_sort.c fit/team.c fit/mba.c fit/mba_level.c fit/mba_coarse.c fit/mba_fine.c fit/memory.c fit/mba_kernel.c fit/mba_channels.c fit/mba_method.c fit/choose.c fit/methods.c fit/fit.c fit/stream.c
@@ -12,7 +12,7 @@ lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_dense.c fit/lsq_select.c fit/lsq
 lib-y  += fit/uncertainty.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
-unit-y += tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
+unit-y += tests/unit/test_rank.c tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
 bench-y += tests/bench/bench_accuracy.c tests/bench/fit_coverage.c
 # Long: not among bench-y.
 .PHONY: fifty-million

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "fit/memory.h"
 #include "fit/method.h"
 
 void gonio_fit_options_default(gonio_fit_options *options) {
@@ -157,15 +158,20 @@ static gonio_status held_out_errors(const gonio_samples *samples, const gonio_fi
     return status;
 }
 
+static bool holds_out(const gonio_fit_options *o) { return o->hold_out > 0 || o->folds >= 2; }
+
 // The smallest level whose held-out RMSE (training, without a hold-out) meets the tolerance.
 static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_fit_method *method,
                                    gonio_fit_options *options, gonio_error *error) {
-    const bool held = options->hold_out > 0 || options->folds >= 2;
+    const bool held = holds_out(options);
     double best = INFINITY;
     for (int level = 0; level <= GONIO_LEVEL_MAX; level++) {
         options->level = level;
         gonio_errors errors;
-        gonio_status status;
+        gonio_status status = gonio_fit_check_options(samples, options, level, error);
+        if (status != GONIO_OK) {
+            break; // a finer level does not fit
+        }
         if (held) {
             status = held_out_errors(samples, method, options, &errors, error);
         } else {
@@ -226,6 +232,21 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method
     return status;
 }
 
+// The level that is certain to be fitted; 0 where the method chooses.
+static int given_level(const gonio_fit_options *o) {
+    return o->level >= 0 ? o->level : o->specular_level >= 0 ? o->specular_level : 0;
+}
+
+static void note_errors(const gonio_fit_options *o, bool searched, gonio_fit_report *report) {
+    if (searched) {
+        append_note(report, holds_out(o) ? "the smallest level whose held-out RMSE meets the tolerance"
+                                         : "the smallest level whose training RMSE meets the tolerance");
+    }
+    if (report->held_out.samples == 0 && holds_out(o)) {
+        append_note(report, "too few geometries to hold any out");
+    }
+}
+
 gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                        gonio_fit_report *report, gonio_error *error) {
     *out = NULL;
@@ -243,14 +264,18 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
     if (status == GONIO_OK && samples->n == 0) {
         status = gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
     }
-    if (status == GONIO_OK && o.tolerance > 0 && method->levels && o.level == GONIO_LEVEL_AUTO) {
+    if (status == GONIO_OK) {
+        status = gonio_fit_check_options(samples, &o, given_level(&o), error);
+    }
+    const bool search = o.tolerance > 0 && method->levels && o.level == GONIO_LEVEL_AUTO;
+    if (status == GONIO_OK && search) {
         status = meet_tolerance(samples, method, &o, error);
     }
     if (status == GONIO_OK) {
         status = fit_all(samples, method, &o, name, out, report, error);
     }
-    if (status == GONIO_OK && report->held_out.samples == 0 && (o.hold_out > 0 || o.folds >= 2)) {
-        append_note(report, "too few geometries to hold any out");
+    if (status == GONIO_OK) {
+        note_errors(&o, search, report);
     }
     return status;
 }

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/channels.h"
 #include "fit/lattice_eval.h"
 #include "fit/locate.h"
 #include "fit/model_file.h"
@@ -16,9 +17,8 @@ typedef struct lattice_model {
     gonio_lattice lattice;
     gonio_coordinates coordinates;
     gonio_transform_kind kind;
-    gonio_transform *transforms; // [channels]
-    char (*names)[32];           // [channels]; NULL when they lie in the file
-    gonio_mapped mapped;         // base NULL: the points are our own
+    gonio_channels channels;
+    gonio_mapped mapped; // base NULL: the points are our own
 } lattice_model;
 
 typedef struct description {
@@ -48,7 +48,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     float v[model->channels];
     gonio_lattice_eval_positions(&m->lattice, 1, &position, v);
     for (int c = 0; c < model->channels; c++) {
-        values[c] = gonio_transform_invert(m->kind, &m->transforms[c], (double)v[c]);
+        values[c] = gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)v[c]);
     }
 }
 
@@ -58,7 +58,7 @@ static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, flo
     position_of(m, wi, wo, &position);
     gonio_lattice_eval_positions(&m->lattice, 1, &position, values);
     for (int c = 0; c < model->channels; c++) {
-        values[c] = (float)gonio_transform_invert(m->kind, &m->transforms[c], (double)values[c]);
+        values[c] = (float)gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)values[c]);
     }
 }
 
@@ -66,7 +66,7 @@ static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
     const lattice_model *m = (const lattice_model *)model;
     double x[4];
     locate(m, wi, wo, x);
-    return gonio_transform_invert(m->kind, &m->transforms[channel],
+    return gonio_transform_invert(m->kind, &m->channels.transforms[channel],
                                   gonio_lattice_eval_channel(&m->lattice, x, channel));
 }
 
@@ -86,7 +86,7 @@ static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, 
         double *out = values + begin * channels;
         for (size_t i = 0; i < count; i++) {
             for (size_t c = 0; c < channels; c++) {
-                *out++ = gonio_transform_invert(m->kind, &m->transforms[c], (double)v[i * channels + c]);
+                *out++ = gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)v[i * channels + c]);
             }
         }
     }
@@ -100,7 +100,7 @@ static void gradient(const gonio_model *model, const gonio_pair *pair, int chann
     double x[4], slope[4];
     locate(m, gonio_direction(angles[0], angles[1]), gonio_direction(angles[2], angles[3]), x);
     const double v = gonio_lattice_gradient(&m->lattice, x, channel, slope);
-    const double outer = gonio_transform_slope(m->kind, &m->transforms[channel], v);
+    const double outer = gonio_transform_slope(m->kind, &m->channels.transforms[channel], v);
     for (int k = 0; k < 4; k++) {
         double low[4], high[4], a[4], b[4];
         memcpy(low, angles, sizeof low);
@@ -123,8 +123,7 @@ static void release(gonio_model *model) {
         gonio_lattice_release(&m->lattice);
     }
     gonio_mapped_release(&m->mapped);
-    free(m->transforms);
-    free(m->names);
+    gonio_channels_release(&m->channels);
     free(m);
 }
 
@@ -137,7 +136,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     const size_t c = (size_t)model->channels;
     const gonio_file_part parts[] = {
         {&about, sizeof about},
-        {m->transforms, c * sizeof *m->transforms},
+        {m->channels.transforms, c * sizeof *m->channels.transforms},
         {m->lattice.points, m->lattice.count * c * sizeof(float)},
     };
     return gonio_model_file_write(model, path, parts, 3, error);
@@ -161,7 +160,7 @@ static void fill_head(lattice_model *m) {
     m->head.isotropic = m->lattice.dims == 3;
     m->head.control_points = m->lattice.count;
     m->head.bytes =
-        (m->lattice.count * sizeof(float) + sizeof *m->transforms) * (size_t)m->lattice.channels + sizeof *m;
+        (m->lattice.count * sizeof(float) + sizeof *m->channels.transforms) * (size_t)m->lattice.channels + sizeof *m;
 }
 
 gonio_status gonio_lattice_model_new(gonio_lattice *lattice, gonio_coordinates coordinates, gonio_transform_kind kind,
@@ -170,17 +169,13 @@ gonio_status gonio_lattice_model_new(gonio_lattice *lattice, gonio_coordinates c
     *out = NULL;
     const size_t c = (size_t)lattice->channels;
     lattice_model *m = calloc(1, sizeof *m);
-    if (m == NULL || (m->transforms = malloc(c * sizeof *transforms)) == NULL ||
-        (m->names = malloc(c * sizeof *m->names)) == NULL) {
-        if (m != NULL) {
-            free(m->transforms);
-        }
+    gonio_status status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, channel_names, error)
+                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    if (status != GONIO_OK) {
         free(m);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+        return status;
     }
-    memcpy(m->transforms, transforms, c * sizeof *transforms);
-    memcpy(m->names, channel_names, c * sizeof *m->names);
-    m->head.channel_names = (const char(*)[32])m->names;
+    m->head.channel_names = (const char(*)[32])m->channels.names;
     m->coordinates = coordinates;
     m->kind = kind;
     m->lattice = *lattice;
@@ -204,7 +199,7 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
 gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
-    const gonio_status status = check_description(mapped, about, error);
+    gonio_status status = check_description(mapped, about, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -219,11 +214,12 @@ gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, g
                                  "fewer control points than its level and channels need", error);
     }
     lattice_model *m = calloc(1, sizeof *m);
-    if (m == NULL || (m->transforms = malloc(c * sizeof *transforms)) == NULL) {
+    status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, NULL, error)
+                       : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
+    if (status != GONIO_OK) {
         free(m);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+        return status;
     }
-    memcpy(m->transforms, transforms, c * sizeof *transforms);
     m->lattice = (gonio_lattice){.dims = (int)about->dims,
                                  .level = (int)about->level,
                                  .channels = mapped->channels,
@@ -254,6 +250,6 @@ void gonio_lattice_model_about(const gonio_model *model, gonio_coordinates *coor
         *kind = m->kind;
     }
     if (transforms != NULL) {
-        *transforms = m->transforms;
+        *transforms = m->channels.transforms;
     }
 }

@@ -14,7 +14,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "fit/mba_level.h"
 
@@ -83,32 +82,14 @@ double gonio_mba_memory(int dims, int level, int channels, size_t samples, int t
     const double sums = level <= coarse ? gonio_mba_coarse_memory(dims, level, channels, samples)
                                         : fmax(gonio_mba_coarse_memory(dims, coarse, channels, samples),
                                                gonio_mba_fine_memory(dims, level, channels, samples, threads));
-    return points + coarser + sums;
-}
-
-gonio_status gonio_mba_check_memory(int dims, int level, int channels, size_t samples, gonio_error *error) {
-    const double machine = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
-    const double needed = gonio_mba_memory(dims, level, channels, samples, 0);
-    int fits = level;
-    while (fits > 0 && gonio_mba_memory(dims, fits, channels, samples, 0) > machine) {
-        fits--;
-    }
-    return needed <= machine
-               ? GONIO_OK
-               : gonio_fail(error, GONIO_E_MEMORY,
-                            "level %d of %d channels in %d dimensions needs %.3g GB; this machine has %.3g GB, enough "
-                            "for level %d",
-                            level, channels, dims, needed / 1e9, machine / 1e9, fits);
+    const double refining = points / (double)gonio_bspline_size(level) * 2;
+    return points + coarser + fmax(sums, refining);
 }
 
 static gonio_status fit_levels(const gonio_scatter *scatter, const double *start, int first, int level, int threads,
                                gonio_lattice *lattice, gonio_error *error) {
     gonio_mba *mba;
-    gonio_status status = gonio_mba_check_memory(scatter->dims, level, scatter->channels, scatter->n, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = gonio_mba_new(scatter, start, threads, &mba, error);
+    gonio_status status = gonio_mba_new(scatter, start, threads, &mba, error);
     if (status == GONIO_OK) {
         mba->first_level = first;
     }

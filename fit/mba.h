@@ -21,8 +21,6 @@ void gonio_mba_free(gonio_mba *mba); // NULL is allowed
 
 // Bytes that fitting up to `level` needs beside the samples.
 double gonio_mba_memory(int dims, int level, int channels, size_t samples, int threads);
-// GONIO_E_MEMORY, with the figures, where that is more than the machine has.
-gonio_status gonio_mba_check_memory(int dims, int level, int channels, size_t samples, gonio_error *error);
 // All levels from 0 to `level` at once.
 gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, int level, int threads,
                            gonio_lattice *lattice, gonio_error *error);

@@ -1,27 +1,72 @@
-// The memory of a fit, before it starts.
+// The memory of a fit: an upper bound, phase by phase.
+#include "fit/memory.h"
+
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "fit/mba.h"
-#include "gonio/fit.h"
 
-// One block's sort: keys, two orders, rows; and the counts.
-static double sort_memory(int dims, int channels, size_t samples) {
-    const double block = fmin((double)samples, (double)GONIO_SCATTER_BLOCK);
-    return block * 4 * (3 + fmax(dims, channels)) + 64 * 512 * 4;
+// The program itself: its code, its libraries' tables, stacks.
+#define PROGRAM_BYTES 16e6
+
+// Transforms, names, threads, groups: what does not grow with samples or levels.
+#define SMALL_BYTES 1e5
+
+// n samples as gonio_samples keeps them.
+static double samples_memory(const gonio_fit_size *s, double n) {
+    return n * ((double)sizeof(gonio_pair) + 8.0 * s->channels * (s->sigma ? 3 : 1));
 }
 
-double gonio_fit_memory(size_t samples, int channels, int dims, int level, bool sigma) {
-    const double n = (double)samples, c = channels;
-    const double kept = n * (sizeof(gonio_pair) + 8 * c * (sigma ? 3 : 1));
-    const double prepared = n * 4 * (dims + c + (sigma ? 1 : 0));
-    const double ranking = n * 8; // the domain's offset, then the weights' variances
-    const double levels = gonio_mba_memory(dims, level, channels, samples, 0);
-    const double fit = prepared + fmax(fmax(ranking, sort_memory(dims, channels, samples)), levels);
-    // The model's own lattice stays while its error on the samples is taken.
-    const double errors = (double)gonio_lattice_count(dims, level) * 4 * c + n * 8 * (c + 1);
-    return kept + fmax(fit, errors);
+// One block's sort: keys, two orders, rows; and the counts.
+static double sort_memory(const gonio_fit_size *s, double n) {
+    const double block = fmin(n, (double)GONIO_SCATTER_BLOCK);
+    return block * 4 * (3 + fmax(s->dims, s->channels)) + 64 * 512 * 4;
+}
+
+static double lattice_memory(const gonio_fit_size *s) {
+    return (double)gonio_lattice_count(s->dims, s->level) * 4 * s->channels;
+}
+
+// Fitting n samples, a model that comes out of it included.
+static double levels_memory(const gonio_fit_size *s, double n) {
+    const double fitted = n * (s->reciprocal ? 2 : 1), values = fitted * 4 * s->channels;
+    const double prepared = values + fitted * 4 * (s->dims + (s->sigma ? 1 : 0));
+    const double ranking = s->log || s->sigma ? n * 8 : 0; // the domain's offset, then the weights' variances
+    const double levels = gonio_mba_memory(s->dims, s->level, s->channels, (size_t)fitted, s->threads);
+    // Two levels (cbmba): what the first one leaves, and the second one's control points beside a correction's.
+    const double second = s->bilevel ? values + 2 * lattice_memory(s) : 0;
+    return SMALL_BYTES + prepared + fmax(fmax(ranking, sort_memory(s, fitted)), levels + second);
+}
+
+// Holding out: the split, the rest as a set of its own, its fit, the predictions; the model is there already.
+static double hold_out_memory(const gonio_fit_size *s) {
+    const double n = (double)s->samples, rest = n * (1 - s->hold_out);
+    const double kept = n * (sizeof(int) + 1 + 8.0 * s->channels);
+    const double split = n * (8 + 2 * 16 + 1); // ranks, keys and what sorting them takes
+    return lattice_memory(s) + kept + fmax(split, samples_memory(s, rest) + levels_memory(s, rest));
+}
+
+double gonio_fit_memory(const gonio_fit_size *size) {
+    const double n = (double)size->samples;
+    // The saved model's own lattice stays while its error on the samples is taken.
+    const double errors = lattice_memory(size) + n * 8 * (size->channels + 1);
+    const double held_out = size->hold_out > 0 ? hold_out_memory(size) : 0;
+    return PROGRAM_BYTES + samples_memory(size, n) + fmax(fmax(levels_memory(size, n), errors), held_out);
+}
+
+gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_options *options, int level) {
+    return (gonio_fit_size){.samples = samples->n,
+                            .channels = samples->channels,
+                            .dims = samples->isotropic ? 3 : 4,
+                            .level = level,
+                            .sigma = samples->sigma_random != NULL,
+                            .log = !options->domain_set || options->domain == GONIO_LOG,
+                            .reciprocal = options->symmetry > 0 && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY),
+                            .bilevel = options->method != NULL && strcmp(options->method, "cbmba") == 0,
+                            .hold_out = options->folds >= 2 ? 1.0 / options->folds : options->hold_out,
+                            .threads = options->threads};
 }
 
 // What the kernel could give without swapping, the page cache among it.
@@ -38,29 +83,48 @@ static double available_memory(void) {
     return kilobytes > 0 ? kilobytes * 1024 : (double)sysconf(_SC_AVPHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
 }
 
-gonio_status gonio_fit_check_memory(size_t samples, int channels, int dims, int level, bool sigma, double limit,
-                                    gonio_error *error) {
+double gonio_fit_memory_limit(const gonio_samples *samples, const gonio_fit_options *options) {
+    if (options->max_memory > 0) {
+        return (double)options->max_memory;
+    }
+    const gonio_fit_size size = gonio_fit_size_of(samples, options, 0);
+    return available_memory() + samples_memory(&size, (double)samples->n) + PROGRAM_BYTES;
+}
+
+// The samples that fit at level 0.
+static size_t fitting_samples(gonio_fit_size size, double limit) {
+    size_t least = 0, most = size.samples; // least fits, most does not
+    size.level = 0;
+    while (most - least > 1) {
+        size.samples = least + (most - least) / 2;
+        *(gonio_fit_memory(&size) <= limit ? &least : &most) = size.samples;
+    }
+    return least;
+}
+
+gonio_status gonio_fit_check_memory(const gonio_fit_size *size, double limit, gonio_error *error) {
     limit = limit > 0 ? limit : available_memory();
-    const double needed = gonio_fit_memory(samples, channels, dims, level, sigma);
+    const double needed = gonio_fit_memory(size);
     if (needed <= limit) {
         return GONIO_OK;
     }
-    int fits = level;
-    while (fits >= 0 && gonio_fit_memory(samples, channels, dims, fits, sigma) > limit) {
-        fits--;
+    gonio_fit_size fits = *size;
+    while (fits.level >= 0 && gonio_fit_memory(&fits) > limit) {
+        fits.level--;
     }
-    if (fits >= 0) {
-        return gonio_fail(error, GONIO_E_MEMORY,
-                          "%zu samples of %d channels at level %d need %.3g GB; there are %.3g GB, enough for level %d",
-                          samples, channels, level, needed / 1e9, limit / 1e9, fits);
-    }
-    size_t least = 0, most = samples; // least fits at level 0, most does not
-    while (most - least > 1) {
-        const size_t middle = least + (most - least) / 2;
-        *(gonio_fit_memory(middle, channels, dims, 0, sigma) <= limit ? &least : &most) = middle;
+    char enough[64];
+    if (fits.level >= 0) {
+        snprintf(enough, sizeof enough, "enough for level %d", fits.level);
+    } else {
+        snprintf(enough, sizeof enough, "enough for %zu samples at level 0", fitting_samples(*size, limit));
     }
     return gonio_fail(error, GONIO_E_MEMORY,
-                      "%zu samples of %d channels at level %d need %.3g GB; there are %.3g GB, enough for %zu samples "
-                      "at level 0",
-                      samples, channels, level, needed / 1e9, limit / 1e9, least);
+                      "%zu samples of %d channels at level %d need %.3g GB; there are %.3g GB, %s", size->samples,
+                      size->channels, size->level, needed / 1e9, limit / 1e9, enough);
+}
+
+gonio_status gonio_fit_check_options(const gonio_samples *samples, const gonio_fit_options *options, int level,
+                                     gonio_error *error) {
+    const gonio_fit_size size = gonio_fit_size_of(samples, options, level);
+    return gonio_fit_check_memory(&size, gonio_fit_memory_limit(samples, options), error);
 }

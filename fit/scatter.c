@@ -86,14 +86,14 @@ static gonio_status choose_transforms(gonio_scatter *scatter, const gonio_sample
     scatter->kind = domain == GONIO_LINEAR   ? GONIO_TRANSFORM_LINEAR
                     : has_negatives(samples) ? GONIO_TRANSFORM_ASINH
                                              : GONIO_TRANSFORM_LOG;
-    double *ranked = malloc(samples->n * sizeof *ranked);
-    if (ranked == NULL) {
+    const bool offset = domain != GONIO_LINEAR;
+    double *ranked = offset ? malloc(samples->n * sizeof *ranked) : NULL;
+    if (offset && ranked == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu values", samples->n);
     }
     for (size_t c = 0; c < (size_t)samples->channels; c++) {
         const double scale = channel_scale(samples, c);
-        const double eps = domain == GONIO_LINEAR ? 0 : channel_eps(samples, c, scale, ranked);
-        scatter->transforms[c] = (gonio_transform){scale, eps};
+        scatter->transforms[c] = (gonio_transform){scale, offset ? channel_eps(samples, c, scale, ranked) : 0};
     }
     free(ranked);
     return GONIO_OK;

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/fit.h"
+#include "fit/memory.h"
 
 #define FIRST_FIT 24 // below, an error says nothing yet
 #define WINDOW 4096  // the running error is over the latest predictions
@@ -15,7 +15,7 @@ struct gonio_fit_stream {
     gonio_fit_options options, provisional_options;
     char *method;
     gonio_model *provisional;
-    size_t next_fit;
+    size_t next_fit, next_check;
     double *squares; // [WINDOW] squared errors, mean over channels
     size_t predicted;
 };
@@ -101,15 +101,29 @@ static gonio_status begin_sigma(gonio_fit_stream *stream, gonio_error *error) {
     return status;
 }
 
+// Refuse samples that could be kept but no longer fitted.
+static gonio_status check_memory(gonio_fit_stream *stream, size_t n, gonio_error *error) {
+    if (n < stream->next_check) {
+        return GONIO_OK;
+    }
+    const int level = stream->options.level >= 0 ? stream->options.level : PROVISIONAL_LEVEL;
+    gonio_fit_size size = gonio_fit_size_of(stream->samples, &stream->options, level);
+    size.samples = n;
+    stream->next_check = n + n / 16;
+    return gonio_fit_check_memory(&size, gonio_fit_memory_limit(stream->samples, &stream->options), error);
+}
+
 gonio_status gonio_fit_stream_add(gonio_fit_stream *stream, const gonio_samples *samples, gonio_error *error) {
     const size_t c = (size_t)stream->samples->channels;
     if (samples->channels != stream->samples->channels) {
         return gonio_fail(error, GONIO_E_INPUT, "%d channels; the streamed fit has %zu", samples->channels, c);
     }
-    stream->samples->isotropic = stream->samples->isotropic && samples->isotropic;
-    gonio_status status = GONIO_OK;
-    if (samples->sigma_random != NULL && stream->samples->sigma_random == NULL) {
+    gonio_status status = check_memory(stream, stream->samples->n + samples->n, error);
+    if (status == GONIO_OK && samples->sigma_random != NULL && stream->samples->sigma_random == NULL) {
         status = begin_sigma(stream, error);
+    }
+    if (status == GONIO_OK) {
+        stream->samples->isotropic = stream->samples->isotropic && samples->isotropic;
     }
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         if (stream->provisional != NULL) {

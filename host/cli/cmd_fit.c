@@ -159,6 +159,7 @@ static int run(int argc, char **argv) {
         {"iterations", 0, CLI_INT, &o->iterations, NULL, "N", "lsq: at most N iterations"},
         {"max-error", 0, CLI_DOUBLE, &o->max_error, NULL, "X", "auto: the largest held-out error"},
         {"max-bytes", 0, CLI_SIZE, &o->max_bytes, NULL, "N", "auto: the largest model"},
+        {"max-memory", 0, CLI_SIZE, &o->max_memory, NULL, "N", "memory that fitting may take (what is free)"},
         {"max-ns", 0, CLI_DOUBLE, &o->max_ns, NULL, "X", "auto: the slowest evaluation"},
         {"max-seconds", 0, CLI_DOUBLE, &o->max_seconds, NULL, "X", "auto: the longest fit"},
         CLI_INPUT_OPTIONS(a.input),

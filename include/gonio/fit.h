@@ -40,6 +40,7 @@ typedef struct gonio_fit_options {
     const char *storage;        // CBMBA: bricks of "float" "half" "byte", or the thesis' "hash"; NULL: byte
     double max_error;           // 0: no limit
     size_t max_bytes;           // 0: no limit
+    size_t max_memory;          // bytes that fitting may take, the samples included; 0: what the machine has free
     double max_ns, max_seconds; // 0: no limit
     double lambda;              // least squares: < 0 chosen from training data
     int iterations;             // least squares: 0 default
@@ -74,13 +75,24 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
 // The names of the registered methods, NULL-terminated; static storage.
 const char *const *gonio_fit_methods(void);
 
-// Peak bytes of a fit with method "mba", a given form and no hold-out, the samples themselves (as gonio_samples keeps
-// them) among them. dims: 3 isotropic, 4 not; sigma: the samples carry their uncertainties. Nothing is allocated.
-double gonio_fit_memory(size_t samples, int channels, int dims, int level, bool sigma);
+// What the memory of a fit by multilevel B-splines follows from.
+typedef struct gonio_fit_size {
+    size_t samples;
+    int channels, dims, level; // dims: 3 isotropic, 4 not
+    bool sigma;                // the samples carry their uncertainties
+    bool log;                  // the domain is, or may be, the log's
+    bool reciprocal;           // swapped directions are added
+    bool bilevel;              // cbmba; level is then S
+    double hold_out;           // fraction of one held-out part; 0: none
+    int threads;               // 0: all
+} gonio_fit_size;
+
+// Bytes that the process takes at most, the samples themselves (as gonio_samples keeps them) and the program's own 16
+// MB among them. Nothing is allocated.
+double gonio_fit_memory(const gonio_fit_size *size);
 // GONIO_E_MEMORY where that exceeds the limit in bytes (0: the machine's free memory), with both figures and what would
-// fit: a level, or how many samples.
-gonio_status gonio_fit_check_memory(size_t samples, int channels, int dims, int level, bool sigma, double limit,
-                                    gonio_error *error);
+// fit: a level, or how many samples. gonio_fit and the stream ask it themselves.
+gonio_status gonio_fit_check_memory(const gonio_fit_size *size, double limit, gonio_error *error);
 
 // Streaming: samples are added while an acquisition runs; finishing equals the batch fit of the same samples bit for
 // bit.

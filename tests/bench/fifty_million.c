@@ -53,9 +53,10 @@ int main(int argc, char **argv) {
     o.coordinates_set = o.domain_set = true;
     o.coordinates = GONIO_NUSSELT;
     o.hold_out = 0;
-    const double before = peak_bytes(), predicted = gonio_fit_memory(n, 1, 3, LEVEL, false);
+    const gonio_fit_size size = {.samples = n, .channels = 1, .dims = 3, .level = LEVEL};
+    const double before = peak_bytes(), predicted = gonio_fit_memory(&size);
     printf("%zu samples, level %d: %.3f GB predicted\n", n, LEVEL, predicted / 1e9);
-    check(gonio_fit_check_memory(n, 1, 3, LEVEL, false, 0, &error), &error);
+    check(gonio_fit_check_memory(&size, 0, &error), &error);
     gonio_fit_stream *stream;
     check(gonio_fit_stream_new(1, &(const char[32]){"550nm"}, &o, &stream, &error), &error);
     const double adding = add_all(stream, n);

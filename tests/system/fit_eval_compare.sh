@@ -54,7 +54,11 @@ check "interpolates the training samples" json "d['train']['max_rel']<1e-3"
 exits "level 8" 0 "$GONIO" fit "$work/s.csv" --method mba --thesis --level 8 --hold-out 0 --json
 check "no worse" json "d['train']['max_rel']<1e-3"
 exits "a tolerance" 0 "$GONIO" fit "$work/s.csv" --method mba --tolerance 0.05 --json
-check "is met on held-out samples" json "d['held_out']['rmse']<=0.05"
+check "is met on held-out samples, and says so" json "d['held_out']['rmse']<=0.05 and 'held-out RMSE' in d['note']"
+exits "a tolerance without a hold-out" 0 "$GONIO" fit "$work/s.csv" --method mba --tolerance 0.01 --hold-out 0 --json
+check "is met on the training samples, and says so" json "d['train']['rmse']<=0.01 and 'training RMSE' in d['note']"
+exits "a limit on memory" 1 "$GONIO" fit "$work/s.csv" --method mba --level 9 --max-memory 100M
+says "tells the need, the limit and what would fit" "there are 0.1 GB, enough for level 7"
 
 # ---- tables ----
 exits "a MERL table from a spec" 0 "$GONIO" convert spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary"

@@ -11,6 +11,14 @@
 
 #include <cmocka.h>
 
+#ifdef __SANITIZE_ADDRESS__
+#include <stdatomic.h>
+// Of sanitizer/allocator_interface.h, which GCC's packages leave out.
+int __sanitizer_install_malloc_and_free_hooks(void (*on_malloc)(const volatile void *, size_t),
+                                              void (*on_free)(const volatile void *));
+size_t __sanitizer_get_allocated_size(const volatile void *pointer);
+#endif
+
 #include "fit/lattice_model.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
@@ -234,22 +242,113 @@ static void anisotropic_samples_are_fitted_in_4d(void **state) {
     gonio_samples_free(unseen);
 }
 
-// What the fit's largest arrays take is known beforehand, and a limit below it is refused with what would fit.
-static void memory_is_predicted(void **state) {
+// A limit below what a fit takes is refused with both figures and what would fit, by the fit and the stream alike.
+static void memory_is_limited(void **state) {
     (void)state;
     gonio_error error = {0};
-    const double sample = 40 + 16, lattice = 67.0 * 67 * 67;
-    assert_true(gonio_fit_memory(50000000, 1, 3, 6, false) >= 5e7 * sample + lattice * 4);
-    assert_true(gonio_fit_memory(50000000, 1, 3, 6, true) >= 5e7 * (sample + 20));
-    assert_true(gonio_fit_memory(1000, 31, 4, 5, false) >= 35.0 * 35 * 35 * 35 * 31 * 4);
-    for (int level = 1; level <= GONIO_LEVEL_MAX; level++) {
-        assert_true(gonio_fit_memory(1000, 3, 3, level, false) >= gonio_fit_memory(1000, 3, 3, level - 1, false));
+    gonio_fit_size size = {.samples = 1000, .channels = 31, .dims = 3};
+    for (double before = 0; size.level <= GONIO_LEVEL_MAX; size.level++) {
+        assert_true(gonio_fit_memory(&size) >= before);
+        before = gonio_fit_memory(&size);
     }
-    assert_int_equal(gonio_fit_check_memory(1000, 1, 3, 4, false, 0, &error), GONIO_OK);
-    assert_int_equal(gonio_fit_check_memory(1000, 31, 3, 9, false, 1e9, &error), GONIO_E_MEMORY);
+    size.level = 9;
+    assert_int_equal(gonio_fit_check_memory(&size, 1e9, &error), GONIO_E_MEMORY);
     assert_non_null(strstr(error.message, "1 GB, enough for level 7"));
-    assert_int_equal(gonio_fit_check_memory(50000000, 1, 3, 6, false, 1e9, &error), GONIO_E_MEMORY);
+    size = (gonio_fit_size){.samples = 50000000, .channels = 1, .dims = 3, .level = 6};
+    assert_int_equal(gonio_fit_check_memory(&size, 1e9, &error), GONIO_E_MEMORY);
     assert_non_null(strstr(error.message, "samples at level 0"));
+
+    gonio_samples *samples = simulate_samples(WARD, 40000, 1, 5);
+    gonio_fit_options o;
+    gonio_model *model;
+    gonio_fit_options_default(&o);
+    o.method = "mba";
+    o.level = 7;
+    o.max_memory = 20000000;
+    assert_int_equal(gonio_fit(samples, &o, &model, NULL, &error), GONIO_E_MEMORY);
+    assert_non_null(strstr(error.message, "0.02 GB"));
+    o.level = GONIO_LEVEL_AUTO; // takes what fits
+    o.max_memory = 27000000;
+    gonio_fit_report report;
+    assert_int_equal(gonio_fit(samples, &o, &model, &report, &error), GONIO_OK);
+    assert_true(report.level < 7);
+    gonio_model_free(model);
+    gonio_fit_stream *stream;
+    o.level = 6;
+    o.max_memory = 19000000;
+    assert_int_equal(gonio_fit_stream_new(1, (const char(*)[32])samples->channel_names, &o, &stream, &error), GONIO_OK);
+    assert_int_equal(gonio_fit_stream_add(stream, samples, &error), GONIO_E_MEMORY);
+    gonio_fit_stream_free(stream);
+    gonio_samples_free(samples);
+}
+
+#ifdef __SANITIZE_ADDRESS__
+static atomic_llong heap, heap_peak;
+
+static void on_malloc(const volatile void *pointer, size_t size) {
+    (void)pointer;
+    const long long now = atomic_fetch_add(&heap, (long long)size) + (long long)size;
+    long long peak = atomic_load(&heap_peak);
+    while (now > peak && !atomic_compare_exchange_weak(&heap_peak, &peak, now)) {
+    }
+}
+
+static void on_free(const volatile void *pointer) {
+    if (pointer != NULL) {
+        atomic_fetch_sub(&heap, (long long)__sanitizer_get_allocated_size(pointer));
+    }
+}
+#endif
+
+// The prediction is a bound, and a close one: against the heap's peak, which the sanitizer's allocator tells. (The
+// whole process' peak: tests/bench/fifty_million.c.)
+static void memory_is_predicted(void **state) {
+    (void)state;
+#ifdef __SANITIZE_ADDRESS__
+    __sanitizer_install_malloc_and_free_hooks(on_malloc, on_free);
+    static const struct {
+        size_t n;
+        int channels, level;
+        const char *method;
+        double hold_out;
+    } cases[] = {{200000, 1, 6, "mba", 0},  {50000, 1, 6, "mba", 0.2}, {20000, 5, 5, "mba", 0},
+                 {20000, 5, 5, "mba", 0.2}, {2000, 1, 7, "mba", 0},    {50000, 1, 6, "cbmba", 0.2}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        const long long before = atomic_load(&heap);
+        gonio_samples *made = simulate_samples(WARD, cases[k].n, cases[k].channels, 5), *samples;
+        bool *all = malloc(made->n * sizeof *all);
+        memset(all, 1, made->n * sizeof *all);
+        assert_int_equal(gonio_samples_select(made, all, &samples, NULL), GONIO_OK); // without spare capacity
+        free(all);
+        gonio_samples_free(made);
+        gonio_fit_options o;
+        gonio_model *model;
+        gonio_fit_options_default(&o);
+        o.method = cases[k].method;
+        o.level = cases[k].level;
+        o.hold_out = cases[k].hold_out;
+        o.domain_set = o.coordinates_set = true;
+        o.threads = 2;
+        const gonio_fit_size size = {.samples = samples->n,
+                                     .channels = samples->channels,
+                                     .dims = 3,
+                                     .level = o.level,
+                                     .bilevel = strcmp(o.method, "cbmba") == 0,
+                                     .hold_out = o.hold_out,
+                                     .threads = 2};
+        atomic_store(&heap_peak, 0);
+        assert_int_equal(gonio_fit(samples, &o, &model, NULL, NULL), GONIO_OK);
+        const double measured = (double)(atomic_load(&heap_peak) - before);
+        const double predicted = gonio_fit_memory(&size) - 16e6;
+        print_message("# %zu samples x %d, level %d, %s, hold-out %g: %.3g MB of %.3g\n", samples->n, samples->channels,
+                      o.level, o.method, o.hold_out, measured / 1e6, predicted / 1e6);
+        assert_true(measured <= predicted && predicted <= 1.3 * measured);
+        gonio_model_free(model);
+        gonio_samples_free(samples);
+    }
+#else
+    skip();
+#endif
 }
 
 // 40,000 samples are above the size from which threads help: the preparation, the order and the levels agree bit for
@@ -340,6 +439,7 @@ int main(void) {
         cmocka_unit_test(max_bytes_is_kept),
         cmocka_unit_test(default_choice_is_accurate),
         cmocka_unit_test(streamed_fit_equals_the_batch),
+        cmocka_unit_test(memory_is_limited),
         cmocka_unit_test(memory_is_predicted),
         cmocka_unit_test(large_streams_equal_the_batch),
         cmocka_unit_test(uncertainties_may_begin_late),

@@ -1,0 +1,15 @@
+// The memory of a fit, before it starts: from the samples and the options.
+#ifndef GONIO_FIT_MEMORY_H
+#define GONIO_FIT_MEMORY_H
+
+#include "gonio/fit.h"
+
+// A fit of these samples at this level.
+gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_options *options, int level);
+// Bytes that it may take in all, the samples included: the option's, or what is free and what the samples hold.
+double gonio_fit_memory_limit(const gonio_samples *samples, const gonio_fit_options *options);
+// gonio_fit_check_memory with both.
+gonio_status gonio_fit_check_options(const gonio_samples *samples, const gonio_fit_options *options, int level,
+                                     gonio_error *error);
+
+#endif
