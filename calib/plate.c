@@ -117,10 +117,25 @@ static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *
                       pointing);
 }
 
+static gonio_status check_edges(const gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *first,
+                                gonio_error *error) {
+    char text[256];
+    const int flags = gonio_calib_edges(&calib->camera, &calib->facts, pose, text);
+    if ((flags & (GONIO_EDGE_REGION | GONIO_EDGE_UNLIT)) == 0) {
+        return GONIO_OK;
+    }
+    return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: %s", (long long)first->frame.stamp.pose,
+                      first->frame.stamp.frame, text);
+}
+
 gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                             estimate_sink sink, void *context, gonio_error *error) {
     const gonio_pair pair = geometry_pair(&calib->facts, pose);
     gonio_status status = check_incidence(calib, &pair, &exposures[0], error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = check_edges(calib, pose, &exposures[0], error);
     if (status != GONIO_OK) {
         return status;
     }

@@ -55,6 +55,10 @@ void sim_disc_point(int k, int n, double *x, double *y) {
 static void place_light(sim_scene *scene, const sim_settings *settings, const arm *light) {
     const double radius = settings->rig.light_radius_mm;
     scene->light_distance_mm = settings->rig.light_distance_mm;
+    const gonio_vec3 origin = {0, 0, 0};
+    const double spot = settings->rig.light_spot_mm / scene->light_distance_mm;
+    scene->beam = add(origin, -1, light->outward);
+    scene->beam_tan2 = spot > 0 ? spot * spot : INFINITY;
     scene->lights = radius > 0 ? SIM_LIGHT_POINTS : 1;
     for (int k = 0; k < scene->lights; k++) {
         double x = 0, y = 0;
@@ -136,6 +140,13 @@ static double pi_brdf(const sim_scene *scene, gonio_vec3 wi, gonio_vec3 wo, int 
     }
 }
 
+// Is the point inside the beam of this part of the lamp?
+static bool lit(const sim_scene *scene, gonio_vec3 point, gonio_vec3 light) {
+    const gonio_vec3 way = add(point, -1, light);
+    const double along = dot(way, scene->beam);
+    return !isfinite(scene->beam_tan2) || dot(way, way) <= along * along * (1 + scene->beam_tan2);
+}
+
 static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 normal, bool curved, int channel) {
     double distance2, sum = 0;
     gonio_vec3 wo = toward(point, scene->camera, &distance2);
@@ -146,7 +157,7 @@ static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 nor
     for (int k = 0; k < scene->lights; k++) {
         gonio_vec3 wi = toward(point, scene->light[k], &distance2);
         wi = curved ? to_local(normal, wi) : wi;
-        if (wi.z > 0) {
+        if (wi.z > 0 && lit(scene, point, scene->light[k])) {
             sum += pi_brdf(scene, wi, wo, channel) * wi.z * scene->light_distance_mm * scene->light_distance_mm /
                    distance2;
         }

@@ -24,6 +24,8 @@ typedef struct sim_scene {
     gonio_vec3 light[SIM_LIGHT_POINTS]; // points that share the lamp's power
     int lights;
     double light_distance_mm;
+    gonio_vec3 beam;  // unit vector from the lamp to where it is aimed
+    double beam_tan2; // of the beam's half angle, squared; INFINITY: it lights all
     gonio_vec3 camera, right, up, forward;
     gonio_target target;
     const gonio_model *sample;        // 1 or 3 channels, as the camera has

@@ -39,6 +39,7 @@ typedef struct entry {
 static const entry entries[] = {
     {"rig", "light_distance_mm", REAL, AT(rig.light_distance_mm), 10, 1e5, "1000", 0, 0},
     {"rig", "camera_distance_mm", REAL, AT(rig.camera_distance_mm), 10, 1e5, "1000", 0, 0},
+    {"rig", "light_spot_mm", REAL, AT(rig.light_spot_mm), 0, 1e5, "0", 0, 0},
     {"rig", "light_radius_mm", REAL, AT(rig.light_radius_mm), 0, 1e3, "0", 0, 0},
     {"rig", "aperture_radius_mm", REAL, AT(rig.aperture_radius_mm), 0, 1e3, "0", 0, 0},
     {"rig", "backlash_takeup", INTEGER, AT(rig.backlash_takeup), 0, 1, "1", 0, 0},

@@ -38,7 +38,7 @@ enum { SIM_PATTERN_AUTO = -1 }; // else a gonio_pattern
 // Lengths and names follow the keys. NaN in a value that may be "auto" means auto.
 typedef struct sim_settings {
     struct {
-        double light_distance_mm, camera_distance_mm, light_radius_mm, aperture_radius_mm;
+        double light_distance_mm, camera_distance_mm, light_spot_mm, light_radius_mm, aperture_radius_mm;
         int backlash_takeup; // 0: poses are approached from wherever the axis comes, so backlash shows
     } rig;
     sim_axis_settings axis[GONIO_AXES];

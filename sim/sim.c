@@ -179,6 +179,8 @@ static void fill_facts(const gonio_sim *sim, gonio_rig_facts *facts) {
                                .pointing_random_deg = sqrt(variance / 2),
                                .pointing_systematic_deg = sqrt(variance / 2 + 2 * tilt), // both axes of an arm
                                .reference_relative_sigma = s->reference.sigma_percent / 100,
+                               .sample_mm = {s->sample.plate_mm, s->sample.plate_mm},
+                               .light_spot_mm = s->rig.light_spot_mm,
                                .light_radius_mm = s->rig.light_radius_mm,
                                .aperture_radius_mm = s->rig.aperture_radius_mm,
                                .stray_variation = s->stray.variation_percent / 100,

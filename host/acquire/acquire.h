@@ -55,6 +55,15 @@ void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]);
 // The time that moves and settling take, from the stage's limits.
 double gonio_scan_travel_s(const gonio_rig *rig, const gonio_step *steps, size_t n, double settle_s);
 
+// ---- edges.c: poses that reach over the sample's edge (gonio_calib_edges) ----
+#define GONIO_EDGES_TOLD 10
+typedef struct gonio_edges_report {
+    size_t excluded, spilled; // no sample; flagged, but a sample
+    int told;
+    char text[GONIO_EDGES_TOLD][320]; // the first ones
+} gonio_edges_report;
+void gonio_scan_edges(const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_edges_report *report);
+
 // ---- expose.c: the frames of one step ----
 typedef struct gonio_exposures {
     gonio_exposure *items;
@@ -144,6 +153,7 @@ typedef struct gonio_outcome {
     gonio_blur blur;    // of light, aperture and averaged disc
     double drift_ratio; // responsivity at the end / at the start; NaN: not known
     size_t poses, frames;
+    size_t edges_excluded, edges_spilled; // poses over the sample's edge: without a sample, and flagged
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
 } gonio_outcome;
 

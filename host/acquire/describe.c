@@ -57,6 +57,8 @@ static const member facts_members[] = {
     LATE(gonio_rig_facts, stray_variation, REAL),
     LATE(gonio_rig_facts, glare_sigma, REAL),
     LATE(gonio_rig_facts, light_radius_mm, REAL),
+    LATE(gonio_rig_facts, light_spot_mm, REAL),
+    LATE(gonio_rig_facts, sample_mm, REALS),
     LATE(gonio_rig_facts, aperture_radius_mm, REAL),
     M(gonio_rig_facts, sphere, BOOLEAN),
     M(gonio_rig_facts, sphere_radius_mm, REAL),

@@ -93,6 +93,10 @@ static void count(const gonio_process *process, gonio_outcome *out) {
         out->poses += process->steps[i].kind == GONIO_STEP_SAMPLE && process->steps[i].done;
         out->frames += (size_t)process->steps[i].frames;
     }
+    gonio_edges_report edges;
+    gonio_scan_edges(&process->setup, process->steps, process->n, &edges);
+    out->edges_excluded = edges.excluded;
+    out->edges_spilled = edges.spilled;
 }
 
 static gonio_status save(const gonio_finish_options *options, gonio_outcome *out, gonio_error *error) {

@@ -14,7 +14,7 @@ const cli_verb cmd_plan = {"plan", "PLAN [--rig sim|RIG.ini | --check RIG.ini] [
 #define FRAMES_A_POSE 2.5
 
 typedef struct estimate {
-    size_t poses;
+    size_t poses, edges_excluded, edges_flagged;
     double travel_s, total_s, storage_bytes;
 } estimate;
 
@@ -93,10 +93,29 @@ static gonio_status check_moves(const cli_rig *rig, const gonio_step *steps, siz
                : gonio_fail(error, GONIO_E_RANGE, "%zu of %zu steps would be refused; nothing has moved", refused, n);
 }
 
+// Tell which poses reach over the sample's edge; with `check` those without a sample are a failure.
+static gonio_status check_edges(const gonio_setup *setup, const gonio_step *steps, size_t n, bool check, estimate *e,
+                                gonio_error *error) {
+    gonio_edges_report edges;
+    gonio_scan_edges(setup, steps, n, &edges);
+    for (int i = 0; i < edges.told; i++) {
+        fprintf(stderr, "%s\n", edges.text[i]);
+    }
+    e->edges_excluded = edges.excluded;
+    e->edges_flagged = edges.spilled;
+    return check && edges.excluded > 0
+               ? gonio_fail(error, GONIO_E_RANGE,
+                            "%zu poses would give no sample: they reach over its edge; %zu more would be flagged",
+                            edges.excluded, edges.spilled)
+               : GONIO_OK;
+}
+
 static int report(const cli_common *common, const char *text, const char *path, const estimate *e) {
     if (common->json) {
-        return cli_json(json_pack("{s:s,s:I,s:f,s:f,s:f,s:o}", "plan", text, "poses", (json_int_t)e->poses, "travel_s",
-                                  e->travel_s, "total_s", e->total_s, "storage_bytes", e->storage_bytes, "output",
+        return cli_json(json_pack("{s:s,s:I,s:I,s:I,s:f,s:f,s:f,s:o}", "plan", text, "poses", (json_int_t)e->poses,
+                                  "edges_excluded", (json_int_t)e->edges_excluded, "edges_flagged",
+                                  (json_int_t)e->edges_flagged, "travel_s", e->travel_s, "total_s", e->total_s,
+                                  "storage_bytes", e->storage_bytes, "output",
                                   path != NULL ? json_string(path) : json_null()));
     }
     FILE *to = path != NULL ? stdout : stderr; // the poses themselves went to stdout
@@ -135,6 +154,9 @@ static int run(int argc, char **argv) {
     gonio_status status = plan(&rig_options, text, &rig, &setup, &steps, &n, &error);
     if (status == GONIO_OK && check != NULL) {
         status = check_moves(&rig, steps, n, &error);
+    }
+    if (status == GONIO_OK) {
+        status = check_edges(&setup, steps, n, check != NULL, &e, &error);
     }
     if (status == GONIO_OK) {
         fill(&rig, &setup, steps, n, &e);

@@ -15,7 +15,75 @@ const cli_verb cmd_samples = {"samples", "SESSION [-o CSV] [--budget TI,PI,TO,PO
 typedef struct request {
     const cli_common *common;
     const char *path, *output, *budget;
+    bool edges;
 } request;
+
+// ---- the sample's edges ----
+
+static gonio_status find_edges(gonio_session *session, gonio_setup *setup, gonio_step **steps, size_t *n,
+                               gonio_edges_report *report, gonio_error *error) {
+    gonio_status status = gonio_setup_get(session, setup, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_steps(session, steps, n, error);
+    }
+    if (status == GONIO_OK) {
+        gonio_scan_edges(setup, *steps, *n, report);
+    }
+    return status;
+}
+
+static int list_edges(const request *r, gonio_session *session) {
+    static const struct {
+        int flag;
+        const char *name;
+    } kinds[] = {{GONIO_EDGE_REGION, "region"}, {GONIO_EDGE_UNLIT, "unlit"}, {GONIO_EDGE_SPILL, "spill"}};
+    gonio_error error = {.line = -1, .byte = -1};
+    gonio_setup setup;
+    gonio_step *steps = NULL;
+    size_t n = 0;
+    gonio_edges_report report;
+    if (find_edges(session, &setup, &steps, &n, &report, &error) != GONIO_OK) {
+        free(steps);
+        return cli_fail(r->common, &error);
+    }
+    json_t *list = json_array();
+    if (!r->common->json) {
+        puts("step,theta_i,phi_i,theta_o,phi_o,edge");
+    }
+    for (size_t i = 0; i < n; i++) {
+        char text[256];
+        const gonio_pair *p = &steps[i].pose;
+        const int flags =
+            steps[i].kind == GONIO_STEP_SAMPLE ? gonio_calib_edges(&setup.camera, &setup.facts, p, text) : 0;
+        for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+            if ((flags & kinds[k].flag) != 0 && r->common->json) {
+                json_array_append_new(list, json_pack("{s:I,s:s}", "step", (json_int_t)i, "edge", kinds[k].name));
+            } else if ((flags & kinds[k].flag) != 0) {
+                printf("%zu,%.10g,%.10g,%.10g,%.10g,%s\n", i, gonio_degrees(p->theta_i), gonio_degrees(p->phi_i),
+                       gonio_degrees(p->theta_o), gonio_degrees(p->phi_o), kinds[k].name);
+            }
+        }
+    }
+    free(steps);
+    if (r->common->json) {
+        return cli_json(json_pack("{s:s,s:I,s:I,s:o}", "session", r->path, "excluded", (json_int_t)report.excluded,
+                                  "flagged", (json_int_t)report.spilled, "edges", list));
+    }
+    json_decref(list);
+    return 0;
+}
+
+static void mention_edges(gonio_session *session) {
+    gonio_setup setup;
+    gonio_step *steps = NULL;
+    size_t n = 0;
+    gonio_edges_report report;
+    if (find_edges(session, &setup, &steps, &n, &report, NULL) == GONIO_OK && report.excluded + report.spilled > 0) {
+        fprintf(stderr, "%zu poses gave no sample and %zu are flagged: they reach over the sample's edge (--edges)\n",
+                report.excluded, report.spilled);
+    }
+    free(steps);
+}
 
 static size_t flagged_steps(gonio_session *session) {
     gonio_step *steps;
@@ -48,6 +116,7 @@ static int write_samples(const request *r, gonio_session *session) {
         gonio_samples_free(samples);
         return cli_fail(r->common, &error);
     }
+    mention_edges(session);
     if (!final) {
         fprintf(stderr, "the session is not finished: these samples lack the pointing term and any drift correction\n");
     }
@@ -266,6 +335,7 @@ static int run(int argc, char **argv) {
         {"output", 'o', CLI_TEXT, &r.output, NULL, "CSV", "write the samples there (standard output)"},
         {"budget", 0, CLI_TEXT, &r.budget, NULL, "TI,PI,TO,PO",
          "instead: every term of the uncertainty of the sample nearest to this direction (deg)"},
+        {"edges", 0, CLI_FLAG, &r.edges, NULL, NULL, "instead: the poses that reach over the sample's edge, and how"},
         {0},
     };
     int count;
@@ -277,7 +347,9 @@ static int run(int argc, char **argv) {
     if (gonio_session_open(r.path, false, &session, &error) != GONIO_OK) {
         return cli_fail(&common, &error);
     }
-    const int exit_status = r.budget != NULL ? show_budget(&r, session) : write_samples(&r, session);
+    const int exit_status = r.budget != NULL ? show_budget(&r, session)
+                            : r.edges        ? list_edges(&r, session)
+                                             : write_samples(&r, session);
     gonio_session_close(session);
     return exit_status;
 }

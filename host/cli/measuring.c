@@ -150,6 +150,10 @@ static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, go
 
 void cli_outcome_print(const gonio_outcome *outcome) {
     printf("poses      %zu, %zu frames, %zu samples\n", outcome->poses, outcome->frames, outcome->samples->n);
+    if (outcome->edges_excluded + outcome->edges_spilled > 0) {
+        printf("edges      %zu poses gave no sample (over the sample's edge), %zu are flagged (the lit spot is)\n",
+               outcome->edges_excluded, outcome->edges_spilled);
+    }
     if (isfinite(outcome->drift_ratio)) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
@@ -172,8 +176,9 @@ static json_t *blur_json(const gonio_blur *b) {
 }
 
 json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
-    return json_pack("{s:s,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o}", "session", session, "poses",
+    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
+                     "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,
                      "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
                      o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur_json(&o->blur),
                      "method", o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train),

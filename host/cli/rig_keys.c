@@ -49,6 +49,9 @@ static const entry entries[] = {
     {"camera", "response", TEXT, false, AT(facts.response_path), 0, 0},
     {"sample", "shape", SHAPE, false, AT(facts.sphere), 0, 0},
     {"sample", "radius_mm", REAL, false, AT(facts.sphere_radius_mm), 0.1, 1e4},
+    {"sample", "width_mm", REAL, false, AT(facts.sample_mm[0]), 0, 1e5},
+    {"sample", "height_mm", REAL, false, AT(facts.sample_mm[1]), 0, 1e5},
+    {"rig", "light_spot_mm", REAL, false, AT(facts.light_spot_mm), 0, 1e5},
     {"sample", "region_radius_mm", REAL, false, AT(facts.region_radius_mm), 0.01, 1e4},
 };
 #define COUNT (sizeof entries / sizeof *entries)

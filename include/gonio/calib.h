@@ -99,6 +99,13 @@ gonio_exposure_verdict gonio_calib_bracket(const gonio_calib *calib, const gonio
 // (the message says what is wrong with it) and nothing was added; the scan may go on.
 gonio_status gonio_calib_pose(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                               gonio_samples *samples, gonio_error *error);
+// What of a pose reaches over the sample's edge (facts.sample_mm, facts.light_spot_mm), by its geometry alone. REGION,
+// UNLIT: the averaged region does, or the lit spot does not cover it; gonio_calib_pose then gives no sample. SPILL: the
+// lit spot does, so that light falls on what is beside the sample; the sample stands, but should be known as such.
+// text: the worst of them in words.
+enum { GONIO_EDGE_REGION = 1, GONIO_EDGE_UNLIT = 2, GONIO_EDGE_SPILL = 4 };
+int gonio_calib_edges(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_pair *pose,
+                      char text[256]);
 // One frame, pixel by pixel: f_r times relative irradiance and its random variance (that of the flat field included);
 // NaN where the pixel is saturated or defective. radiance, variance: the window's width x height. threads: 0 all; equal
 // bits for any number.

@@ -172,6 +172,8 @@ typedef struct gonio_rig_facts {
     bool sphere;             // sample shape: flat plate or sphere
     double sphere_radius_mm;
     double region_radius_mm;                    // flat: the averaged disc on the sample
+    double sample_mm[2];                        // flat: its size along x and y; 0: not known, edges are not checked
+    double light_spot_mm;                       // radius of the lit spot on a plane that faces the light; 0: all is lit
     double light_radius_mm, aperture_radius_mm; // of the lamp's disc and the camera's entrance pupil; 0: points
     char response_path[256]; // camera response curve (CSV: relative exposure, relative value); empty: linear
     char operator_name[64], notes[512], sample_id[64], serials[256];
