@@ -23,9 +23,10 @@ typedef struct lobe_model {
 
 typedef struct description {
     uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
-    float cosine_min; // 0: none, as in files that are older than it
-    uint32_t ranges;  // 1: with a spline its range follows; 0 in older files, which hold it nowhere
-    uint32_t reserved[7];
+    float cosine_min;           // 0: none, as in files that are older than it
+    uint32_t ranges;            // 1: with a spline its range follows; 0 in older files, which hold it nowhere
+    uint32_t sigma_coordinates; // 0: the model's, as in older files; 1: half-vector
+    uint32_t reserved[6];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
@@ -50,11 +51,12 @@ void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec
     }
 }
 
-static void locate(const gonio_lobe_model_parts *p, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
+static void locate(const gonio_lobe_model_parts *p, gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo,
+                   double x[4]) {
     if (p->dims == 3) {
-        gonio_coordinates_isotropic(p->coordinates, wi, wo, x);
+        gonio_coordinates_isotropic(system, wi, wo, x);
     } else {
-        gonio_coordinates_anisotropic(p->coordinates, wi, wo, x);
+        gonio_coordinates_anisotropic(system, wi, wo, x);
     }
 }
 
@@ -84,7 +86,7 @@ static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, dou
     gonio_lobe_base_units(&p->base, wi, wo, units);
     if (p->lattice.points != NULL) {
         double x[4];
-        locate(p, wi, wo, x);
+        locate(p, p->coordinates, wi, wo, x);
         gonio_lattice_eval(&p->lattice, x, values);
     } else {
         memset(values, 0, (size_t)model->channels * sizeof *values);
@@ -106,7 +108,7 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
     const gonio_lobe_model_parts *p = &((const lobe_model *)model)->parts;
     double values[GONIO_CHANNELS_MAX], x[4], ln_sigma;
     evaluate(model, wi, wo, values, out);
-    locate(p, wi, wo, x);
+    locate(p, p->sigma_half_vector ? GONIO_HALF_VECTOR : p->coordinates, wi, wo, x);
     gonio_lattice_eval(&p->sigma, x, &ln_sigma);
     const double shape = exp(fmin(fmax(ln_sigma, -60), 60));
     for (int c = 0; c < model->channels; c++) {
@@ -135,6 +137,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
                                .family = (uint32_t)p->base.family,
                                .cosine_min = p->base.cosine_min,
                                .ranges = p->range != NULL,
+                               .sigma_coordinates = p->sigma_half_vector,
                                .sigma_level = p->sigma.points != NULL ? (uint32_t)p->sigma.level : NO_LEVEL};
     double shapes[2 * GONIO_LOBES_MAX];
     memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
@@ -217,7 +220,7 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
         !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED || about->link > GONIO_LINK_ASINH ||
         about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->ranges > 1 ||
-        !(about->cosine_min >= 0 && about->cosine_min <= 1)) {
+        about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;
@@ -261,6 +264,7 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
                                 .base = {.lobes = (int)about->lobes,
                                          .family = (gonio_lobe_family)about->family,
                                          .cosine_min = about->cosine_min},
+                                .sigma_half_vector = about->sigma_coordinates == 1,
                                 .channel_names = mapped->names};
     p.links = take(mapped, &at, c, sizeof *p.links, &complete);
     if (p.base.lobes > 0) {

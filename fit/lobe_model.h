@@ -50,6 +50,7 @@ typedef struct gonio_lobe_model_parts {
     double *range;                   // [channels][2], with a spline: between which its value is held
     gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
     double *sigma_factor;            // [channels]
+    bool sigma_half_vector;          // sigma's lattice lies in half-vector coordinates, whatever the spline's are
     const char (*channel_names)[32]; // copied
 } gonio_lobe_model_parts;
 

@@ -14,22 +14,7 @@
 
 #include "fit/bspline.h"
 #include "fit/lsq_blas.h"
-
-struct gonio_lsq_dense {
-    const gonio_lsq_data *data;
-    gonio_lsq_form form;
-    size_t n, m; // geometries, modes an axis
-    int dims;
-    unsigned mirror_axes, swap_axes;
-    double *modes;      // m x m: mode j in column j
-    double *stiffness;  // [m]
-    bool *odd;          // [m]
-    double *feature[4]; // mode-major: feature[d][mode n + i], at the samples
-    double *root;       // [n] sqrt(weight)
-    double *kernel[2];  // n x n, lower triangle: modes even and odd under swapping; [1] NULL where there are none
-    double *vectors;    // n x n, eigenvector j in column j
-    double *values;     // [n]
-};
+#include "fit/lsq_modes.h"
 
 gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror) {
     return (gonio_lsq_form){.coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
@@ -103,7 +88,8 @@ static gonio_status find_modes(gonio_lsq_dense *dense, gonio_error *error) {
 }
 
 // feature[mode count + i] = mode's spline at coordinate x[i * stride].
-static void fill_features(const gonio_lsq_dense *dense, size_t count, const double *x, size_t stride, double *feature) {
+void gonio_lsq_modes_features(const gonio_lsq_dense *dense, size_t count, const double *x, size_t stride,
+                              double *feature) {
     const size_t m = dense->m;
     for (size_t i = 0; i < count; i++) {
         const uint32_t fixed = gonio_bspline_fix(x[i * stride]);
@@ -119,13 +105,6 @@ static void fill_features(const gonio_lsq_dense *dense, size_t count, const doub
 
 // ---- blocks of modes ----
 
-typedef struct block {
-    size_t lead[2];     // modes of the leading axes
-    size_t count;       // columns
-    uint16_t *last[2];  // [count]: modes of the last two axes
-    double *root_prior; // [count]: 1/sqrt of the mode's penalty
-} block;
-
 static bool odd_under(const gonio_lsq_dense *dense, unsigned axes, const size_t *mode) {
     bool odd = false;
     for (int d = 0; d < dense->dims; d++) {
@@ -135,7 +114,7 @@ static bool odd_under(const gonio_lsq_dense *dense, unsigned axes, const size_t 
 }
 
 // Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping.
-static void fill_block(const gonio_lsq_dense *dense, size_t lead, int swap, block *b) {
+void gonio_lsq_modes_block(const gonio_lsq_dense *dense, size_t lead, int swap, gonio_lsq_modes *b) {
     const size_t m = dense->m, d = (size_t)dense->dims;
     size_t mode[4];
     b->lead[0] = mode[0] = d == 3 ? lead : lead / m;
@@ -159,11 +138,11 @@ static void fill_block(const gonio_lsq_dense *dense, size_t lead, int swap, bloc
     }
 }
 
-static size_t lead_count(const gonio_lsq_dense *dense) { return dense->dims == 3 ? dense->m : dense->m * dense->m; }
+size_t gonio_lsq_modes_leads(const gonio_lsq_dense *dense) { return dense->dims == 3 ? dense->m : dense->m * dense->m; }
 
 // columns[count x points], point fastest: the block's modes at points with the given features, times scale[point].
-static void fill_columns(const gonio_lsq_dense *dense, const block *b, size_t points, double *const feature[4],
-                         const double *scale, double *columns) {
+void gonio_lsq_modes_columns(const gonio_lsq_dense *dense, const gonio_lsq_modes *b, size_t points,
+                             double *const feature[4], const double *scale, double *columns) {
     const int d = dense->dims;
     const double *f0 = feature[0] + b->lead[0] * points, *f1 = d == 4 ? feature[1] + b->lead[1] * points : NULL;
     for (size_t k = 0; k < b->count; k++) {
@@ -181,16 +160,16 @@ static void fill_columns(const gonio_lsq_dense *dense, const block *b, size_t po
     }
 }
 
-static gonio_status block_init(const gonio_lsq_dense *dense, block *b, gonio_error *error) {
+gonio_status gonio_lsq_modes_init(const gonio_lsq_dense *dense, gonio_lsq_modes *b, gonio_error *error) {
     const size_t most = dense->m * dense->m;
-    *b = (block){.last = {malloc(most * sizeof(uint16_t)), malloc(most * sizeof(uint16_t))},
-                 .root_prior = malloc(most * sizeof(double))};
+    *b = (gonio_lsq_modes){.last = {malloc(most * sizeof(uint16_t)), malloc(most * sizeof(uint16_t))},
+                           .root_prior = malloc(most * sizeof(double))};
     return b->last[0] != NULL && b->last[1] != NULL && b->root_prior != NULL
                ? GONIO_OK
                : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", most);
 }
 
-static void block_release(block *b) {
+void gonio_lsq_modes_release(gonio_lsq_modes *b) {
     free(b->last[0]);
     free(b->last[1]);
     free(b->root_prior);
@@ -200,21 +179,21 @@ static void block_release(block *b) {
 
 static gonio_status sum_kernels(gonio_lsq_dense *dense, gonio_error *error) {
     const size_t n = dense->n;
-    block b;
-    gonio_status status = block_init(dense, &b, error);
+    gonio_lsq_modes b;
+    gonio_status status = gonio_lsq_modes_init(dense, &b, error);
     double *columns = malloc(dense->m * dense->m * n * sizeof *columns);
     if (status == GONIO_OK && columns == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", dense->m * dense->m, n);
     }
-    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
+    for (size_t lead = 0; lead < gonio_lsq_modes_leads(dense) && status == GONIO_OK; lead++) {
         for (int swap = 0; swap < 2 && dense->kernel[swap] != NULL; swap++) {
-            fill_block(dense, lead, swap, &b);
-            fill_columns(dense, &b, n, dense->feature, dense->root, columns);
+            gonio_lsq_modes_block(dense, lead, swap, &b);
+            gonio_lsq_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
             cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)b.count, 1, columns, (blasint)n,
                         1, dense->kernel[swap], (blasint)n);
         }
     }
-    block_release(&b);
+    gonio_lsq_modes_release(&b);
     free(columns);
     return status;
 }
@@ -264,7 +243,7 @@ static gonio_status fill_sample_features(gonio_lsq_dense *dense, gonio_error *er
     }
     gonio_lsq_data_locate(dense->data, dense->form.coordinates, x);
     for (size_t k = 0; k < d; k++) {
-        fill_features(dense, dense->n, x + k, d, dense->feature[k]);
+        gonio_lsq_modes_features(dense, dense->n, x + k, d, dense->feature[k]);
     }
     free(x);
     for (size_t i = 0; i < dense->n; i++) {
@@ -421,16 +400,16 @@ static gonio_status representers(const gonio_lsq_dense *dense, const double *tar
 static gonio_status mode_amplitudes(const gonio_lsq_dense *dense, const double *weights, size_t c, double *spectrum,
                                     gonio_error *error) {
     const size_t n = dense->n, m = dense->m;
-    block b;
-    gonio_status status = block_init(dense, &b, error);
+    gonio_lsq_modes b;
+    gonio_status status = gonio_lsq_modes_init(dense, &b, error);
     double *columns = malloc(m * m * n * sizeof *columns), *part = malloc(m * m * c * sizeof *part);
     if (status == GONIO_OK && (columns == NULL || part == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", m * m, n);
     }
-    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
+    for (size_t lead = 0; lead < gonio_lsq_modes_leads(dense) && status == GONIO_OK; lead++) {
         for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
-            fill_block(dense, lead, swap, &b);
-            fill_columns(dense, &b, n, dense->feature, dense->root, columns);
+            gonio_lsq_modes_block(dense, lead, swap, &b);
+            gonio_lsq_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
             const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
             cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)b.count, (blasint)c, (blasint)n, share,
                         columns, (blasint)n, weights, (blasint)n, 0, part, (blasint)b.count);
@@ -442,7 +421,7 @@ static gonio_status mode_amplitudes(const gonio_lsq_dense *dense, const double *
             }
         }
     }
-    block_release(&b);
+    gonio_lsq_modes_release(&b);
     free(columns);
     free(part);
     return status;
@@ -493,95 +472,5 @@ gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *t
     if (status != GONIO_OK) {
         gonio_lattice_release(lattice);
     }
-    return status;
-}
-
-// ---- spread ----
-
-// cross[n x m], sample fastest: the prior covariance between samples (times root weight) and m points; prior[m]: of the
-// points themselves.
-static gonio_status cross_kernel(const gonio_lsq_dense *dense, size_t points, double *const feature[4], double *cross,
-                                 double *prior, gonio_error *error) {
-    const size_t n = dense->n, m = dense->m;
-    block b;
-    gonio_status status = block_init(dense, &b, error);
-    double *mine = malloc(m * m * n * sizeof *mine), *theirs = malloc(m * m * points * sizeof *theirs);
-    if (status == GONIO_OK && (mine == NULL || theirs == NULL)) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", points);
-    }
-    memset(cross, 0, n * points * sizeof *cross);
-    memset(prior, 0, points * sizeof *prior);
-    for (size_t lead = 0; lead < lead_count(dense) && status == GONIO_OK; lead++) {
-        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
-            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
-            fill_block(dense, lead, swap, &b);
-            fill_columns(dense, &b, n, dense->feature, dense->root, mine);
-            fill_columns(dense, &b, points, feature, NULL, theirs);
-            cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, (blasint)n, (blasint)points, (blasint)b.count, share,
-                        mine, (blasint)n, theirs, (blasint)points, 1, cross, (blasint)n);
-            for (size_t k = 0; k < b.count; k++) {
-                for (size_t i = 0; i < points; i++) {
-                    prior[i] += share * theirs[k * points + i] * theirs[k * points + i];
-                }
-            }
-        }
-    }
-    block_release(&b);
-    free(mine);
-    free(theirs);
-    return status;
-}
-
-// 1/sqrt of the diagonal of (K + lambda)^-1, in units of the noise's standard deviation sqrt(lambda).
-static void own_spread(const gonio_lsq_dense *dense, double lambda, double *own) {
-    const size_t n = dense->n;
-    memset(own, 0, n * sizeof *own);
-    for (size_t j = 0; j < n; j++) {
-        const double g = lambda / (dense->values[j] + lambda), *v = dense->vectors + j * n;
-        for (size_t i = 0; i < n; i++) {
-            own[i] += v[i] * v[i] * g;
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        own[i] = 1 / (sqrt(own[i]) * dense->root[i]);
-    }
-}
-
-gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, double *own, size_t m,
-                                    const double *at, double *out, gonio_error *error) {
-    const size_t n = dense->n, d = (size_t)dense->dims;
-    double *feature[4] = {NULL, NULL, NULL, NULL};
-    double *cross = malloc(n * m * sizeof *cross), *rotated = malloc(n * m * sizeof *rotated);
-    bool all = cross != NULL && rotated != NULL;
-    for (size_t k = 0; k < d; k++) {
-        all = (feature[k] = malloc(dense->m * m * sizeof(double))) != NULL && all;
-    }
-    gonio_status status =
-        all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
-    for (size_t k = 0; k < d && status == GONIO_OK; k++) {
-        fill_features(dense, m, at + k, d, feature[k]);
-    }
-    gonio_lsq_blas_begin();
-    if (status == GONIO_OK) {
-        own_spread(dense, lambda, own);
-        status = cross_kernel(dense, m, feature, cross, out, error);
-    }
-    if (status == GONIO_OK) {
-        cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)n, (blasint)m, (blasint)n, 1, dense->vectors,
-                    (blasint)n, cross, (blasint)n, 0, rotated, (blasint)n);
-        for (size_t i = 0; i < m; i++) {
-            double known = 0;
-            for (size_t j = 0; j < n; j++) {
-                known += rotated[i * n + j] * rotated[i * n + j] / (dense->values[j] + lambda);
-            }
-            out[i] = sqrt(fmax(out[i] - known, 0) / lambda);
-        }
-    }
-    gonio_lsq_blas_end();
-    for (size_t k = 0; k < d; k++) {
-        free(feature[k]);
-    }
-    free(cross);
-    free(rotated);
     return status;
 }

@@ -34,9 +34,12 @@ gonio_status gonio_lsq_dense_loo(const gonio_lsq_dense *dense, const double *tar
 // The fit of targets, channel c with lambdas[c], as a lattice that the caller releases.
 gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
                                    const double *lambdas, gonio_lattice *lattice, gonio_error *error);
-// Standard deviations in units of the noise's: of leave-one-out predictions at the samples (own[n], noise included) and
-// of the fit itself at m other points (at[m x dims] -> out[m], noise left out).
-gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, double *own, size_t m,
-                                    const double *at, double *out, gonio_error *error);
+// At m points (at[m x dims]): weights[n x m], sample fastest, of the prediction in the samples' targets times their
+// root weights; variance[m] of the prediction in units of the noise's, what smoothing and gaps leave unknown included.
+gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, size_t m, const double *at,
+                                    double *weights, double *variance, gonio_error *error);
+// out[n x n] = lambda (K + lambda)^-1: targets times root weights -> the fit's residuals times root weights.
+gonio_status gonio_lsq_dense_influence(const gonio_lsq_dense *dense, double lambda, double *out, gonio_error *error);
+const double *gonio_lsq_dense_roots(const gonio_lsq_dense *dense); // [n] square roots of the weights; the solver's
 
 #endif

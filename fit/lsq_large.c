@@ -293,6 +293,80 @@ static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *opt
     return level;
 }
 
+// ---- stiffness ----
+
+#define STIFFNESS_MIN 1e-2
+#define STIFFNESS_MAX 1e4
+#define HOPELESS 2.0 // a worse score than the best by more than that is not made good by stiffness
+
+// The axes along which BRDFs vary slowly: the difference angle, or the incidence.
+static void stiffen(gonio_lsq_form *form, int dims, double factor) {
+    const int count = dims == 3 ? 1 : 2, first = form->coordinates == GONIO_HALF_VECTOR ? dims - count : 0;
+    for (int d = first; d < first + count; d++) {
+        form->stretch[d] *= factor;
+    }
+}
+
+static double stiffness(const gonio_lsq_form *form, int dims) {
+    return form->stretch[form->coordinates == GONIO_HALF_VECTOR ? dims - 1 : 0];
+}
+
+// Score a form, and keep it where it is better than *before.
+static gonio_status try_form(search *s, const gonio_lsq_form *form, double lambda, gonio_lsq_large_choice *choice,
+                             double *before, bool *better, gonio_error *error) {
+    gonio_lsq_score score;
+    gonio_status status = set_level(s, form, error);
+    if (status == GONIO_OK) {
+        status = score_lambda(s, lambda, false, &score, error);
+    }
+    *better = status == GONIO_OK && score.score < *before;
+    if (*better) {
+        *before = score.score;
+        accept(choice, s, s->lobes, lambda, score);
+    }
+    return status;
+}
+
+// Stiffer by `factor`, again and again as long as that helps.
+static gonio_status stiffen_by(search *s, double factor, gonio_lsq_form *form, double lambda,
+                               gonio_lsq_large_choice *choice, double *before, bool *moved, gonio_error *error) {
+    const int dims = s->all->dims;
+    gonio_status status = GONIO_OK;
+    for (bool better = true; better && status == GONIO_OK && may_try(s, choice);) {
+        gonio_lsq_form trial = *form;
+        stiffen(&trial, dims, factor);
+        if (stiffness(&trial, dims) < STIFFNESS_MIN || stiffness(&trial, dims) > STIFFNESS_MAX) {
+            break;
+        }
+        status = try_form(s, &trial, lambda, choice, before, &better, error);
+        if (better) {
+            *form = trial;
+            *moved = true;
+        }
+    }
+    return status;
+}
+
+// A sharp lobe at grazing angles has few samples of its own: along the slow axes it is told by the others, if the
+// spline is stiff there. By tens and hundreds up, or else down; then lambda again. At the finest level, which a stiffer
+// spline can afford.
+static gonio_status search_stiffness(search *s, const gonio_lsq_form *best, int finest, double lambda,
+                                     gonio_lsq_large_choice *choice, double *before, gonio_error *error) {
+    static const double steps[] = {100, 10, 0.1};
+    gonio_lsq_form form = *best;
+    form.level = finest;
+    gonio_status status = GONIO_OK;
+    bool moved = false;
+    for (int k = 0; k < 3 && status == GONIO_OK && !(moved && steps[k] < 1); k++) {
+        status = stiffen_by(s, steps[k], &form, lambda, choice, before, &moved, error);
+    }
+    bool better = !moved;
+    for (int up = 0; up < 2 && !better && status == GONIO_OK && may_try(s, choice); up++) {
+        status = try_form(s, &form, lambda * (up ? 10 : 0.1), choice, before, &better, error);
+    }
+    return status;
+}
+
 static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, gonio_lsq_watch *watch,
                                   const gonio_lsq_candidate *candidate, gonio_lsq_large_choice *choice,
                                   gonio_error *error) {
@@ -315,20 +389,18 @@ static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, g
     } else if (status == GONIO_OK) {
         status = search_lambda(&s, candidate->lobes, choice, &lambda, &before, error);
     }
+    gonio_lsq_form best = form;
     // One level finer; or coarser, as long as that helps.
     for (int step = 1; open && step >= -1 && status == GONIO_OK; step -= 2) {
-        for (form.level = finest - 1 + step; form.level >= 0 && form.level <= finest && may_try(&s, choice);
+        bool better = true;
+        for (form.level = finest - 1 + step; better && form.level >= 0 && form.level <= finest && may_try(&s, choice);
              form.level += step) {
-            status = set_level(&s, &form, error);
-            if (status == GONIO_OK) {
-                status = score_lambda(&s, lambda, false, &score, error);
-            }
-            if (status != GONIO_OK || score.score >= before) {
-                break;
-            }
-            before = score.score;
-            accept(choice, &s, candidate->lobes, lambda, score);
+            status = try_form(&s, &form, lambda, choice, &before, &better, error);
+            best = better ? form : best;
         }
+    }
+    if (status == GONIO_OK && options->lambda < 0 && before < choice->score.score + HOPELESS) {
+        status = search_stiffness(&s, &best, open ? finest : best.level, lambda, choice, &before, error);
     }
     search_release(&s);
     return status;

@@ -12,12 +12,19 @@
 // The result, ln sigma in the link's units, is a coarse spline; a channel's share is a factor.
 #include "fit/uncertainty.h"
 
+#include "fit/lsq_cg.h"
+#include "fit/uncertainty_blocks.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define SIGMA_LEVEL_3D 3
+#define SIGMA_LEVEL_3D 4
 #define SIGMA_LEVEL_4D 2
+#define PROBES 1000 // where the law is asked
+#define SIGMA_LAMBDA 1e-3
+#define EXACT                                                                                                          \
+    1e-4 // of the link's unit: no sigma is smaller, as no instrument's is; exact data fitted exactly leave rounding
+#define HORIZON 0.01F     // the cosine at which lobes are held in any case: they divide by it
 #define WINDOW 0.08       // standard deviation, in coordinates, of the window over which residuals are averaged
 #define PRIOR_SAMPLES 4.0 // weight of the global spread beside the local one
 #define MEAN_OF_NORMAL 0.7978845608028654 // mean |x| of a standard normal, sqrt(2/pi)
@@ -74,6 +81,14 @@ static gonio_status nodes_to_lattice(const nodes *g, gonio_lattice *lattice, gon
     return status;
 }
 
+// Steele, Lea and Flood (2014): SplitMix64.
+static double uniform(uint64_t *state) {
+    uint64_t x = *state += 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
+}
+
 static int by_value(const void *left, const void *right) {
     const double a = *(const double *)left, b = *(const double *)right;
     return (a > b) - (a < b);
@@ -89,7 +104,7 @@ static void channel_factors(size_t n, size_t c, const double *residuals, double 
         }
         qsort(work, n, sizeof *work, by_value);
         // A median of 0 (clamped zeros) is no spread.
-        factor[k] = fmax(work[n / 2] / MEDIAN_OF_NORMAL, fmax(0.05 * sqrt(squares / (double)n), 1e-12));
+        factor[k] = fmax(work[n / 2] / MEDIAN_OF_NORMAL, fmax(0.05 * sqrt(squares / (double)n), EXACT));
     }
 }
 
@@ -161,7 +176,7 @@ static double model_share(const gonio_lsq_data *data, const double *factor) {
     return share;
 }
 
-static gonio_status attach(const nodes *g, double *factor, gonio_lobe_model_parts *parts, gonio_error *error) {
+static gonio_status attach_nodes(const nodes *g, double *factor, gonio_lobe_model_parts *parts, gonio_error *error) {
     const gonio_status status = nodes_to_lattice(g, &parts->sigma, error);
     if (status == GONIO_OK) {
         parts->sigma_factor = factor;
@@ -169,9 +184,87 @@ static gonio_status attach(const nodes *g, double *factor, gonio_lobe_model_part
     return status;
 }
 
-// Leave-one-out residuals of every channel with its own lambda, each divided by the spread that is expected of it.
-static gonio_status standardised(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_lsq_base *base,
-                                 const double *lambdas, const double *own, double *out, gonio_error *error) {
+// ---- the field that the model carries ----
+
+// Places where the law is asked: half spread over all pairs of directions, half about the mirror direction, where the
+// lobe is.
+static gonio_pair probe_pair(uint64_t *state, bool isotropic, bool mirror) {
+    const double phi_i = isotropic ? 0 : 2 * GONIO_PI * uniform(state);
+    const gonio_pair p = {acos(uniform(state)), phi_i, acos(uniform(state)), 2 * GONIO_PI * uniform(state)};
+    if (!mirror) {
+        return p;
+    }
+    // The half vector's tan(theta_h) = sinh(r)/10, even in r: as half-vector coordinates see it.
+    const double tilt = atan(0.1 * sinh(4 * uniform(state)));
+    const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i), h = gonio_direction(tilt, 2 * GONIO_PI * uniform(state));
+    const double twice = 2 * (i.x * h.x + i.y * h.y + i.z * h.z);
+    const gonio_vec3 o = {twice * h.x - i.x, twice * h.y - i.y, twice * h.z - i.z};
+    return o.z > 0 ? gonio_pair_from_vectors(i, o) : p;
+}
+
+static gonio_status probes_init(gonio_lsq_data *probes, const gonio_lsq_data *data, gonio_error *error) {
+    gonio_samples *samples;
+    gonio_status status = gonio_samples_new(1, false, &samples, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    samples->isotropic = data->dims == 3;
+    uint64_t state = 1;
+    const double none = 1;
+    for (size_t i = 0; i < PROBES && status == GONIO_OK; i++) {
+        const gonio_pair pair = probe_pair(&state, samples->isotropic, i % 2 == 1);
+        status = gonio_samples_add(samples, &pair, &none, NULL, NULL, error);
+    }
+    if (status == GONIO_OK) {
+        const gonio_lsq_data_options how = {.mirror = data->mirror, .domain = GONIO_LINEAR};
+        status = gonio_lsq_data_init(probes, samples, &how, error);
+    }
+    gonio_samples_free(samples);
+    return status;
+}
+
+// A smooth spline through ln sigma at the probes (their targets), and the model has an uncertainty.
+static gonio_status attach(gonio_lsq_data *probes, double *factor, gonio_lobe_model_parts *parts, gonio_error *error) {
+    gonio_lsq_form form =
+        gonio_lsq_form_default(GONIO_HALF_VECTOR, probes->dims == 3 ? SIGMA_LEVEL_3D : SIGMA_LEVEL_4D, probes->mirror);
+    double mean = 0;
+    for (size_t i = 0; i < probes->n; i++) {
+        mean += probes->targets[i] / (double)probes->n;
+    }
+    for (size_t i = 0; i < probes->n; i++) {
+        probes->targets[i] -= mean;
+    }
+    gonio_lsq_cg *cg = NULL;
+    gonio_lsq_cg_report unused;
+    gonio_status status = gonio_lattice_init(&parts->sigma, probes->dims, form.level, 1, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    double *points = malloc(parts->sigma.count * sizeof *points);
+    status = points != NULL ? gonio_lsq_cg_new(probes, &form, 1, &cg, error)
+                            : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    if (status == GONIO_OK) {
+        status = gonio_lsq_cg_cascade(cg, probes->targets, 1, SIGMA_LAMBDA, 200, 1e-3, points, &unused, error);
+    }
+    for (size_t i = 0; i < parts->sigma.count && status == GONIO_OK; i++) {
+        parts->sigma.points[i] = (float)(points[i] + mean);
+    }
+    gonio_lsq_cg_free(cg);
+    free(points);
+    if (status == GONIO_OK) {
+        parts->sigma_factor = factor;
+        parts->sigma_half_vector = true;
+    } else {
+        gonio_lattice_release(&parts->sigma);
+    }
+    return status;
+}
+
+// ---- small sets ----
+
+// Leave-one-out residuals of every channel with its own lambda.
+static gonio_status leave_one_out(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_lsq_base *base,
+                                  const double *lambdas, double *out, gonio_error *error) {
     const size_t c = (size_t)data->channels;
     double *target = malloc(2 * data->n * sizeof *target);
     if (target == NULL) {
@@ -185,7 +278,7 @@ static gonio_status standardised(const gonio_lsq_dense *dense, const gonio_lsq_d
         }
         status = gonio_lsq_dense_loo(dense, target, 1, 1, &lambdas[k], &residual, error);
         for (size_t i = 0; i < data->n; i++) {
-            out[i * c + k] = residual[i] / own[i];
+            out[i * c + k] = residual[i];
         }
     }
     free(target);
@@ -198,47 +291,107 @@ static double middle_of(const double *values, size_t n, double *work) {
     return work[n / 2];
 }
 
+// Variance of the samples' noise, mean over channels in their factors' units; -1 where they do not tell it.
+static double told_noise(const gonio_lsq_data *data, const double *factor) {
+    double sum = 0;
+    for (int k = 0; k < data->channels; k++) {
+        const double noise = data->noise[k] / factor[k];
+        sum += noise * noise / data->channels;
+    }
+    return sum > 0 ? sum : -1;
+}
+
+// Beyond the samples' angles the lobes are held at the values that they have there (fit/lobe_model.h). Nobody knows
+// whether the material follows the lobes instead, or goes twice as far: the mean square of a step uniform from none to
+// twice the lobes' own is 4/3 of its square. Added to the variance, mean over channels.
+static double held_back(const gonio_lsq_data *data, const gonio_lsq_base *base, const double *factor,
+                        const gonio_pair *pair) {
+    const gonio_lobe_base *held = &base->lobes;
+    if (held->lobes == 0) {
+        return 0;
+    }
+    const gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i), wo = gonio_direction(pair->theta_o, pair->phi_o);
+    gonio_lobe_base free = *held;
+    free.cosine_min = HORIZON;
+    double units[2][1 + GONIO_LOBES_MAX], sum = 0;
+    gonio_lobe_base_units(held, wi, wo, units[0]);
+    gonio_lobe_base_units(&free, wi, wo, units[1]);
+    for (int k = 0; k < data->channels; k++) {
+        const double *strength = held->strength + (ptrdiff_t)k * (1 + GONIO_LOBES_MAX);
+        const double step = gonio_lobe_base_link(&free, strength, units[1], data->kind, &data->links[k]) -
+                            gonio_lobe_base_link(held, strength, units[0], data->kind, &data->links[k]);
+        sum += 4.0 / 3 * step * step / (factor[k] * factor[k]) / data->channels;
+    }
+    return sum;
+}
+
+// ln sigma of the law at the probes, in the channels' factors.
+static gonio_status fill_probes(const gonio_influence *f, const gonio_sigma_law *law, const double *factor,
+                                gonio_lsq_data *probes, gonio_error *error) {
+    const size_t m = probes->n, d = (size_t)probes->dims;
+    double *noise = malloc((2 + d) * m * sizeof *noise), *work = malloc(4 * (law->records->n + 1) * sizeof *work);
+    gonio_status status =
+        noise != NULL && work != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    if (status == GONIO_OK) {
+        double *unknown = noise + m, *x = unknown + m, least = 0;
+        for (int k = 0; k < f->data->channels; k++) {
+            least += EXACT * EXACT / (factor[k] * factor[k]) / f->data->channels;
+        }
+        gonio_lsq_data_locate(probes, gonio_lsq_dense_form(f->dense)->coordinates, x);
+        status = gonio_influence_at(f, m, probes->pairs, x, noise, unknown, error);
+        for (size_t i = 0; i < m && status == GONIO_OK; i++) {
+            double place[2];
+            gonio_sigma_place(&probes->pairs[i], place);
+            const double learnt = gonio_sigma_law_variance(law, place, noise[i], unknown[i], work);
+            const double held = held_back(f->data, f->base, factor, &probes->pairs[i]);
+            probes->targets[i] = 0.5 * log(fmax(learnt + held, least));
+        }
+    }
+    free(noise);
+    free(work);
+    return status;
+}
+
 gonio_status gonio_uncertainty_dense(const gonio_lsq_dense *dense, const gonio_lsq_data *data,
                                      const gonio_lsq_base *base, const double *lambdas, gonio_lobe_model_parts *parts,
                                      gonio_error *error) {
     const size_t n = data->n, c = (size_t)data->channels;
-    nodes g;
-    gonio_status status = nodes_init(&g, data->dims, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    double *own = malloc(n * sizeof *own), *residuals = malloc(n * c * sizeof *residuals);
-    double *factor = malloc(c * sizeof *factor), *work = malloc((n + c) * sizeof *work);
-    field f = {0};
-    if (own == NULL || residuals == NULL || factor == NULL || work == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
-    }
-    if (status == GONIO_OK) {
-        status = gonio_lsq_dense_spread(dense, middle_of(lambdas, c, work), own, g.count, g.x, g.sigma, error);
-    }
-    if (status == GONIO_OK) {
-        status = standardised(dense, data, base, lambdas, own, residuals, error);
-    }
+    double *residuals = calloc(n * c, sizeof *residuals), *work = malloc((n + c) * sizeof *work);
+    double *factor = malloc(c * sizeof *factor);
+    gonio_influence f = {0};
+    gonio_sigma_records records = {0};
+    gonio_sigma_law law;
+    gonio_lsq_data probes = {0};
+    gonio_status status = residuals != NULL && work != NULL && factor != NULL
+                              ? leave_one_out(dense, data, base, lambdas, residuals, error)
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK) {
         channel_factors(n, c, residuals, factor, work);
-        status = field_init(&f, data, gonio_lsq_dense_form(dense), residuals, factor, error);
+        status = gonio_influence_init(&f, dense, data, base, middle_of(lambdas, c, work), factor[c / 2], error);
     }
     if (status == GONIO_OK) {
-        const double share = model_share(data, factor);
-        for (size_t i = 0; i < g.count; i++) {
-            double near;
-            g.sigma[i] = sqrt(g.sigma[i] * g.sigma[i] + share) * local_size(&f, g.x + i * f.d, &near);
-        }
-        status = attach(&g, factor, parts, error);
+        status = gonio_influence_records(&f, factor, &records, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_sigma_law_fit(&records, told_noise(data, factor), &law, error);
+    }
+    if (status == GONIO_OK) {
+        status = probes_init(&probes, data, error);
+    }
+    if (status == GONIO_OK) {
+        status = fill_probes(&f, &law, factor, &probes, error);
+    }
+    if (status == GONIO_OK) {
+        status = attach(&probes, factor, parts, error);
     }
     if (status != GONIO_OK) {
         free(factor);
     }
-    free(own);
     free(residuals);
     free(work);
-    field_release(&f);
-    nodes_release(&g);
+    gonio_influence_release(&f);
+    gonio_sigma_records_release(&records);
+    gonio_lsq_data_release(&probes);
     return status;
 }
 
@@ -291,7 +444,7 @@ gonio_status gonio_uncertainty_held(const gonio_lsq_large_choice *choice, const 
             // Each channel takes the spread of the nearest one that was tried.
             factor[k] = some[(2 * k + 1) * tried / (2 * c)];
         }
-        status = attach(&g, factor, parts, error);
+        status = attach_nodes(&g, factor, parts, error);
     }
     if (status != GONIO_OK) {
         free(factor);

@@ -1,0 +1,220 @@
+// Fitting the law of fit/uncertainty_law.h.
+//
+// Every constant of the law but u is found by maximum likelihood of the residuals under Student's t with 5 degrees of
+// freedom: BRDF residuals have heavy tails (the peak, the horizon), which would drag a normal likelihood's scale. u(x)
+// is the same likelihood weighted by nearness, with a normal prior; the last step scales what was learnt so that the
+// quantiles of the residuals over their sigma, each without its own part in u, are those of a normal.
+#include "fit/uncertainty_law.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FREEDOM 5.0
+#define ROUGHNESS_PRIOR 1.5 // standard deviation of u: roughness varies by factors of e over a domain
+#define ROUGHNESS_MAX 6.0
+#define NEIGHBOURS 8    // of the nearest samples reach to one standard deviation of the window
+#define WINDOW_MIN 0.03 // closer samples lie in the same few cells
+#define TILT_SCALE 6.0  // a lobe of alpha 0.15 is as wide as half the range of theta_d then
+#define VARIANCE_MIN 1e-14
+
+void gonio_sigma_records_release(gonio_sigma_records *records) {
+    free(records->rows);
+    *records = (gonio_sigma_records){0};
+}
+
+void gonio_sigma_place(const gonio_pair *pair, double x[2]) {
+    double at[3];
+    gonio_coordinates_isotropic(GONIO_HALF_VECTOR, gonio_direction(pair->theta_i, pair->phi_i),
+                                gonio_direction(pair->theta_o, pair->phi_o), at);
+    x[0] = TILT_SCALE * hypot(at[0] - 0.5, at[1] - 0.5);
+    x[1] = at[2];
+}
+
+gonio_status gonio_sigma_records_add(gonio_sigma_records *records, const gonio_sigma_record *row, gonio_error *error) {
+    if (records->n == records->capacity) {
+        const size_t capacity = 2 * records->capacity + 256;
+        gonio_sigma_record *rows = realloc(records->rows, capacity * sizeof *rows);
+        if (rows == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+        }
+        records->rows = rows;
+        records->capacity = capacity;
+    }
+    records->rows[records->n++] = *row;
+    return GONIO_OK;
+}
+
+static double unknown_part(const gonio_sigma_law *law, double unknown) {
+    return law->scale * pow(fmax(unknown, 1e-12 * law->unit) / law->unit, law->power);
+}
+
+// Minus the logarithm of the likelihood of a squared residual.
+static double surprise(double square, double variance) {
+    const double v = fmax(variance, VARIANCE_MIN);
+    return 0.5 * log(v) + 0.5 * (FREEDOM + 1) * log1p(square / (FREEDOM * v));
+}
+
+static double total_surprise(const gonio_sigma_law *law, const double *roughness) {
+    const gonio_sigma_records *r = law->records;
+    double sum = 0;
+    for (size_t i = 0; i < r->n; i++) {
+        const gonio_sigma_record *row = &r->rows[i];
+        const double v = law->noise * row->noise + exp(2 * roughness[i]) * unknown_part(law, row->unknown);
+        sum += row->weight * surprise(row->square, v);
+    }
+    return sum;
+}
+
+// Pattern search (Hooke and Jeeves 1961) over ln scale, power and, where nobody told it, ln noise.
+static void search(gonio_sigma_law *law, bool noise_too, const double *roughness) {
+    double best = total_surprise(law, roughness);
+    for (double step = 2; step > 0.02; step *= 0.5) {
+        for (bool moved = true; moved;) {
+            moved = false;
+            for (int k = 0; k < (noise_too ? 6 : 4); k++) {
+                gonio_sigma_law trial = *law;
+                const double by = k % 2 == 0 ? step : -step;
+                if (k < 2) {
+                    trial.scale *= exp(by);
+                } else if (k < 4) {
+                    trial.power = fmin(fmax(law->power + 0.5 * by, 0.25), 5);
+                } else {
+                    trial.noise *= exp(by);
+                }
+                const double now = total_surprise(&trial, roughness);
+                if (now < best - 1e-6 * fabs(best)) {
+                    best = now;
+                    *law = trial;
+                    moved = true;
+                }
+            }
+        }
+    }
+}
+
+static double distance2(const gonio_sigma_record *row, const double x[2]) {
+    return (row->x[0] - x[0]) * (row->x[0] - x[0]) + (row->x[1] - x[1]) * (row->x[1] - x[1]);
+}
+
+// The squared distance to the NEIGHBOURS-th nearest sample other than `but`.
+static double reach2(const gonio_sigma_records *r, const double *x, size_t but) {
+    double nearest[NEIGHBOURS];
+    size_t found = 0;
+    for (size_t i = 0; i < r->near; i++) {
+        if (r->rows[i].centre == but) {
+            continue;
+        }
+        const double d = distance2(&r->rows[i], x);
+        if (found == NEIGHBOURS && d >= nearest[NEIGHBOURS - 1]) {
+            continue;
+        }
+        size_t at = found < NEIGHBOURS ? found++ : NEIGHBOURS - 1;
+        for (; at > 0 && nearest[at - 1] > d; at--) {
+            nearest[at] = nearest[at - 1];
+        }
+        nearest[at] = d;
+    }
+    return found > 0 ? nearest[found - 1] : INFINITY;
+}
+
+// Minus the logarithm of the posterior of u, from the neighbours' rows of [k, A, B, e^2].
+static double roughness_surprise(const double *near, size_t n, double u) {
+    const double grown = exp(2 * u);
+    double sum = 0.5 * u * u / (ROUGHNESS_PRIOR * ROUGHNESS_PRIOR);
+    for (size_t i = 0; i < n; i++, near += 4) {
+        sum += near[0] * surprise(near[3], near[1] + grown * near[2]);
+    }
+    return sum;
+}
+
+#define GRID_STEP 0.25
+#define GRID (2 * (int)(ROUGHNESS_MAX / GRID_STEP) + 1)
+
+// ln of the posterior mean of e^u: where few residuals tell it, the rougher possibilities weigh more, as they should.
+static double expected(const double *near, size_t n) {
+    double surprises[GRID], least = INFINITY, sum = 0, total = 0;
+    for (int k = 0; k < GRID; k++) {
+        surprises[k] = roughness_surprise(near, n, k * GRID_STEP - ROUGHNESS_MAX);
+        least = fmin(least, surprises[k]);
+    }
+    for (int k = 0; k < GRID; k++) {
+        const double p = exp(least - surprises[k]);
+        sum += p * exp(k * GRID_STEP - ROUGHNESS_MAX);
+        total += p;
+    }
+    return log(sum / total);
+}
+
+// u(x) without what sample `but` says of itself. work: 4 x records.
+static double roughness_at(const gonio_sigma_law *law, const double *x, size_t but, double *work) {
+    const gonio_sigma_records *r = law->records;
+    const double window = fmax(reach2(r, x, but), WINDOW_MIN * WINDOW_MIN);
+    size_t n = 0;
+    for (size_t i = 0; i < r->n; i++) {
+        const gonio_sigma_record *row = &r->rows[i];
+        const double nearness = -0.5 * distance2(row, x) / window;
+        if (row->centre != but && nearness > -8) {
+            work[4 * n] = row->weight * exp(nearness);
+            work[4 * n + 1] = law->noise * row->noise;
+            work[4 * n + 2] = unknown_part(law, row->unknown);
+            work[4 * n++ + 3] = row->square;
+        }
+    }
+    return expected(work, n);
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+// Factor by which sigmas must grow for the normal's median, 0.6745, or its 95th percentile, 1.96, whichever asks for
+// more.
+static double calibration(const gonio_sigma_law *law, const double *roughness, double *work) {
+    const gonio_sigma_records *r = law->records;
+    for (size_t i = 0; i < r->n; i++) {
+        const gonio_sigma_record *row = &r->rows[i];
+        const double v = law->noise * row->noise + exp(2 * roughness[i]) * unknown_part(law, row->unknown);
+        work[i] = sqrt(row->square / fmax(v, VARIANCE_MIN));
+    }
+    qsort(work, r->n, sizeof *work, by_value);
+    const double middle = work[r->n / 2] / 0.6744897501960817, tail = work[r->n * 95 / 100] / 1.959963984540054;
+    return fmin(fmax(fmax(middle, tail), 0.5), 2);
+}
+
+gonio_status gonio_sigma_law_fit(const gonio_sigma_records *records, double noise, gonio_sigma_law *law,
+                                 gonio_error *error) {
+    const size_t n = records->n;
+    double *work = malloc((6 * n + 1) * sizeof *work), *roughness = work + 4 * n, *order = work + 5 * n;
+    if (work == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    double middle[2];
+    for (int k = 0; k < 2; k++) {
+        for (size_t i = 0; i < n; i++) {
+            order[i] = k == 0 ? records->rows[i].square : records->rows[i].unknown;
+        }
+        qsort(order, n, sizeof *order, by_value);
+        middle[k] = n > 0 ? fmax(order[n / 2], 1e-20) : 1;
+    }
+    *law = (gonio_sigma_law){records, noise >= 0 ? noise : 0.1 * middle[0], middle[0], 1, middle[1], 1};
+    memset(roughness, 0, n * sizeof *roughness);
+    for (int pass = 0; pass < 2 && n > 0; pass++) {
+        search(law, noise < 0, roughness);
+        for (size_t i = 0; i < n; i++) {
+            roughness[i] = roughness_at(law, records->rows[i].x, records->rows[i].centre, work);
+        }
+    }
+    if (n > 0) {
+        law->growth = calibration(law, roughness, order);
+    }
+    free(work);
+    return GONIO_OK;
+}
+
+double gonio_sigma_law_variance(const gonio_sigma_law *law, const double x[2], double noise, double unknown,
+                                double *work) {
+    const double u = roughness_at(law, x, SIZE_MAX, work);
+    return fmax(law->noise * noise + law->growth * law->growth * exp(2 * u) * unknown_part(law, unknown), VARIANCE_MIN);
+}
