@@ -281,6 +281,15 @@ static gonio_status wait_frame(camera *c, int64_t since_ns, gonio_deadline deadl
     }
 }
 
+static gonio_status unpack_and_give(camera *c, const gonio_v4l2_buffer *buffer, const gonio_window *window,
+                                    uint16_t *pixels, gonio_error *error) {
+    const gonio_status status =
+        gonio_pixels_unpack(c->pixels, buffer->bytes, buffer->n, c->format.stride, c->format.width, c->format.height,
+                            window, c->config.shift, pixels, error);
+    const gonio_status given = gonio_v4l2_give(c->v4l2, buffer->index, error);
+    return status != GONIO_OK ? status : given;
+}
+
 static gonio_status attempt(camera *c, const gonio_window *window, double exposure_s, double gain_db,
                             gonio_deadline deadline, uint16_t *pixels, gonio_error *error) {
     gonio_status status = set_exposure(c, exposure_s, error);
@@ -303,10 +312,7 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
     if (status != GONIO_OK) {
         return status;
     }
-    status = gonio_pixels_unpack(c->pixels, buffer.bytes, buffer.n, c->format.stride, c->format.width, c->format.height,
-                                 window, c->config.shift, pixels, error);
-    const gonio_status given = gonio_v4l2_give(c->v4l2, buffer.index, error);
-    return status != GONIO_OK ? status : given;
+    return unpack_and_give(c, &buffer, window, pixels, error);
 }
 
 // A frame that does not come is asked for by a restarted stream, a camera that is gone by opening it again.
@@ -402,6 +408,44 @@ const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device) {
 
 const gonio_pixel_format *gonio_camera_v4l2_format(const void *device) { return ((const camera *)device)->pixels; }
 
+gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double gain_db, double timeout_s,
+                                      gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
+    gonio_status status = c->v4l2 == NULL ? recover(c, error) : GONIO_OK;
+    if (status == GONIO_OK) {
+        status = set_exposure(c, exposure_s, error);
+    }
+    if (status == GONIO_OK) {
+        status = set_gain(c, gain_db, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    c->stale_left = c->config.buffers + 1;
+    gonio_v4l2_buffer buffer;
+    status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
+    return status == GONIO_OK ? gonio_v4l2_give(c->v4l2, buffer.index, error) : status;
+}
+
+gonio_status gonio_camera_v4l2_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
+                                    int64_t *lost, gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
+    const int64_t lost_before = c->counts.lost, bad_before = c->counts.damaged + c->counts.short_frames;
+    gonio_v4l2_buffer buffer;
+    gonio_status status = wait_frame(c, INT64_MIN, deadline, &buffer, error);
+    *lost = c->counts.lost - lost_before + c->counts.damaged + c->counts.short_frames - bad_before;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    frame->window = *window;
+    frame->exposure_s = c->exposure_s;
+    frame->gain_db = c->gain_db;
+    frame->stamp.clock_s = (double)buffer.time_ns * 1e-9;
+    return unpack_and_give(c, &buffer, window, frame->pixels, error);
+}
+
 static gonio_status frame_mean(camera *c, uint16_t *pixels, double *mean, gonio_error *error) {
     gonio_v4l2_buffer buffer;
     gonio_status status = wait_frame(c, INT64_MIN, gonio_deadline_in_s(2), &buffer, error);
@@ -409,16 +453,14 @@ static gonio_status frame_mean(camera *c, uint16_t *pixels, double *mean, gonio_
         return status;
     }
     const gonio_window all = {0, 0, c->format.width, c->format.height};
-    status = gonio_pixels_unpack(c->pixels, buffer.bytes, buffer.n, c->format.stride, all.width, all.height, &all,
-                                 c->config.shift, pixels, error);
+    status = unpack_and_give(c, &buffer, &all, pixels, error);
     double sum = 0;
     const size_t n = (size_t)all.width * (size_t)all.height;
     for (size_t i = 0; i < n && status == GONIO_OK; i++) {
         sum += pixels[i];
     }
     *mean = sum / (double)n;
-    const gonio_status given = gonio_v4l2_give(c->v4l2, buffer.index, error);
-    return status != GONIO_OK ? status : given;
+    return status;
 }
 
 gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {

@@ -14,6 +14,7 @@ typedef struct png_context {
     char message[128];
     session_png *png; // being written, or read from `at`
     size_t at;
+    bool plain; // being written uncompressed
 } png_context;
 
 static void on_error(png_structp png, png_const_charp message) {
@@ -83,16 +84,24 @@ static bool pack_row(const uint16_t *pixels, int width, int bits, unsigned char 
     return over == 0;
 }
 
+// Frames are mostly shot noise: the longer search of higher levels finds nothing in it, and storing must keep up with
+// the camera. At 60 megapixels a second not even the shortest search does: such frames are stored as they are, in
+// large chunks, which is still a PNG to every reader.
+static void choose_compression(png_structp png, bool plain) {
+    png_set_compression_level(png, plain ? Z_NO_COMPRESSION : Z_BEST_SPEED);
+    png_set_filter(png, 0, plain ? PNG_FILTER_NONE : PNG_FILTER_SUB);
+    if (plain) {
+        png_set_compression_buffer_size(png, 1 << 18);
+    }
+}
+
 static void write_png(png_structp png, png_infop info, const gonio_frame *frame, int bits, unsigned char *row) {
     const gonio_window *w = &frame->window;
     png_set_IHDR(png, info, (png_uint_32)w->width, (png_uint_32)w->height, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     const png_color_8 significant = {.gray = (png_byte)bits};
     png_set_sBIT(png, info, &significant);
-    // Frames are mostly shot noise: the longer search of higher levels finds nothing in it, and storing must keep up
-    // with the camera.
-    png_set_compression_level(png, Z_BEST_SPEED);
-    png_set_filter(png, 0, PNG_FILTER_SUB);
+    choose_compression(png, ((const png_context *)png_get_error_ptr(png))->plain);
     write_texts(png, info, frame);
     for (int y = 0; y < w->height; y++) {
         if (!pack_row(frame->pixels + (size_t)y * (size_t)w->width, w->width, bits, row)) {
@@ -103,9 +112,9 @@ static void write_png(png_structp png, png_infop info, const gonio_frame *frame,
     png_write_end(png, info);
 }
 
-gonio_status session_png_encode(const gonio_frame *frame, int bits, session_png *out, gonio_error *error) {
+gonio_status session_png_encode(const gonio_frame *frame, int bits, bool plain, session_png *out, gonio_error *error) {
     *out = (session_png){0};
-    png_context context = {.png = out};
+    png_context context = {.png = out, .plain = plain};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &context, on_error, on_warning);
     png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
     unsigned char *row = malloc(2 * (size_t)frame->window.width);

@@ -34,41 +34,6 @@ gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *
 
 // ---- writing ----
 
-static gonio_status write_all(int fd, const session_png *png) {
-    for (size_t at = 0; at < png->size;) {
-        const ssize_t wrote = write(fd, png->data + at, png->size - at);
-        if (wrote < 0 && errno != EINTR) {
-            return GONIO_E_IO;
-        }
-        at += wrote > 0 ? (size_t)wrote : 0;
-    }
-    return GONIO_OK;
-}
-
-// Under a temporary name, synced and renamed: a file of the final name is whole.
-static gonio_status write_file(gonio_session *session, const char *name, const session_png *png, gonio_error *error) {
-    char temporary[SESSION_FRAME_NAME + 8];
-    snprintf(temporary, sizeof temporary, ".%s.new", name);
-    const int fd = openat(session->frames_fd, temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    bool failed = fd < 0;
-    if (!failed) {
-        failed = write_all(fd, png) != GONIO_OK || fsync(fd) != 0;
-        const int why = errno;
-        failed = close(fd) != 0 || failed;
-        errno = why;
-    }
-    if (!failed) {
-        failed = renameat(session->frames_fd, temporary, session->frames_fd, name) != 0;
-    }
-    if (!failed) {
-        return GONIO_OK;
-    }
-    const int why = errno;
-    unlinkat(session->frames_fd, temporary, 0);
-    return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot store frames/%s: %s%s", name, strerror(why),
-                           why == ENOSPC ? "; make room and resume" : "");
-}
-
 static gonio_status enter_frame(gonio_session *session, sqlite3_stmt *insert, const gonio_exposure *exposure,
                                 int64_t step, int number, const char *hash, gonio_error *error) {
     const gonio_frame *frame = &exposure->frame;
@@ -136,28 +101,6 @@ static gonio_status enter(gonio_session *session, const gonio_step *step, const 
     return status == GONIO_OK ? mark_done(session, step, n, error) : status;
 }
 
-static gonio_status store_files(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n, int bits,
-                                char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
-    gonio_status status = GONIO_OK;
-    for (int i = 0; status == GONIO_OK && i < n; i++) {
-        session_png png = {0};
-        char name[SESSION_FRAME_NAME];
-        session_frame_name(step, i, name);
-        status = session_frame_hash(&exposures[i].frame, hashes[i], error);
-        if (status == GONIO_OK) {
-            status = session_png_encode(&exposures[i].frame, bits, &png, error);
-        }
-        if (status == GONIO_OK) {
-            status = write_file(session, name, &png, error);
-        }
-        free(png.data);
-    }
-    if (status == GONIO_OK && fsync(session->frames_fd) != 0) {
-        status = gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot sync frames/: %s", strerror(errno));
-    }
-    return status;
-}
-
 gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
                                        int n, const gonio_samples *samples, gonio_error *error) {
     int bits;
@@ -169,7 +112,7 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
     if (hashes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d checksums", n);
     }
-    status = store_files(session, step->index, exposures, n, bits, hashes, error);
+    status = session_store_frames(session, step->index, exposures, n, bits, hashes, error);
     if (status == GONIO_OK) {
         bool own;
         status = session_begin_own(session, &own, error);
@@ -183,7 +126,7 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
 
 // ---- reading ----
 
-static gonio_status read_whole(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
+gonio_status session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
     *png = (session_png){0};
     const int fd = openat(session->frames_fd, name, O_RDONLY | O_CLOEXEC);
     struct stat info;
@@ -210,7 +153,7 @@ gonio_status session_frame_read(gonio_session *session, const char *name, const 
     char file[SESSION_FRAME_NAME + 8], hash[GONIO_SHA256_HEX];
     snprintf(file, sizeof file, "frames/%s", name);
     session_png png;
-    gonio_status status = read_whole(session, name, &png, error);
+    gonio_status status = session_frame_file(session, name, &png, error);
     if (status == GONIO_OK) {
         status = session_png_decode(&png, file, bits, frame, error);
     }

@@ -20,6 +20,7 @@ struct gonio_session {
     int frames_fd;
     bool writable;
     bool in_transaction;
+    bool plain; // frames are stored uncompressed
 };
 
 // ---- database.c: SQLite with gonio's errors ----
@@ -47,11 +48,25 @@ typedef struct session_png {
     size_t size, capacity;
 } session_png;
 // 16-bit grey, the sensor's bits at the top (sBIT tells how many), so that ordinary viewers show it. The caller frees
-// png->data. GONIO_E_DEVICE where a pixel has more bits than the camera claims.
-gonio_status session_png_encode(const gonio_frame *frame, int bits, session_png *png, gonio_error *error);
+// png->data. GONIO_E_DEVICE where a pixel has more bits than the camera claims. plain: stored, not deflated.
+gonio_status session_png_encode(const gonio_frame *frame, int bits, bool plain, session_png *png, gonio_error *error);
 // frame->window.width and height are expected; frame->pixels is allocated, the caller frees it.
 gonio_status session_png_decode(const session_png *png, const char *file, int bits, gonio_frame *frame,
                                 gonio_error *error);
+
+// ---- store.c: files, written whole under a temporary name, synced, renamed ----
+typedef struct session_file {
+    int fd; // -1: there is none
+    char name[48];
+} session_file;
+gonio_status session_file_write(gonio_session *session, const char *name, const session_png *png, session_file *file,
+                                gonio_error *error);
+// Sync them all, then give them their names. Where one fails, those without their name are removed; a file that has its
+// name and no row in the journal is swept when the session goes on.
+gonio_status session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error);
+// The frames of one step as one group; their hashes come back.
+gonio_status session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
+                                  int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error);
 
 // ---- frames.c ----
 enum { SESSION_FRAME_NAME = 48 };
@@ -59,6 +74,8 @@ void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]);
 gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error);
 // The bits that the camera's words carry, from the journal.
 gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error);
+// The bytes of a frame's file; the caller frees png->data.
+gonio_status session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error);
 // Read one file and verify it; frame's window and stamp are what the journal says.
 gonio_status session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
                                 gonio_frame *frame, gonio_error *error);

@@ -67,6 +67,37 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
 // transaction.
 gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
                                        int n, const gonio_samples *samples, gonio_error *error);
+// Store frames as they are, not compressed (false: compressed, as from the start): as fast as the disk, and still a PNG
+// that any viewer opens.
+void gonio_session_set_plain(gonio_session *session, bool plain);
+// Compress every frame that was stored so. Pixels and checksums stay what they are; each file is verified first and
+// replaced as a whole. *saved_bytes: how much smaller frames/ has become.
+gonio_status gonio_session_compress(gonio_session *session, int64_t *saved_bytes, gonio_error *error);
+
+// A burst: frames at the camera's full rate, stored uncompressed by a thread of its own in groups, each synced and
+// entered at once: one group, one step. Nobody else uses the session while one is open. `steps` are in the session and
+// not done; the burst takes as many as it needs.
+typedef struct gonio_burst gonio_burst;
+typedef struct gonio_burst_options {
+    gonio_window window;
+    int group;           // frames a step; the last may have fewer
+    size_t memory_bytes; // for frames that wait for the disk; two groups or more
+    const gonio_step *steps;
+    size_t n_steps;
+} gonio_burst_options;
+typedef struct gonio_burst_counts {
+    int64_t stored, groups, waits; // waits: how often a frame had to wait for memory
+    int most_waiting;              // frames in memory at one time
+} gonio_burst_counts;
+gonio_status gonio_burst_open(gonio_session *session, const gonio_burst_options *options, gonio_burst **out,
+                              gonio_error *error);
+// Room for the next frame: frame->window and frame->pixels are set. Waits where there is none; an error is what ended
+// the storing. Then fill in pixels, exposure and stamp.clock_s and put it, or ask for room again and it is not stored.
+gonio_status gonio_burst_room(gonio_burst *burst, gonio_frame *frame, gonio_error *error);
+void gonio_burst_put(gonio_burst *burst, const gonio_frame *frame);
+// Store what still waits and end. counts may be NULL.
+gonio_status gonio_burst_close(gonio_burst *burst, gonio_burst_counts *counts, gonio_error *error);
+
 // Read a step's exposures back; every checksum is verified. The caller frees with gonio_exposures_free.
 gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio_exposure **exposures, int *n,
                                      gonio_error *error);

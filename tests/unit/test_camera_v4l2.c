@@ -240,6 +240,37 @@ static void test_gain_is_as_asked_or_refused(void **state) {
     gonio_camera_v4l2.close(device);
 }
 
+// At full rate every frame comes, in order, with the setting that was asked for; what is missing or damaged is told.
+static void test_every_frame_of_a_stream(void **state) {
+    (void)state;
+    cam_new(&model);
+    model.latency = 2;
+    const gonio_camera_v4l2_config c = config();
+    void *device = open_camera(&c);
+    assert_int_equal(gonio_camera_v4l2_stream(device, 0.0077, 0, 1, NULL), GONIO_OK);
+    double last_s = 0;
+    for (int i = 0; i < 200; i++) {
+        gonio_frame frame = {.pixels = pixels};
+        int64_t lost = -1;
+        model.skip = i == 50 ? 3 : 0;
+        model.damage = i == 70 ? 2 : 0;
+        model.cut = i == 90;
+        assert_int_equal(gonio_camera_v4l2_next(device, &all, 1, &frame, &lost, NULL), GONIO_OK);
+        assert_int_equal(pixels[1], 77);
+        const int missing = i == 50 ? 3 : i == 70 ? 2 : i == 90 ? 1 : 0;
+        assert_int_equal(lost, missing);
+        if (i > 0) {
+            assert_true(fabs(frame.stamp.clock_s - last_s - 0.02 * (1 + missing)) < 1e-5);
+        }
+        last_s = frame.stamp.clock_s;
+    }
+    model.plugged = false;
+    gonio_frame frame = {.pixels = pixels};
+    int64_t lost;
+    assert_int_equal(gonio_camera_v4l2_next(device, &all, 1, &frame, &lost, NULL), GONIO_E_DEVICE);
+    gonio_camera_v4l2.close(device);
+}
+
 static void test_silence_restarts_the_stream(void **state) {
     (void)state;
     cam_new(&model);
@@ -333,6 +364,7 @@ int main(void) {
         cmocka_unit_test(test_bad_frames_are_left_out),
         cmocka_unit_test(test_one_pulse_a_frame),
         cmocka_unit_test(test_gain_is_as_asked_or_refused),
+        cmocka_unit_test(test_every_frame_of_a_stream),
         cmocka_unit_test(test_silence_restarts_the_stream),
         cmocka_unit_test(test_unplugged),
         cmocka_unit_test(test_record_and_replay),

@@ -1,0 +1,151 @@
+// The files of a step's frames, as one group: written, then synced, then named, so that a file of a final name is whole
+// and the disk gets one long stream instead of a wait for each file.
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "host/session/internal.h"
+
+static bool write_all(int fd, const session_png *png) {
+    for (size_t at = 0; at < png->size;) {
+        const ssize_t wrote = write(fd, png->data + at, png->size - at);
+        if (wrote < 0 && errno != EINTR) {
+            return false;
+        }
+        at += wrote > 0 ? (size_t)wrote : 0;
+    }
+    return true;
+}
+
+static void temporary_name(const session_file *file, char name[SESSION_FRAME_NAME + 8]) {
+    snprintf(name, SESSION_FRAME_NAME + 8, ".%s.new", file->name);
+}
+
+static gonio_status fail_file(const gonio_session *session, const session_file *file, int why, gonio_error *error) {
+    return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot store frames/%s: %s%s", file->name,
+                           strerror(why), why == ENOSPC ? "; make room and resume" : "");
+}
+
+static void discard(gonio_session *session, session_file *file) {
+    char temporary[SESSION_FRAME_NAME + 8];
+    if (file->fd >= 0) {
+        close(file->fd);
+        temporary_name(file, temporary);
+        unlinkat(session->frames_fd, temporary, 0);
+        file->fd = -1;
+    }
+}
+
+gonio_status session_file_write(gonio_session *session, const char *name, const session_png *png, session_file *file,
+                                gonio_error *error) {
+    char temporary[SESSION_FRAME_NAME + 8];
+    *file = (session_file){.fd = -1};
+    snprintf(file->name, sizeof file->name, "%s", name);
+    temporary_name(file, temporary);
+    file->fd = openat(session->frames_fd, temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (file->fd < 0) {
+        return fail_file(session, file, errno, error);
+    }
+    if (!write_all(file->fd, png)) {
+        const int why = errno;
+        discard(session, file);
+        return fail_file(session, file, why, error);
+    }
+#ifdef SYNC_FILE_RANGE_WRITE
+    sync_file_range(file->fd, 0, 0,
+                    SYNC_FILE_RANGE_WRITE); // the disk begins at once; a hint, whose failure is harmless
+#endif
+    return GONIO_OK;
+}
+
+static bool keep(gonio_session *session, session_file *file, int *why) {
+    char temporary[SESSION_FRAME_NAME + 8];
+    temporary_name(file, temporary);
+    *why = 0;
+    if (close(file->fd) != 0 || renameat(session->frames_fd, temporary, session->frames_fd, file->name) != 0) {
+        *why = errno;
+        unlinkat(session->frames_fd, temporary, 0);
+    }
+    file->fd = -1;
+    return *why == 0;
+}
+
+gonio_status session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error) {
+    int at = 0, why = 0;
+    while (at < n && fsync(files[at].fd) == 0) {
+        at++;
+    }
+    if (at < n) {
+        why = errno;
+    } else {
+        for (at = 0; at < n && keep(session, &files[at], &why); at++) {
+        }
+    }
+    if (at == n && fsync(session->frames_fd) == 0) {
+        return GONIO_OK;
+    }
+    const gonio_status status =
+        at < n ? fail_file(session, &files[at], why, error)
+               : gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot sync frames/: %s", strerror(errno));
+    for (int i = 0; i < n; i++) {
+        discard(session, &files[i]);
+    }
+    return status;
+}
+
+static gonio_status store_one(gonio_session *session, int64_t step, int number, const gonio_frame *frame, int bits,
+                              char hash[GONIO_SHA256_HEX], session_file *file, gonio_error *error) {
+    session_png png = {0};
+    char name[SESSION_FRAME_NAME];
+    session_frame_name(step, number, name);
+    gonio_status status = session_frame_hash(frame, hash, error);
+    if (status == GONIO_OK) {
+        status = session_png_encode(frame, bits, session->plain, &png, error);
+    }
+    if (status == GONIO_OK) {
+        status = session_file_write(session, name, &png, file, error);
+    }
+    free(png.data);
+    return status;
+}
+
+gonio_status session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
+                                  int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
+    session_file *files = calloc((size_t)n + 1, sizeof *files);
+    gonio_status *statuses = calloc((size_t)n + 1, sizeof *statuses);
+    gonio_error *errors = calloc((size_t)n + 1, sizeof *errors);
+    gonio_status status = GONIO_OK;
+    if (files == NULL || statuses == NULL || errors == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", n);
+        goto end;
+    }
+    // Only a burst is in such a hurry; compressing has its frames from a scan, whose own threads are busy.
+#pragma omp parallel for schedule(dynamic, 1) if (session->plain)
+    for (int i = 0; i < n; i++) {
+        files[i].fd = -1;
+        statuses[i] = store_one(session, step, i, &exposures[i].frame, bits, hashes[i], &files[i], &errors[i]);
+    }
+    for (int i = n - 1; i >= 0; i--) { // the first failure is the one that is told
+        if (statuses[i] != GONIO_OK) {
+            status = statuses[i];
+            if (error != NULL) {
+                *error = errors[i];
+            }
+        }
+    }
+    if (status == GONIO_OK) {
+        status = session_files_keep(session, files, n, error);
+    } else {
+        for (int i = 0; i < n; i++) {
+            discard(session, &files[i]);
+        }
+    }
+end:
+    free(files);
+    free(statuses);
+    free(errors);
+    return status;
+}
