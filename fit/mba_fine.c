@@ -38,7 +38,8 @@ typedef struct fine_work {
 
 static size_t ring_of(size_t width) { return width + REACH; }
 
-static size_t kept_planes(const fine_work *work) { return work->width > REACH ? work->width : REACH; }
+// Whole groups are computed by both neighbours, so the planes that the next segment reads are rounded up to them.
+static size_t kept_planes(size_t width) { return (REACH + width - 1) / width * width; }
 
 static bool is_kept(const fine_work *work, const segment *s, size_t plane) {
     return (s != &work->segments[0] && plane < s->begin + REACH) ||
@@ -133,7 +134,7 @@ static gonio_status find_groups(fine_work *work, gonio_error *error) {
     const int bits = level < order ? level : order;
     work->groups = (size_t)1 << bits;
     work->width = (size_t)1 << (level - bits);
-    work->keep = kept_planes(work);
+    work->keep = kept_planes(work->width);
     work->blocks = (s->n + GONIO_SCATTER_BLOCK - 1) / GONIO_SCATTER_BLOCK;
     work->starts = malloc(work->blocks * (work->groups + 1) * sizeof *work->starts);
     if (work->starts == NULL) {
@@ -182,7 +183,7 @@ static void cut_segments(fine_work *work) {
 
 // Planes of sums that one of `count` segments needs.
 static size_t planes_of(size_t count, size_t width) {
-    return ring_of(width) + (count > 1 ? REACH + (width > REACH ? width : REACH) : 0) + 1;
+    return ring_of(width) + (count > 1 ? REACH + kept_planes(width) : 0) + 1;
 }
 
 static gonio_status run_segments(fine_work *work, gonio_error *error) {
