@@ -1,0 +1,54 @@
+#!/bin/sh
+# A measure whose arms are the emulated board: the cross-built firmware in QEMU behind a serial line, instruction
+# counting, so that emulated time runs as it can. Equal seeds, equal samples, as with the simulated arms alone.
+. tests/system/lib.sh
+build=${GONIO%/*}
+if ! command -v qemu-system-arm >/dev/null || ! command -v arm-none-eabi-gcc >/dev/null; then
+    skip "a measure on the emulated board" "qemu-system-arm or gcc-arm-none-eabi is not installed"
+    finish
+    exit
+fi
+check "the firmware is built" make --no-print-directory firmware B="$build"
+qemu-system-arm -M lm3s6965evb -kernel "$build/firmware/lm3s6965evb.elf" -display none -monitor none -accel tcg \
+    -icount shift=5 -serial pty >"$work/qemu.out" 2>&1 </dev/null &
+board=$!
+trap 'kill $board 2>/dev/null; rm -rf "$work"' EXIT
+port= i=0
+while [ -z "$port" ] && [ $i -lt 100 ]; do
+    port=$(sed -n 's/.*redirected to \([^ ]*\).*/\1/p' "$work/qemu.out")
+    i=$((i + 1))
+    sleep 0.05
+done
+
+# Fast arms: what is shown here does not depend on how long they take. The board has no home switches.
+axes() {
+    for axis in light_theta light_phi camera_theta camera_phi; do
+        printf '[axis %s]\nspeed_deg_per_s = 1000\nacceleration_deg_per_s2 = 10000\njerk_deg_per_s3 = 200000\n%s' $axis "$1"
+    done
+}
+{
+    printf '[rig]\ndriver = sim\n'
+    axes ''
+} >"$work/plain.ini"
+{
+    printf '[rig]\ndriver = sim\n[controller]\nport = %s\ntimeout_ms = 2000\nretries = 12\ndeadman_s = 300\n' "$port"
+    printf '[stage]\ndriver = modbus\n'
+    axes 'steps_per_deg = 20
+home_order = 0
+'
+} >"$work/board.ini"
+printf 'theta_i,phi_i,theta_o,phi_o\n20,0,30,180\n35,0,10,90\n' >"$work/plan.csv"
+measure() {
+    "$GONIO" measure --rig "$work/$1.ini" --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --plan "$work/plan.csv" --seed 3 \
+        --method mba --json "$work/$1" 2>"$work/$1.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p'
+}
+plain=$(measure plain)
+emulated=$(measure board)
+if [ -n "$plain" ] && [ "$plain" = "$emulated" ]; then pass "a measure on the emulated board gives the in-process stage's samples"; else
+    fail "a measure on the emulated board gives the in-process stage's samples" "in process '$plain', board '$emulated'" "$(tail -n 3 "$work/board.err")"
+fi
+exits "status of the board" 0 "$GONIO" rig status --rig "$work/board.ini" --sample lambert:rho=0.5 --json
+check "the measure has homed it" grep -q '"homed":15' "$work/out"
+exits "identity of the board" 0 "$GONIO" rig identify --rig "$work/board.ini" --sample lambert:rho=0.5 --json
+check "it is the emulated one" grep -q '"board":2' "$work/out"
+finish
