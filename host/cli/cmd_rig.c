@@ -8,9 +8,10 @@
 #include "host/drivers/controller_map.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_rig = {
-    "rig", "ACTION [AXIS=DEG ...] [--rig sim|RIG.ini]",
-    "identify, status, home, move, jog, stop, clear, lamp, shutter, capture, selftest; camera [/dev/videoN], usb", run};
+const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] [--rig sim|RIG.ini]",
+                          "identify, status, home, move, jog, stop, clear, lamp, shutter, capture, burst, selftest; "
+                          "camera [/dev/videoN], usb",
+                          run};
 
 static const char *const patterns[] = {"mono", "rggb", "bggr", "grbg", "gbrg"};
 
@@ -156,7 +157,7 @@ static bool check_request(const cli_common *common, const char *name, int n) {
     if (action == NULL && !reads && strcmp(name, "camera") != 0) {
         cli_usage(common,
                   "rig: found '%s', expected identify, status, home, move, jog, stop, clear, lamp, shutter, "
-                  "capture, selftest, camera or usb",
+                  "capture, burst, selftest, camera or usb",
                   name);
         return false;
     }
@@ -190,7 +191,8 @@ static int run(int argc, char **argv) {
     const cli_option options[] = {
         CLI_RIG_OPTIONS(rig_options),
         {"dial", 0, CLI_FLAG, &request.dial, NULL, NULL, "move: positions as the controller counts them"},
-        {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S", "capture: exposure in seconds (the shortest)"},
+        {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S",
+         "capture, burst: exposure in seconds (the shortest)"},
         {"output", 'o', CLI_TEXT, &request.output, NULL, "PGM", "capture: the frame's file"},
         {0}};
     const char *words[1 + RIG_ARGUMENTS];

@@ -281,5 +281,6 @@ const rig_action rig_actions[] = {
     {"lamp", "LEVEL", "0 (off) to 1", 1, 1, lamp},
     {"shutter", "open|close", "the lamp's shutter", 1, 1, shutter},
     {"capture", "", "one frame: --exposure, -o PGM", 0, 0, capture},
+    {"burst", "FRAMES SESSION", "frames at the camera's own rate: --exposure", 2, 2, rig_burst},
     {"selftest", "", "interlock, homing twice, meter, camera", 0, 0, selftest},
     {0}};

@@ -23,6 +23,9 @@ typedef struct rig_action {
 extern const rig_action rig_actions[]; // ends with a NULL name
 extern const char *const rig_axes[GONIO_AXES];
 
+// Frames at the camera's own rate into a new session: FRAMES SESSION.
+gonio_status rig_burst(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error);
+
 // Works without a rig: what a V4L2 device offers and whether it is fit for radiometry; USBTMC instruments.
 gonio_status rig_camera_report(const char *path, json_t **out, gonio_error *error);
 gonio_status rig_usb_report(json_t **out, gonio_error *error);
