@@ -9,7 +9,7 @@
 #include "fit/mba.h"
 
 // The program itself: its code, its libraries' tables, stacks.
-#define PROGRAM_BYTES 16e6
+#define PROGRAM_BYTES 20e6
 
 // Transforms, names, threads, groups: what does not grow with samples or levels.
 #define SMALL_BYTES 1e5

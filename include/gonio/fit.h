@@ -87,7 +87,7 @@ typedef struct gonio_fit_size {
     int threads;               // 0: all
 } gonio_fit_size;
 
-// Bytes that the process takes at most, the samples themselves (as gonio_samples keeps them) and the program's own 16
+// Bytes that the process takes at most, the samples themselves (as gonio_samples keeps them) and the program's own 20
 // MB among them. Nothing is allocated.
 double gonio_fit_memory(const gonio_fit_size *size);
 // GONIO_E_MEMORY where that exceeds the limit in bytes (0: the machine's free memory), with both figures and what would
