@@ -82,7 +82,7 @@ static gonio_status later_ratio(const gonio_calib *calib, double *ratio, double 
             if (calib->defect[p] || !geometry_plate(&g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL)) {
                 continue;
             }
-            const double known = calib->facts.reference_reflectance[calib->channel[p]] / GONIO_PI * hit.irradiance;
+            const double known = white_signal(calib, &hit, calib->channel[p]);
             const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, scale, calib->flat[p] * known * scale);
             read += t.signal;
             expected += t.scale;

@@ -106,6 +106,12 @@ gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_fa
     if (status == GONIO_OK && facts->response_path[0] != '\0') {
         status = response_load(facts->response_path, camera->bits, &calib->response, error);
     }
+    if (status == GONIO_OK && facts->reference_brdf[0] != '\0') {
+        status = white_open(calib, error);
+    }
+    if (status == GONIO_OK && facts->flat_path[0] != '\0') {
+        status = flat_open(calib, error);
+    }
     if (status != GONIO_OK) {
         gonio_calib_free(calib);
         return status;
@@ -131,6 +137,8 @@ void gonio_calib_free(gonio_calib *calib) {
     free_frames(&calib->reference);
     free_frames(&calib->later);
     response_free(&calib->response);
+    gonio_model_free(calib->white);
+    free(calib->known_flat);
     free(calib->ray);
     free(calib->channel);
     free(calib->defect);
@@ -246,5 +254,10 @@ gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error) {
     }
     return status;
 }
+
+const float *gonio_calib_flat(const gonio_calib *calib) { return calib->flat; }
+const float *gonio_calib_flat_variance(const gonio_calib *calib) { return calib->flat_variance; }
+gonio_window gonio_calib_window(const gonio_calib *calib) { return calib->window; }
+const uint8_t *gonio_calib_defects(const gonio_calib *calib) { return calib->defect; }
 
 void gonio_calib_describe(const gonio_calib *calib, gonio_calib_report *report) { *report = calib->report; }

@@ -15,8 +15,10 @@ static double panel_signal(const gonio_calib *calib, const geometry *g, size_t p
     if (!geometry_plate(g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL) || hit.irradiance <= 0) {
         return 0;
     }
-    return calib->facts.reference_reflectance[calib->channel[p]] / GONIO_PI * hit.irradiance;
+    return white_signal(calib, &hit, calib->channel[p]);
 }
+
+static double square(double x) { return x * x; }
 
 typedef struct flat_work {
     geometry *poses;  // one a reference frame
@@ -103,6 +105,87 @@ static void describe_reference(gonio_calib *calib, const flat_work *work) {
     calib->reference_poses = poses;
 }
 
+void flat_means(const gonio_calib *calib, double mean[3]) {
+    double sum[3] = {0};
+    size_t n[3] = {0};
+    for (size_t p = 0; p < calib->pixels; p++) {
+        if (!calib->defect[p]) {
+            sum[calib->channel[p]] += calib->flat[p];
+            n[calib->channel[p]]++;
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        mean[c] = n[c] > 0 ? sum[c] / (double)n[c] : 1;
+    }
+}
+
+// A flat field of another lens setting or light differs by more than noise.
+#define FLAT_MISFIT_MAX 0.005
+
+// Scale of the known flat field in one channel, by weights of the reference's noise; *misfit: robust relative scatter
+// beyond the noise.
+static gonio_status fit_scale(const gonio_calib *calib, int channel, double *scale, double *variance, double *misfit,
+                              gonio_error *error) {
+    float *ratio = malloc((calib->pixels + 1) * sizeof *ratio);
+    if (ratio == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the flat field's scale");
+    }
+    double sum = 0, weight = 0, noise = 0;
+    size_t n = 0;
+    for (size_t p = 0; p < calib->pixels; p++) {
+        if (!calib->defect[p] && calib->channel[p] == channel && calib->known_flat[p] > 0) {
+            const double v = (double)calib->flat_variance[p] + (double)calib->known_flat[calib->pixels + p];
+            ratio[n++] = calib->flat[p] / calib->known_flat[p];
+            sum += ratio[n - 1] / v;
+            weight += 1 / v;
+            noise += v;
+        }
+    }
+    gonio_status status = GONIO_OK;
+    double median = 1, scatter = 0;
+    if (n == 0) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, calib->facts.flat_path, -1,
+                                 "no pixel of channel %s in it is sound", calib->names[channel]);
+    } else {
+        status = statistics_robust(ratio, n, &median, &scatter, error);
+    }
+    free(ratio);
+    if (status == GONIO_OK) {
+        *scale = sum / weight;
+        *variance = 1 / weight;
+        *misfit = sqrt(fmax(square(scatter / median) - noise / (double)n, 0));
+    }
+    return status;
+}
+
+// The file's flat field in the place of this reference's own, which gives each channel's scale.
+static gonio_status use_known(gonio_calib *calib, gonio_error *error) {
+    double scale[3], variance[3], misfit = 0;
+    for (int c = 0; c < calib->channels; c++) {
+        const gonio_status status = fit_scale(calib, c, &scale[c], &variance[c], &misfit, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (misfit > FLAT_MISFIT_MAX) {
+            return gonio_fail_line(error, GONIO_E_INPUT, calib->facts.flat_path, -1,
+                                   "does not fit this session: its reference differs from this flat field by %.2g %% "
+                                   "from pixel to pixel, beyond noise",
+                                   100 * misfit);
+        }
+    }
+    for (size_t p = 0; p < calib->pixels; p++) {
+        const float known = calib->known_flat[p];
+        const int c = calib->channel[p];
+        if (isnan(known) && !calib->defect[p]) {
+            calib->defect[p] = 3;
+        } else if (!calib->defect[p]) {
+            calib->flat[p] = (float)(scale[c] * (double)known);
+            calib->flat_variance[p] = (float)((double)calib->known_flat[calib->pixels + p] + variance[c]);
+        }
+    }
+    return GONIO_OK;
+}
+
 gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
     const int n = calib->reference.n;
     flat_work work = {.poses = calloc((size_t)n, sizeof *work.poses), .share = calloc((size_t)n, sizeof *work.share)};
@@ -127,7 +210,10 @@ gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
         goto done;
     }
     describe_reference(calib, &work);
-    status = find_dead(calib, error);
+    status = calib->known_flat != NULL ? use_known(calib, error) : GONIO_OK;
+    if (status == GONIO_OK) {
+        status = find_dead(calib, error);
+    }
 done:
     free(work.poses);
     free(work.share);

@@ -48,6 +48,9 @@ struct gonio_calib {
     double stray_variance, stray_bias, stray_rate;
     double dark_quantum; // quantisation variance at the bias level, linear DN^2: part of the noise of dark frames
     uint8_t *defect;     // not 0: never used
+    gonio_model *white;  // the reference's own BRDF, NULL: Lambertian; and its value at the reference geometry
+    double white_scale[3];
+    float *known_flat; // [2][pixels] from a file: relative responsivity, relative variance; NULL: none
     // From reference frames: responsivity (DN/s for unit f_r x relative irradiance) and its relative variance.
     float *flat, *flat_variance;
     merge_noise noise;
@@ -121,6 +124,14 @@ gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error); // satura
 gonio_status stray_prepare(gonio_calib *calib, gonio_error *error);    // lamp readings, stray light
 gonio_status flat_prepare(gonio_calib *calib, gonio_error *error);
 void stray_describe(gonio_calib *calib); // what the report says of it
+
+// The reference's BRDF and the flat field that the facts name.
+gonio_status white_open(gonio_calib *calib, gonio_error *error);
+gonio_status flat_open(gonio_calib *calib, gonio_error *error);
+// What the reference returns at these angles: f_r x relative irradiance.
+double white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel);
+// Mean responsivity of each channel's sound pixels.
+void flat_means(const gonio_calib *calib, double mean[3]);
 
 // Refuse exposures that do not fit this calibration: wrong window, exposure or gain.
 gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);

@@ -64,6 +64,8 @@ static const member facts_members[] = {
     M(gonio_rig_facts, sphere_radius_mm, REAL),
     M(gonio_rig_facts, region_radius_mm, REAL),
     M(gonio_rig_facts, response_path, TEXT),
+    LATE(gonio_rig_facts, reference_brdf, TEXT),
+    LATE(gonio_rig_facts, flat_path, TEXT),
     M(gonio_rig_facts, operator_name, TEXT),
     M(gonio_rig_facts, notes, TEXT),
     M(gonio_rig_facts, sample_id, TEXT),
@@ -78,16 +80,11 @@ static const member alignment_members[] = {
     {0},
 };
 static const member scan_members[] = {
-    M(gonio_scan_options, dark_frames, INTEGER),
-    LATE(gonio_scan_options, trap_frames, INTEGER),
-    M(gonio_scan_options, reference_frames, INTEGER),
-    M(gonio_scan_options, settle_s, REAL),
-    M(gonio_scan_options, exposure_max_s, REAL),
-    M(gonio_scan_options, window_width, INTEGER),
-    M(gonio_scan_options, window_height, INTEGER),
-    M(gonio_scan_options, hands, BOOLEAN),
-    LATE(gonio_scan_options, audit_poses, INTEGER),
-    {0},
+    M(gonio_scan_options, dark_frames, INTEGER),      LATE(gonio_scan_options, trap_frames, INTEGER),
+    M(gonio_scan_options, reference_frames, INTEGER), M(gonio_scan_options, settle_s, REAL),
+    M(gonio_scan_options, exposure_max_s, REAL),      M(gonio_scan_options, window_width, INTEGER),
+    M(gonio_scan_options, window_height, INTEGER),    M(gonio_scan_options, hands, BOOLEAN),
+    LATE(gonio_scan_options, audit_poses, INTEGER),   {0},
 };
 static const member window_members[] = {
     M(gonio_window, x, INTEGER),
@@ -212,11 +209,24 @@ static gonio_status get(gonio_session *session, const struct part *part, gonio_s
     return status;
 }
 
-// The camera's response curve is a file of the rig's; the session keeps its own copy.
-static gonio_status copy_file(const char *from, const char *to, gonio_error *error) {
+// Files that the facts name are the rig's; the session keeps its own copies.
+static const struct own_file {
+    const char *what, *name;
+    size_t offset; // of the path in gonio_rig_facts, 256 bytes
+} own_files[] = {
+    {"response curve", "response.csv", offsetof(gonio_rig_facts, response_path)},
+    {"reference's BRDF", "reference.model", offsetof(gonio_rig_facts, reference_brdf)},
+    {"flat field", "flat.map", offsetof(gonio_rig_facts, flat_path)},
+};
+#define OWN_FILES (sizeof own_files / sizeof *own_files)
+
+// spec:... names no file.
+static bool is_file(const char *path) { return path[0] != 0 && strncmp(path, "spec:", 5) != 0; }
+
+static gonio_status copy_file(const char *what, const char *from, const char *to, gonio_error *error) {
     FILE *source = fopen(from, "rb");
     if (source == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, from, -1, "cannot read the response curve: %s", strerror(errno));
+        return gonio_fail_line(error, GONIO_E_INPUT, from, -1, "cannot read the %s: %s", what, strerror(errno));
     }
     gonio_output *output;
     gonio_status status = gonio_output_open(to, &output, error);
@@ -232,10 +242,10 @@ static gonio_status copy_file(const char *from, const char *to, gonio_error *err
     return status;
 }
 
-static gonio_status response_path(gonio_session *session, char path[256], gonio_error *error) {
-    return snprintf(path, 256, "%s/response.csv", gonio_session_path(session)) < 256
+static gonio_status own_path(gonio_session *session, const struct own_file *file, char path[256], gonio_error *error) {
+    return snprintf(path, 256, "%s/%s", gonio_session_path(session), file->name) < 256
                ? GONIO_OK
-               : gonio_fail(error, GONIO_E_INPUT, "the session's path is too long for its response curve");
+               : gonio_fail(error, GONIO_E_INPUT, "the session's path is too long for its %s", file->what);
 }
 
 gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error) {
@@ -245,9 +255,12 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
     for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
         status = put(session, &parts[i], setup, error);
     }
-    if (status == GONIO_OK && setup->facts.response_path[0] != 0) {
-        status = response_path(session, path, error);
-        status = status == GONIO_OK ? copy_file(setup->facts.response_path, path, error) : status;
+    for (size_t i = 0; status == GONIO_OK && i < OWN_FILES; i++) {
+        const char *from = (const char *)&setup->facts + own_files[i].offset;
+        if (is_file(from)) {
+            status = own_path(session, &own_files[i], path, error);
+            status = status == GONIO_OK ? copy_file(own_files[i].what, from, path, error) : status;
+        }
     }
     return status;
 }
@@ -259,8 +272,11 @@ gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_e
     for (size_t i = 0; status == GONIO_OK && i < PARTS; i++) {
         status = get(session, &parts[i], setup, error);
     }
-    if (status == GONIO_OK && setup->facts.response_path[0] != 0) {
-        status = response_path(session, setup->facts.response_path, error);
+    for (size_t i = 0; status == GONIO_OK && i < OWN_FILES; i++) {
+        char *path = (char *)&setup->facts + own_files[i].offset;
+        if (is_file(path)) {
+            status = own_path(session, &own_files[i], path, error);
+        }
     }
     return status;
 }

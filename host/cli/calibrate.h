@@ -11,6 +11,8 @@ int calibrate_camera(int argc, char **argv);
 int calibrate_noise(int argc, char **argv);
 int calibrate_response(int argc, char **argv);
 int calibrate_rig(int argc, char **argv);
+int calibrate_flat(int argc, char **argv);
+int calibrate_reference(int argc, char **argv);
 
 // The board that a command line names: put the options into the verb's table. `b` is a calibrate_board.
 typedef struct calibrate_board {

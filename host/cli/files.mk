@@ -10,4 +10,4 @@ deps-y += libinih-dev
 cli-y  += host/cli/cmd_tradeoff.c host/cli/tradeoff_plot.c
 pkgs-y += cairo
 deps-y += libcairo2-dev
-cli-y  += host/cli/cmd_calibrate.c host/cli/calibrate_camera.c host/cli/calibrate_rig.c host/cli/calibrate_board.c host/cli/rig_views.c host/cli/calibrate_noise.c host/cli/calibrate_response.c host/cli/frame_list.c
+cli-y  += host/cli/cmd_calibrate.c host/cli/calibrate_camera.c host/cli/calibrate_rig.c host/cli/calibrate_board.c host/cli/rig_views.c host/cli/calibrate_noise.c host/cli/calibrate_response.c host/cli/calibrate_flat.c host/cli/calibrate_reference.c host/cli/frame_list.c

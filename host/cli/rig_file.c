@@ -145,6 +145,8 @@ static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
     memcpy(to->operator_name, from->operator_name, sizeof to->operator_name);
     memcpy(to->notes, from->notes, sizeof to->notes);
     memcpy(to->sample_id, from->sample_id, sizeof to->sample_id);
+    memcpy(to->reference_brdf, from->reference_brdf, sizeof to->reference_brdf);
+    memcpy(to->flat_path, from->flat_path, sizeof to->flat_path);
     if (from->serials[0] != 0) {
         memcpy(to->serials, from->serials, sizeof to->serials);
     }
@@ -244,6 +246,14 @@ static gonio_status overrides(const cli_rig_options *options, char **text, gonio
         }
     }
     gonio_status status = GONIO_OK;
+    for (int i = 0; status == GONIO_OK && i < options->with.n; i++) {
+        char *fragment;
+        status = read_file(options->with.items[i], &fragment, error);
+        if (status == GONIO_OK) {
+            fprintf(stream, "%s\n", fragment);
+            free(fragment);
+        }
+    }
     for (int i = 0; status == GONIO_OK && i < options->set.n; i++) {
         const char *setting = options->set.items[i];
         while (status == GONIO_OK && *setting != 0) {

@@ -11,6 +11,7 @@
 typedef struct cli_rig_options {
     const char *rig;    // "sim" or the path of a rig file
     const char *sample; // SPEC of the simulated sample
+    cli_list with;      // rig-file fragments, after the rig file
     cli_list set;       // section.key=value, also several behind commas
     const char *operator_name, *sample_id, *notes;
     uint64_t seed;
@@ -18,11 +19,12 @@ typedef struct cli_rig_options {
 } cli_rig_options;
 
 // The options of every verb that opens a rig: put them into its table. `o` is a cli_rig_options.
-#define CLI_RIG_OPTIONS(o)                                                                                             \
-    {"rig", 0, CLI_TEXT, &(o).rig, NULL, "sim|RIG.ini", "the rig: the simulator (default) or a rig file"},             \
-        {"sample", 0, CLI_TEXT, &(o).sample, NULL, "SPEC", "the simulated sample, e.g. ward:rho_d=0.3,shape=sphere"},  \
-    {                                                                                                                  \
-        "set", 0, CLI_LIST, &(o).set, NULL, "SECTION.KEY=VALUE", "override the rig file; repeat it or use commas"      \
+#define CLI_RIG_OPTIONS(o)                                                                                               \
+    {"rig", 0, CLI_TEXT, &(o).rig, NULL, "sim|RIG.ini", "the rig: the simulator (default) or a rig file"},               \
+        {"sample", 0, CLI_TEXT, &(o).sample, NULL, "SPEC", "the simulated sample, e.g. ward:rho_d=0.3,shape=sphere"},    \
+        {"with", 0, CLI_LIST, &(o).with, NULL, "INI", "take these keys too, as gonio calibrate writes them; repeat it"}, \
+    {                                                                                                                    \
+        "set", 0, CLI_LIST, &(o).set, NULL, "SECTION.KEY=VALUE", "override the rig file; repeat it or use commas"        \
     }
 
 typedef struct cli_rig {

@@ -39,6 +39,8 @@ static const entry entries[] = {
     {"rig", "camera_distance_mm", REAL, false, AT(facts.camera_distance_mm), 10, 1e5},
     {"rig", "pointing_random_deg", REAL, false, AT(facts.pointing_random_deg), 0, 10},
     {"rig", "pointing_systematic_deg", REAL, false, AT(facts.pointing_systematic_deg), 0, 10},
+    {"reference", "brdf", TEXT, true, AT(facts.reference_brdf), 0, 0},
+    {"camera", "flat", TEXT, true, AT(facts.flat_path), 0, 0},
     {"rig", "light_radius_mm", REAL, false, AT(facts.light_radius_mm), 0, 1e3},
     {"rig", "aperture_radius_mm", REAL, false, AT(facts.aperture_radius_mm), 0, 1e3},
     {"stray", "variation_percent", PERCENT, false, AT(facts.stray_variation), 0, 100},

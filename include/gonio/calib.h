@@ -88,6 +88,14 @@ gonio_status gonio_calib_add_reference(gonio_calib *calib, const gonio_pair *pos
 // Derive dark maps, read noise, gain, flat field and scale. Polite failures are named: dark frame not dark, lamp off,
 // reference overexposed, light trap that is not dark.
 gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error);
+// Write the flat field (relative responsivity of every pixel and its variance) for facts.flat_path of later sessions.
+gonio_status gonio_calib_flat_save(const gonio_calib *calib, const char *path, gonio_error *error);
+// The same maps, width x height, borrowed until gonio_calib_free: DN/s for unit f_r x relative irradiance, relative
+// variance, and which pixels are defective (0: sound). After gonio_calib_prepare.
+const float *gonio_calib_flat(const gonio_calib *calib);
+const float *gonio_calib_flat_variance(const gonio_calib *calib);
+const uint8_t *gonio_calib_defects(const gonio_calib *calib);
+gonio_window gonio_calib_window(const gonio_calib *calib);
 void gonio_calib_describe(const gonio_calib *calib, gonio_calib_report *report); // after gonio_calib_prepare
 
 // After n exposures of the pose: enough, or which exposure next? Depends on the frames alone. n = 0 proposes the first

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "gonio/model.h"
 #include "gonio/rig.h"
 #include "gonio/status.h"
 
@@ -59,6 +60,23 @@ gonio_status gonio_noise_solve(gonio_noise *noise, gonio_noise_report *report, g
 const float *gonio_noise_dsnu_map(const gonio_noise *noise);
 const float *gonio_noise_prnu_map(const gonio_noise *noise);
 const uint8_t *gonio_noise_defects(const gonio_noise *noise);
+
+// ---- the white reference's certificate ----
+// Wavelength (nm), reflectance, its standard uncertainty; wavelengths rise.
+typedef struct gonio_reflectance {
+    int n;
+    double (*row)[3];
+} gonio_reflectance;
+// CSV: nm,reflectance,sigma, '#' comments, an optional header. GONIO_E_INPUT with file and line. The caller frees it.
+gonio_status gonio_reflectance_read(const char *path, gonio_reflectance *out, gonio_error *error);
+void gonio_reflectance_free(gonio_reflectance *reflectance);
+// Mean over a Gaussian band and its standard uncertainty (correlated over wavelength). fwhm 0: at one wavelength.
+// GONIO_E_INPUT where the band leaves the table.
+gonio_status gonio_reflectance_band(const gonio_reflectance *reflectance, double centre_nm, double fwhm_nm,
+                                    double *value, double *sigma, gonio_error *error);
+// Radiance factor at the reference geometry (45/0) over the directional-hemispherical reflectance at theta_i: what
+// turns an "8 deg/hemispherical" certificate into what calibration needs. 1 for a Lambertian BRDF.
+double gonio_reflectance_factor(const gonio_model *brdf, int channel, double theta_i_deg);
 
 // ---- camera geometry from a board ----
 typedef enum gonio_board_kind { GONIO_CHESSBOARD, GONIO_CHARUCO } gonio_board_kind;

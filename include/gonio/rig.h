@@ -175,7 +175,9 @@ typedef struct gonio_rig_facts {
     double sample_mm[2];                        // flat: its size along x and y; 0: not known, edges are not checked
     double light_spot_mm;                       // radius of the lit spot on a plane that faces the light; 0: all is lit
     double light_radius_mm, aperture_radius_mm; // of the lamp's disc and the camera's entrance pupil; 0: points
-    char response_path[256]; // camera response curve (CSV: relative exposure, relative value); empty: linear
+    char reference_brdf[256]; // MODEL of the white reference's own BRDF, for its shape alone; empty: Lambertian
+    char flat_path[256];      // flat field that gonio_calib_flat_save wrote; empty: the session's reference tells it
+    char response_path[256];  // camera response curve (CSV: relative exposure, relative value); empty: linear
     char operator_name[64], notes[512], sample_id[64], serials[256];
 } gonio_rig_facts;
 

@@ -59,4 +59,60 @@ if [ -r "$data/hdr_memorial/list.txt" ]; then
 else
     n=$((n + 1)); echo "ok $n - calibrate response on photographs # SKIP no data in $data"
 fi
+
+# The flat field of the simulated sensor: PRNU 1 %, 3 % vignetting at the corners, 32 frames of about 1.2 % noise.
+"$GONIO" calibrate flat --rig sim --seed 3 --json -o "$folder/field.flat" --maps "$folder/maps" >"$folder/flat.json"
+ok $? "calibrate flat on the simulated rig"
+between "$(value relative_sigma <"$folder/flat.json")" 0.002 0.004; ok $? "its uncertainty is the frames' noise"
+between "$(value low <"$folder/flat.json")" 0.92 0.96; ok $? "its range is PRNU's and vignetting's"
+[ -s "$folder/maps/flat.tiff" ] && [ -s "$folder/maps/sigma.tiff" ]; ok $? "maps for viewing"
+ward=ward:rho_d=0.3,rho_s=0.2,alpha=0.15
+quick=scan.dark_frames=4,scan.reference_frames=4,camera.flat=$folder/field.flat
+"$GONIO" measure --seed 3 --sample $ward --plan nusselt:20 --set "$quick" --json "$folder/session" >"$folder/m.json" 2>"$folder/err"
+ok $? "measure takes the flat field"
+mv "$folder/field.flat" "$folder/gone.flat"
+"$GONIO" replay "$folder/session" >"$folder/out" 2>&1; ok $? "replay has its own copy, and gives the same bits"
+mv "$folder/gone.flat" "$folder/field.flat"
+[ "$(status_of "$GONIO" measure --seed 4 --sample $ward --plan nusselt:20 --set "$quick" "$folder/other")" = 3 ] && grep -q "of the camera 'SIM-3'" "$folder/err"
+ok $? "a flat field of another camera is refused"
+truncate -s 5000 "$folder/field.flat"
+[ "$(status_of "$GONIO" measure --seed 3 --sample $ward --plan nusselt:20 --set "$quick" "$folder/cut")" = 3 ] && grep -q 'shorter than its header' "$folder/err"
+ok $? "a cut one too"
+
+# A list of frames as a flat field: the session's own dark and reference frames, then lists with something wrong.
+at=$folder/session/frames
+list() { # list NAME DARK-FRAMES REFERENCE-FRAMES EXPOSURES: rows "file,exposure_s,light"
+    echo file,exposure_s,light
+    for i in $1; do echo "$at/000000-0$i.png,2e-5,0"; done
+    for i in $2; do echo "$at/00000$3-0$i.png,${4:-0.01},1"; done
+}
+list "0 1 2 3" "1 2 3" 2 >"$folder/even.csv"
+"$GONIO" calibrate flat "$folder/even.csv" --json -o "$folder/even.flat" >"$folder/even.json"; ok $? "calibrate flat on a list of frames"
+list "0 1 2 3" "0 1 2" 0 >"$folder/off.csv"
+[ "$(status_of "$GONIO" calibrate flat "$folder/off.csv")" = 1 ] && grep -q '000000-00.png: .*the lamp is off' "$folder/err"; ok $? "lamp off: named, with the frame"
+{ list "0 1 2 3" "1 2 3" 2; echo "$at/000002-01.png,2e-5,0"; } >"$folder/lit.csv"
+[ "$(status_of "$GONIO" calibrate flat "$folder/lit.csv")" = 1 ] && grep -q '000002-01.png: .*dark frame not dark' "$folder/err"; ok $? "a dark frame that is not dark: named, with the frame"
+[ "$(status_of "$GONIO" calibrate flat "$folder/even.csv" --frames 1)" = 2 ]; ok $? "one frame: wrong usage"
+
+# The white reference's certificate.
+printf 'nm,reflectance,sigma\n300,0.9775,0.004\n800,0.99,0.004\n' >"$folder/white.csv"
+"$GONIO" calibrate reference "$folder/white.csv" -o "$folder/white.ini" >"$folder/out"; ok $? "calibrate reference"
+grep -q '^reflectance = 0.985000/0.983500/0.981500$' "$folder/white.ini" && grep -q '^sigma_percent = 0.407' "$folder/white.ini"
+ok $? "a [reference] section with the channels' reflectances"
+"$GONIO" measure --sample $ward --plan nusselt:20 --set scan.dark_frames=4,scan.reference_frames=4 --with "$folder/white.ini" "$folder/white" >"$folder/out" 2>&1 &&
+    "$GONIO" samples "$folder/white" --budget 30,0,30,180 | grep -q '^  reference .* 0.407'
+ok $? "measure --with it: its uncertainty is the budget's"
+[ "$(status_of "$GONIO" calibrate reference "$folder/white.csv" --bands 350:100)" = 3 ] && grep -q '250' "$folder/err"; ok $? "a band beyond the table: bad input"
+[ "$(status_of "$GONIO" calibrate reference "$folder/white.csv" --geometry 8/h)" = 2 ]; ok $? "8/h without a BRDF: wrong usage"
+printf '400,0.98,0.004\n390,0.98,0.004\n' >"$folder/bad.csv"
+[ "$(status_of "$GONIO" calibrate reference "$folder/bad.csv")" = 3 ] && grep -q 'bad.csv:2:' "$folder/err"; ok $? "wavelengths that fall: file and line"
+# Sintered PTFE returns a little more toward 45/0 than its hemispherical reflectance says: 1 to 2 % is what the field reports.
+if [ -r "$data/nist_ptfe/PTFE.data.csv" ]; then
+    "$GONIO" fit "$data/nist_ptfe/PTFE.data.csv" --wavelength 532 --method lsq --level 3 -o "$folder/ptfe.gonio" >"$folder/out" 2>&1
+    "$GONIO" calibrate reference "$folder/white.csv" --bands 532:10 --geometry 8/h --brdf "$folder/ptfe.gonio" --json >"$folder/ptfe.json"
+    ok $? "an 8/h certificate, through PTFE's measured BRDF"
+    between "$(value factor <"$folder/ptfe.json")" 1.005 1.025; ok $? "its radiance factor over its reflectance"
+else
+    n=$((n + 1)); echo "ok $n - 8/h through PTFE's BRDF # SKIP no data in $data"
+fi
 echo "1..$n"
