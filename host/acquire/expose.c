@@ -149,6 +149,7 @@ gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, c
     case GONIO_STEP_TRAP:
         return expose_trap(rig, setup, step, out, error);
     case GONIO_STEP_SAMPLE:
+    case GONIO_STEP_BURST:
         break;
     }
     return bracket(rig, setup, calib, step, first_s, out, error);

@@ -26,7 +26,7 @@ static gonio_status create(const char *path, const burst *b, gonio_session **ses
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu steps", *n);
     }
     for (size_t i = 0; i < *n; i++) {
-        (*steps)[i] = (gonio_step){.index = (int64_t)i, .kind = GONIO_STEP_SAMPLE};
+        (*steps)[i] = (gonio_step){.index = (int64_t)i, .kind = GONIO_STEP_BURST};
     }
     char bits[8];
     snprintf(bits, sizeof bits, "%d", b->info.bits);

@@ -5,7 +5,7 @@
 
 #include "host/session/internal.h"
 
-static const char *const kind_names[] = {"dark", "reference", "sample", "trap"};
+static const char *const kind_names[] = {"dark", "reference", "sample", "trap", "burst"};
 #define KINDS ((int)(sizeof kind_names / sizeof *kind_names))
 
 static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose) {

@@ -22,7 +22,8 @@ typedef enum gonio_step_kind {
     GONIO_STEP_DARK,
     GONIO_STEP_REFERENCE,
     GONIO_STEP_SAMPLE,
-    GONIO_STEP_TRAP
+    GONIO_STEP_TRAP,
+    GONIO_STEP_BURST // frames alone: no scan has them
 } gonio_step_kind;
 
 // One step of the session: a pose with a target, done as a whole or not at all.

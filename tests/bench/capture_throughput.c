@@ -264,7 +264,7 @@ static gonio_session *new_session(const char *path, int frames, gonio_step **ste
     *n = (size_t)(frames + GROUP - 1) / GROUP;
     *steps = calloc(*n, sizeof **steps);
     for (size_t i = 0; i < *n; i++) {
-        (*steps)[i] = (gonio_step){.index = (int64_t)i, .kind = GONIO_STEP_SAMPLE};
+        (*steps)[i] = (gonio_step){.index = (int64_t)i, .kind = GONIO_STEP_BURST};
     }
     must(gonio_session_create(path, &session, &error));
     must(gonio_session_put(session, "camera.bits", "16", &error));
