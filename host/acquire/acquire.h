@@ -70,6 +70,7 @@ typedef struct gonio_exposures {
     int n, capacity;
     double clock_s; // nominal; moves on with every frame
     double end_s;   // the exposure to begin the next step of this kind with
+    double monitor; // of the lamp, in: an earlier reading (0: none) that tells a failing lamp; out: the latest
 } gonio_exposures;
 // Take the frames that the step's kind asks for, from out->clock_s on, at the pose where the rig stands. first_s: the
 // exposure to begin with; 0: calibration proposes one. What was taken is in out, also on failure; the caller frees

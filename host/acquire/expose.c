@@ -9,6 +9,9 @@
 #define CAPTURE_MARGIN_S 10 // beyond the exposure itself
 // A monitor that sees the lamp knows it to a per cent or so; below this many sigmas it sees nothing.
 #define LAMP_SIGMAS 5
+// An instrument whose stated uncertainty is relative reads a dark lamp "well above" zero, and a damaged answer may
+// still be a number; but no lamp halves or doubles its light between two frames.
+#define LAMP_JUMP 2
 // The bracket may end with the reference at a seventh of the range; one frame this much longer saturates in any case,
 // so that the saturation level is measured, not assumed.
 #define SATURATING 8
@@ -28,7 +31,7 @@ static gonio_status grow(gonio_exposures *out, gonio_error *error) {
 }
 
 // The lamp's monitor during the frame; NaN without a meter.
-static gonio_status read_monitor(const gonio_rig *rig, gonio_exposure *exposure, gonio_error *error) {
+static gonio_status read_monitor(const gonio_rig *rig, double *before, gonio_exposure *exposure, gonio_error *error) {
     exposure->monitor = exposure->monitor_sigma = NAN;
     if (rig->meter == NULL) {
         return GONIO_OK;
@@ -42,6 +45,12 @@ static gonio_status read_monitor(const gonio_rig *rig, gonio_exposure *exposure,
     if (!(value > LAMP_SIGMAS * sigma)) {
         return gonio_fail(error, GONIO_E_DEVICE, "lamp: it is off: its monitor reads %.3g +- %.2g", value, sigma);
     }
+    if (*before > 0 && (value < *before / LAMP_JUMP || value > *before * LAMP_JUMP)) {
+        return gonio_fail(error, GONIO_E_DEVICE,
+                          "lamp: it fails, or its monitor does: that reads %.3g, at the frame before it read %.3g",
+                          value, *before);
+    }
+    *before = value;
     exposure->monitor = value;
     exposure->monitor_sigma = sigma / value;
     return GONIO_OK;
@@ -66,7 +75,7 @@ static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const g
                                   exposure_s + CAPTURE_MARGIN_S, &exposure->frame, error);
     // Behind a closed shutter the monitor tells nothing that a frame needs.
     if (status == GONIO_OK && step->kind != GONIO_STEP_DARK) {
-        status = read_monitor(rig, exposure, error);
+        status = read_monitor(rig, &out->monitor, exposure, error);
     }
     out->clock_s += exposure_s + setup->camera.read_out_s;
     return status;

@@ -25,6 +25,7 @@ struct gonio_scan {
     int target;             // what lies on the table
     double waited_s;        // for the lamp, before the first step of this run
     int bad_audits;         // in a row
+    double monitor;         // the lamp's, at the last frame; 0: none yet
     gonio_samples *samples; // of the last step
 };
 
@@ -60,6 +61,12 @@ void gonio_scan_halt(gonio_scan *scan) {
 
 static double clock_before(const gonio_scan *scan, size_t step) {
     return step > 0 ? scan->process.steps[step - 1].clock_end_s : 0;
+}
+
+// Wait until the lamp is warm; the first step of a session counts that on its nominal clock.
+static gonio_status warm_up(gonio_scan *scan, gonio_error *error) {
+    const gonio_stamp stamp = {(int64_t)scan->next, 0, clock_before(scan, scan->next)};
+    return scan->rig->lamp->wait_ready(scan->rig->lamp_device, &stamp, WARM_UP_TIMEOUT_S, &scan->waited_s, error);
 }
 
 // Go on after steps were taken back: frames of theirs that lie about are removed, and a calibration that lost a step is
@@ -103,17 +110,14 @@ static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
     if (rig->interlock != NULL) {
         status = rig->interlock->check(rig->interlock_device, error);
     }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_level(rig->lamp_device, 1, error);
-    }
+    // Homing first: it ends an alarm that a fault has left behind, and with one standing the lamp stays dark.
     if (status == GONIO_OK) {
         status = audit(scan, error);
     }
     if (status == GONIO_OK) {
-        const gonio_stamp stamp = {(int64_t)scan->next, 0, clock_before(scan, scan->next)};
-        status = rig->lamp->wait_ready(rig->lamp_device, &stamp, WARM_UP_TIMEOUT_S, &scan->waited_s, error);
+        status = rig->lamp->set_level(rig->lamp_device, 1, error);
     }
-    return status;
+    return status == GONIO_OK ? warm_up(scan, error) : status;
 }
 
 // Samples that the journal lacks although their frames are there: the calibration they stood on was measured again, or
@@ -157,6 +161,9 @@ gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const 
     }
     if (status == GONIO_OK && scan->ready) {
         status = restore_samples(scan, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_monitor(session, &scan->monitor, error);
     }
     to_next(scan);
     bool unaudited = false;
@@ -279,12 +286,28 @@ static gonio_status evaluate(gonio_scan *scan, const gonio_step *step, const gon
     return status;
 }
 
+// What was exposed counts only where the lamp burned and nobody stopped the rig to the end.
+static gonio_status still_sound(gonio_scan *scan, const gonio_exposures *exposures, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    const gonio_stamp stamp = {(int64_t)scan->next, exposures->n, exposures->clock_s};
+    double waited_s;
+    scan->monitor = exposures->monitor;
+    gonio_status status = rig->lamp->wait_ready(rig->lamp_device, &stamp, 0, &waited_s, error);
+    if (status == GONIO_OK && rig->interlock != NULL) {
+        status = rig->interlock->check(rig->interlock_device, error);
+    }
+    return status;
+}
+
 static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_error *error) {
     gonio_step *step = &scan->process.steps[scan->next];
     gonio_status status = approach(scan, step, &exposures->clock_s, error);
     if (status == GONIO_OK) {
         status = gonio_expose_step(scan->rig, &scan->process.setup, scan->process.calib, step,
                                    first_exposure(scan, step), exposures, error);
+    }
+    if (status == GONIO_OK) {
+        status = still_sound(scan, exposures, error);
     }
     if (status == GONIO_OK) {
         status = evaluate(scan, step, exposures, error);
@@ -323,6 +346,7 @@ static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
     bool any;
     const size_t poses = flagged_poses(scan, &any);
     const int every = scan->process.setup.scan.audit_poses;
+    const size_t before = scan->next;
     const bool at_end = scan->next == scan->process.n;
     if (!any || !(at_end || (every > 0 && poses >= (size_t)every))) {
         return GONIO_OK;
@@ -331,7 +355,11 @@ static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
     if (status == GONIO_OK) {
         status = park(scan, error);
     }
-    return status == GONIO_OK ? audit(scan, error) : status;
+    if (status == GONIO_OK) {
+        status = audit(scan, error);
+    }
+    // Taken back to the first step: it waited for the lamp.
+    return status == GONIO_OK && scan->next < before ? warm_up(scan, error) : status;
 }
 
 gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error) {
@@ -339,7 +367,7 @@ gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, go
     scan->samples = NULL;
     *samples = NULL;
     gonio_error own = {.line = -1, .byte = -1};
-    gonio_exposures exposures = {0};
+    gonio_exposures exposures = {.monitor = scan->monitor};
     gonio_status status = do_step(scan, &exposures, &own);
     gonio_exposures_free(exposures.items, exposures.n);
     if (status == GONIO_OK && scan->ready && scan->next < scan->process.first_sample) {

@@ -50,6 +50,7 @@ void controller_pause(const gonio_controller *c, int ms) {
 // ---- requests ----
 
 static gonio_status identify(gonio_controller *c, gonio_error *error);
+static gonio_modbus_fault once_status(gonio_controller *c, void *request);
 
 // Wait, bounded, until the port can be opened again and the same kind of controller answers.
 static gonio_status reopen(gonio_controller *c, gonio_error *error) {
@@ -86,14 +87,15 @@ static gonio_modbus_fault exchange(gonio_controller *c, controller_exchange once
     return fault;
 }
 
-gonio_status controller_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
-                                int *exception, gonio_error *error) {
+static gonio_status repeat_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
+                                   int *repeats, int *exception, gonio_error *error) {
     gonio_modbus_fault fault = GONIO_MODBUS_SILENT;
     if (exception != NULL) {
         *exception = 0;
     }
     for (int attempt = 0; attempt <= c->config.retries; attempt++) {
         c->counts.retries += attempt > 0;
+        *repeats = attempt;
         fault = exchange(c, once, request, true);
         if (fault == GONIO_MODBUS_GOOD) {
             return GONIO_OK;
@@ -118,6 +120,20 @@ gonio_status controller_request(gonio_controller *c, const char *what, controlle
     return gonio_fail(error, fault == GONIO_MODBUS_SILENT ? GONIO_E_TIMEOUT : GONIO_E_DEVICE,
                       "controller %s: %s failed %d times: %s", c->config.modbus.port, what, c->config.retries + 1,
                       gonio_modbus_text(c->modbus));
+}
+
+// A line that made a request be repeated may have carried another one to the controller: the position is read back.
+gonio_status controller_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
+                                int *exception, gonio_error *error) {
+    int repeats = 0;
+    const gonio_status status = repeat_request(c, what, once, request, &repeats, exception, error);
+    if (repeats > 0 && status == GONIO_OK) {
+        gonio_controller_tell(c, "retry", "%s: %d times, %s", what, repeats, "then it succeeded");
+    }
+    gonio_controller_status now;
+    return status == GONIO_OK && repeats > 0 && c->resting && once != once_status
+               ? gonio_controller_read_status(c, &now, error)
+               : status;
 }
 
 typedef struct words_request {
@@ -172,7 +188,15 @@ static gonio_modbus_fault once_coil(gonio_controller *c, void *request) {
 }
 
 gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio_error *error) {
-    return controller_request(c, "switching", once_coil, &(coil_request){coil, on}, NULL, error);
+    int exception = 0;
+    const gonio_status status =
+        controller_request(c, "switching", once_coil, &(coil_request){coil, on}, &exception, error);
+    gonio_controller_status now;
+    if (status != GONIO_OK && exception != 0 && gonio_controller_read_status(c, &now, NULL) == GONIO_OK) {
+        const gonio_status alarm = gonio_controller_alarm(&now, error); // it says more than "refused"
+        return alarm != GONIO_OK ? alarm : status;
+    }
+    return status;
 }
 
 // ---- status ----
@@ -219,6 +243,21 @@ static void decode(const uint16_t *words, gonio_controller_status *s) {
     }
 }
 
+static gonio_status check_rest(gonio_controller *c, const gonio_controller_status *now, gonio_error *error) {
+    for (int k = 0; k < GONIO_CONTROLLER_AXES && c->resting; k++) {
+        if (now->position[k] != c->rest[k]) {
+            c->resting = false; // told once
+            gonio_controller_tell(c, "lost-steps", "axis %d stands at %lld steps, and stood at %lld", k,
+                                  (long long)now->position[k], (long long)c->rest[k]);
+            return gonio_fail(error, GONIO_E_DEVICE,
+                              "controller %s: axis %d stands at %lld steps and was left at %lld, though nothing was "
+                              "asked to move",
+                              c->config.modbus.port, k, (long long)now->position[k], (long long)c->rest[k]);
+        }
+    }
+    return GONIO_OK;
+}
+
 gonio_status gonio_controller_read_status(gonio_controller *c, gonio_controller_status *status, gonio_error *error) {
     uint16_t words[STATUS_WORDS];
     const gonio_status result = controller_request(c, "status", once_status, words, NULL, error);
@@ -227,17 +266,26 @@ gonio_status gonio_controller_read_status(gonio_controller *c, gonio_controller_
     }
     decode(words, status);
     pthread_mutex_lock(&c->lock);
-    const bool restarted = status->time_us < c->last_time_us;
+    // Soon after power came its time need not go back; but then it has forgotten the last command, and the parameters.
+    const bool restarted = status->time_us < c->last_time_us || (c->commanded && status->accepted_id == 0);
+    const bool first = restarted && !c->restarted;
+    c->restarted = c->restarted || restarted;
     c->last_time_us = status->time_us;
     pthread_mutex_unlock(&c->lock);
-    if (restarted) {
+    if (first) {
         gonio_controller_tell(c, "controller-restart", "the controller restarted (%s)",
                               gonio_controller_cause_text(status->reset_cause));
-        // The command in flight is forgotten, and so are the positions; what stands in the table then says the rest.
+    }
+    if (c->restarted) { // for good: its parameters are those of its start, until somebody opens it and sets them again
         return gonio_fail(error, GONIO_E_DEVICE, "controller %s restarted (%s): positions are lost, home it again",
                           c->config.modbus.port, gonio_controller_cause_text(status->reset_cause));
     }
-    return GONIO_OK;
+    return check_rest(c, status, error);
+}
+
+void gonio_controller_rest(gonio_controller *c, const int64_t position[GONIO_CONTROLLER_AXES]) {
+    memcpy(c->rest, position, sizeof c->rest);
+    c->resting = true;
 }
 
 // ---- connection ----
@@ -354,6 +402,9 @@ static gonio_status settle_in(gonio_controller *c, gonio_error *error) {
     }
     if (result == GONIO_OK && status.state == CONTROLLER_STATE_ALARM && status.alarm == CONTROLLER_ALARM_DEADMAN) {
         result = gonio_controller_clear(c, error);
+    } else if (result == GONIO_OK && status.state == CONTROLLER_STATE_IDLE) {
+        // Nothing to clear: it only makes the controller hold an id that a restart forgets.
+        result = gonio_controller_command(c, CONTROLLER_COMMAND_CLEAR, 0, NULL, NULL, error);
     }
     return result == GONIO_OK ? set_deadman(c, c->config.deadman_s, error) : result;
 }

@@ -66,6 +66,9 @@ void gonio_controller_count(gonio_controller *controller, gonio_controller_count
 
 gonio_status gonio_controller_read_status(gonio_controller *controller, gonio_controller_status *status,
                                           gonio_error *error);
+// The axes have come to rest there: from now on every status, and after a repeated request one is read, is held against
+// it until the next command that moves. A difference is a lost-step event and GONIO_E_DEVICE.
+void gonio_controller_rest(gonio_controller *controller, const int64_t position[GONIO_CONTROLLER_AXES]);
 // Whole values of any registers, in words, high word first.
 gonio_status gonio_controller_read(gonio_controller *controller, int address, int n, uint16_t *words,
                                    gonio_error *error);

@@ -56,6 +56,7 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
     command_block block;
     c->last_id = c->last_id == UINT32_MAX ? 1 : c->last_id + 1;
     fill_block(&block, command, c->last_id, axes, targets);
+    c->resting = c->resting && command != CONTROLLER_COMMAND_MOVE && command != CONTROLLER_COMMAND_HOME;
     for (int attempt = 0; attempt <= c->config.retries; attempt++) {
         int exception = 0;
         gonio_status status = controller_request(c, "command", once_command, &block, &exception, error);
@@ -72,6 +73,7 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
         const bool stops = command == CONTROLLER_COMMAND_STOP || command == CONTROLLER_COMMAND_HALT;
         const bool moves = now.state == CONTROLLER_STATE_MOVING || now.state == CONTROLLER_STATE_HOMING;
         if (stops ? !moves : now.accepted_id == c->last_id) {
+            c->commanded = c->commanded || !stops;
             if (id != NULL) {
                 *id = c->last_id;
             }

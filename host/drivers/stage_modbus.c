@@ -216,7 +216,13 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     if (status == GONIO_OK) {
         status = gonio_controller_wait(s->controller, own_id, timeout_s, watch, s, &now, error);
     }
-    return status == GONIO_OK ? check_arrival(s, targets, &now, error) : status;
+    if (status == GONIO_OK) {
+        status = check_arrival(s, targets, &now, error);
+    }
+    if (status == GONIO_OK) {
+        gonio_controller_rest(s->controller, targets);
+    }
+    return status;
 }
 
 static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],

@@ -250,6 +250,26 @@ gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio
     return GONIO_OK;
 }
 
+gonio_status gonio_session_monitor(gonio_session *session, double *value, gonio_error *error) {
+    sqlite3_stmt *row;
+    *value = 0;
+    gonio_status status = session_prepare(session,
+                                          "SELECT monitor FROM frames WHERE monitor IS NOT NULL"
+                                          " ORDER BY step DESC, frame DESC LIMIT 1",
+                                          &row, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const int code = sqlite3_step(row);
+    if (code == SQLITE_ROW) {
+        *value = sqlite3_column_double(row, 0);
+    } else if (code != SQLITE_DONE) {
+        status = session_db_fail(session, error, "read the monitor's last reading");
+    }
+    sqlite3_finalize(row);
+    return status;
+}
+
 void gonio_exposures_free(gonio_exposure *exposures, int n) {
     for (int i = 0; exposures != NULL && i < n; i++) {
         free(exposures[i].frame.pixels);

@@ -155,11 +155,22 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
     return GONIO_OK;
 }
 
+// Open with these flags, and see whether it can be read.
+static bool open_with(gonio_session *session, int flags) {
+    return sqlite3_open_v2(session->db_path, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK &&
+           sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK;
+}
+
 static bool open_read_only(gonio_session *session) {
-    if (sqlite3_open_v2(session->db_path, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_FULLMUTEX, NULL) ==
-            SQLITE_OK &&
-        sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK) {
+    if (open_with(session, SQLITE_OPEN_READONLY)) {
         return true;
+    }
+    // Power went in the middle of a change: it has to be rolled back before anybody can read.
+    if ((sqlite3_errcode(session->db) & 0xff) == SQLITE_READONLY) {
+        sqlite3_close(session->db);
+        if (open_with(session, SQLITE_OPEN_READWRITE)) {
+            return true;
+        }
     }
     // On a medium that cannot be written SQLite cannot make its -shm file: there the file cannot change either.
     const int code = sqlite3_errcode(session->db) & 0xff;

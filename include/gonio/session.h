@@ -103,6 +103,8 @@ gonio_status gonio_burst_close(gonio_burst *burst, gonio_burst_counts *counts, g
 gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio_exposure **exposures, int *n,
                                      gonio_error *error);
 void gonio_exposures_free(gonio_exposure *exposures, int n);
+// The lamp monitor's reading at the last frame that has one; 0: none has.
+gonio_status gonio_session_monitor(gonio_session *session, double *value, gonio_error *error);
 // All samples in step order, as journalled (before the pointing term). The caller frees them.
 gonio_status gonio_session_samples(gonio_session *session, gonio_samples **out, gonio_error *error);
 // One step's samples; *out is NULL, with GONIO_OK, where the step has none. The caller frees them.

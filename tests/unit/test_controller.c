@@ -28,7 +28,7 @@ static gonio_controller_config config(void) {
     gonio_controller_config c;
     gonio_controller_defaults(&c);
     snprintf(c.modbus.port, sizeof c.modbus.port, "%s", b.port);
-    c.modbus.timeout_ms = 60;
+    c.modbus.timeout_ms = 200; // a busy machine may take a while
     c.replug_s = 3;
     c.event = note;
     events[0] = 0;
@@ -351,7 +351,88 @@ static void test_restart_is_noticed(void **state) {
     usleep(20000);
     assert_int_equal(gonio_controller_read_status(controller, &now, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "restarted"));
-    must(gonio_controller_read_status(controller, &now, &error), &error); // told once
+    // Nothing goes on with the parameters of its start; it is told once.
+    assert_int_equal(gonio_controller_read_status(controller, &now, &error), GONIO_E_DEVICE);
+    assert_null(strstr(strstr(events, "controller-restart") + 1, "controller-restart"));
+    gonio_controller_release(controller);
+    controller = open_controller(&c);
+    must(gonio_controller_read_status(controller, &now, &error), &error);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+// A controller that had just been switched on is reset between its set-up and the first move: its clock does not go
+// back, and it would have moved with the parameters, and the limits, of its start.
+static void test_early_restart_is_noticed(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    const gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    gonio_error error = {0};
+    b.shared->restart = 1;
+    usleep(300000); // of thirty-fold time: more than it had been up before
+    const int64_t motions = b.shared->motions;
+    assert_int_equal(gonio_stage_modbus.home(stage, 30, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "restarted"));
+    assert_int_equal(b.shared->motions, motions);
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+// An axis slips: an audit finds by how much, once. Where the position was lost in between, nobody can know.
+static void test_audit(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    const gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    gonio_error error = {0};
+    double difference[GONIO_AXES];
+    must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
+    assert_true(isnan(difference[0])); // never homed before
+    must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        assert_true(fabs(gonio_degrees(difference[k])) < 0.0101);
+    }
+    b.shared->machine.axis[2].steps += 70;
+    assert_int_equal(gonio_stage_modbus.audit(stage, 60, difference, &error), GONIO_E_MISMATCH);
+    assert_non_null(strstr(error.message, "camera_theta"));
+    assert_true(fabs(gonio_degrees(difference[2]) + 0.7) < 0.0101 && fabs(gonio_degrees(difference[1])) < 0.0101);
+    must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
+    assert_true(fabs(gonio_degrees(difference[2])) < 0.0101);
+    assert_int_equal(gonio_stage_modbus_lost_steps(stage), 1);
+    b.shared->machine.core.known = 7;
+    must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
+    assert_true(isnan(difference[0]));
+    gonio_stage_modbus.close(stage);
+    gonio_controller_release(controller);
+    bench_stop(&b);
+}
+
+// The controller counts another position though nothing was asked to move: any exchange that reads it back tells.
+static void test_position_is_read_back(void **state) {
+    (void)state;
+    bench_start(&b, true, 30, 1);
+    const gonio_controller_config c = config();
+    gonio_controller *controller = open_controller(&c);
+    const gonio_stage_modbus_config sc = stage_config();
+    void *stage = open_stage(controller, &sc);
+    gonio_error error = {0};
+    double target[GONIO_AXES], at[GONIO_AXES];
+    pose(10, 20, 30, 40, target);
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    must(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), &error);
+    must(gonio_stage_modbus.position(stage, at, &error), &error);
+    b.shared->machine.core.step.position[1] += 3;
+    assert_int_equal(gonio_stage_modbus.position(stage, at, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "nothing was asked to move"));
+    assert_non_null(strstr(events, "lost-steps: axis 1"));
+    must(gonio_stage_modbus.move(stage, target, 2, &stamp, 10, &error), &error); // absolute: it goes there again
+    gonio_stage_modbus.close(stage);
     gonio_controller_release(controller);
     bench_stop(&b);
 }
@@ -388,6 +469,7 @@ static void test_wrong_partners(void **state) {
 static void check_bad_line(bool tcp, uint32_t kinds, uint32_t seed) {
     bench_start(&b, tcp, 30, seed);
     gonio_controller_config c = config();
+    c.modbus.timeout_ms = 60;
     c.deadman_s = 120; // of the controller's time, which runs 30 times as fast
     gonio_controller *controller = open_controller(&c);
     const gonio_stage_modbus_config sc = stage_config();
@@ -502,6 +584,9 @@ int main(void) {
         cmocka_unit_test(test_feeding),
         cmocka_unit_test(test_stops_in_mid_move),
         cmocka_unit_test(test_restart_is_noticed),
+        cmocka_unit_test(test_early_restart_is_noticed),
+        cmocka_unit_test(test_audit),
+        cmocka_unit_test(test_position_is_read_back),
         cmocka_unit_test(test_wrong_partners),
         cmocka_unit_test(test_bad_serial_line),
         cmocka_unit_test(test_bad_tcp_line),
