@@ -11,8 +11,8 @@
 //   56  u64      checksum of all bytes from 64 on, seeded with those of the head before it
 //   64  char[32] a channel: its name, terminated
 //
-// The file is mapped read-only and its arrays are used where they lie, so opening costs one pass for the checksum and
-// nothing is copied.
+// The file is mapped read-only and its arrays are used where they lie, so opening costs one pass for the checksum, or
+// none, and nothing is copied.
 #include "fit/model_file.h"
 
 #include <errno.h>
@@ -157,7 +157,7 @@ static gonio_status check_head(const head *h, const char *path, size_t length, g
     return GONIO_OK;
 }
 
-static gonio_status check_content(const head *h, const unsigned char *base, const char *path, gonio_error *error) {
+static gonio_status check_sum(const head *h, const unsigned char *base, const char *path, gonio_error *error) {
     checksum sum = checksum_begin(h);
     checksum_add(&sum, base + sizeof *h, (size_t)h->length - sizeof *h);
     // Fuzzing would never get past it (tests/fuzz); everything behind it must hold without.
@@ -166,9 +166,11 @@ static gonio_status check_content(const head *h, const unsigned char *base, cons
 #else
     const bool damaged = checksum_end(&sum) != h->checksum;
 #endif
-    if (damaged) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 56, "checksum mismatch: the file is damaged");
-    }
+    return !damaged ? GONIO_OK
+                    : gonio_fail_byte(error, GONIO_E_INPUT, path, 56, "checksum mismatch: the file is damaged");
+}
+
+static gonio_status check_names(const head *h, const unsigned char *base, const char *path, gonio_error *error) {
     for (uint32_t c = 0; c < h->channels; c++) {
         const size_t at = sizeof *h + 32 * (size_t)c;
         if (memchr(base + at, 0, 32) == NULL) {
@@ -178,7 +180,7 @@ static gonio_status check_content(const head *h, const unsigned char *base, cons
     return GONIO_OK;
 }
 
-static gonio_status map_file(const char *path, gonio_mapped *mapped, gonio_error *error) {
+static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped, gonio_error *error) {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     struct stat info;
     if (fd < 0 || fstat(fd, &info) != 0) {
@@ -194,7 +196,7 @@ static gonio_status map_file(const char *path, gonio_mapped *mapped, gonio_error
                                (long long)info.st_size);
     }
     mapped->length = (size_t)info.st_size;
-    mapped->base = mmap(NULL, mapped->length, PROT_READ, MAP_PRIVATE | MAP_POPULATE, fd, 0);
+    mapped->base = mmap(NULL, mapped->length, PROT_READ, MAP_PRIVATE | (whole ? MAP_POPULATE : 0), fd, 0);
     const int why = errno;
     close(fd);
     if (mapped->base == MAP_FAILED) {
@@ -205,12 +207,16 @@ static gonio_status map_file(const char *path, gonio_mapped *mapped, gonio_error
     return mapped->path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to open %s", path);
 }
 
-static gonio_status read_mapped(gonio_mapped *mapped, const char *path, gonio_model **out, gonio_error *error) {
+static gonio_status read_mapped(gonio_mapped *mapped, const char *path, bool whole, gonio_model **out,
+                                gonio_error *error) {
     head h;
     memcpy(&h, mapped->base, sizeof h);
     gonio_status status = check_head(&h, path, mapped->length, error);
+    if (status == GONIO_OK && whole) {
+        status = check_sum(&h, mapped->base, path, error);
+    }
     if (status == GONIO_OK) {
-        status = check_content(&h, mapped->base, path, error);
+        status = check_names(&h, mapped->base, path, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -229,17 +235,25 @@ static gonio_status read_mapped(gonio_mapped *mapped, const char *path, gonio_mo
     return gonio_fail_byte(error, GONIO_E_INPUT, path, 16, "a model of the unknown kind '%.16s'", h.kind);
 }
 
-gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *error) {
+static gonio_status open_file(const char *path, bool whole, gonio_model **out, gonio_error *error) {
     *out = NULL;
     gonio_mapped mapped = {0};
-    gonio_status status = map_file(path, &mapped, error);
+    gonio_status status = map_file(path, whole, &mapped, error);
     if (status == GONIO_OK) {
-        status = read_mapped(&mapped, path, out, error);
+        status = read_mapped(&mapped, path, whole, out, error);
     }
     if (status != GONIO_OK) {
         gonio_mapped_release(&mapped);
     }
     return status;
+}
+
+gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *error) {
+    return open_file(path, true, out, error);
+}
+
+gonio_status gonio_model_map(const char *path, gonio_model **out, gonio_error *error) {
+    return open_file(path, false, out, error);
 }
 
 static const unsigned char zeros[GONIO_MODEL_FILE_ALIGN];

@@ -70,6 +70,9 @@ static void written_models_come_back(void **state) {
                 fail_msg("%s %s: %s", kinds[k][0], kinds[k][1] ? kinds[k][1] : "", error.message);
             }
             assert_same_model(model, back);
+            gonio_model_free(back);
+            assert_int_equal(gonio_model_map(path, &back, &error), GONIO_OK);
+            assert_same_model(model, back);
             gonio_model_free(model);
             gonio_model_free(back);
         }
@@ -129,6 +132,8 @@ static void damage_is_found(void **state) {
         for (int i = 0; i < 40; i++) {
             spill(bytes, (size_t)(simulate_uniform(&seed) * (double)length));
             assert_refused(NULL);
+            assert_int_equal(gonio_model_map(path, &model, NULL), GONIO_E_INPUT);
+            assert_null(model);
         }
         free(bytes);
     }
