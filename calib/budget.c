@@ -74,7 +74,7 @@ static gonio_status later_ratio(const gonio_calib *calib, double *ratio, double 
     for (int j = 0; j < calib->later.n; j++) {
         const stored_frame *f = &calib->later.items[j];
         const geometry g = geometry_of_pose(&calib->facts, &f->pose);
-        const double scale = exposure_scale(calib, f->exposure_s, f->monitor);
+        const double scale = reference_scale(calib, f), lit_s = scale_by_irradiance(&calib->facts) ? 0 : scale;
         double read = 0, expected = 0;
         size_t n = 0, clipped = 0;
         for (size_t p = 0; p < calib->pixels; p++) {
@@ -83,7 +83,7 @@ static gonio_status later_ratio(const gonio_calib *calib, double *ratio, double 
                 continue;
             }
             const double known = white_signal(calib, &hit, calib->channel[p]);
-            const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, scale, calib->flat[p] * known * scale);
+            const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, calib->flat[p] * known * scale);
             read += t.signal;
             expected += t.scale;
             clipped += t.clipped;
@@ -114,12 +114,14 @@ gonio_status gonio_calib_drift(const gonio_calib *calib, const double *clock_s, 
         *ratio = end;
     }
     const double span = end_clock_s - calib->reference_clock_s;
-    if (calib->monitored || !(span > 0)) {
+    // A source that lights itself tells nothing of the lamp.
+    if (calib->monitored || scale_by_irradiance(&calib->facts) || !(span > 0)) {
         return GONIO_OK;
     }
     const gonio_rig_facts *facts = &calib->facts;
     // Both references were aligned independently, each to the axes' repeatability.
-    const double alignment = gonio_radians(facts->pointing_random_deg) * tan(calib->reference_theta_i);
+    const double alignment =
+        gonio_radians(facts->pointing_random_deg) * reference_slope(facts, calib->reference_theta_i);
     for (size_t i = 0; i < samples->n; i++) {
         const double share = (clock_s[i] - calib->reference_clock_s) / span;
         const double lamp = 1 + share * (end - 1);

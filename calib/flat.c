@@ -12,6 +12,9 @@
 // Known signal of the panel at this pixel, f_r x relative irradiance; 0 where the pixel does not see it lit.
 static double panel_signal(const gonio_calib *calib, const geometry *g, size_t p) {
     geometry_hit hit;
+    if (scale_by_irradiance(&calib->facts)) {
+        return white_signal(calib, NULL, calib->channel[p]);
+    }
     if (!geometry_plate(g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL) || hit.irradiance <= 0) {
         return 0;
     }
@@ -33,8 +36,8 @@ static void merge_panel(gonio_calib *calib, flat_work *work, size_t p) {
     for (int j = 0; j < n; j++) {
         const stored_frame *f = &calib->reference.items[j];
         const double known = panel_signal(calib, &work->poses[j], p);
-        const double lit_s = exposure_scale(calib, f->exposure_s, f->monitor);
-        terms[j] = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, known * lit_s);
+        const double scale = reference_scale(calib, f), lit_s = scale_by_irradiance(&calib->facts) ? 0 : scale;
+        terms[j] = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, known * scale);
         terms[j].clipped = terms[j].clipped || known == 0;
     }
     merge_pixel(&calib->noise, n, terms, &merged);
@@ -88,6 +91,8 @@ static gonio_status find_dead(gonio_calib *calib, gonio_error *error) {
 
 // When and at which angle the reference was measured, and how well its lamp readings are known.
 static void describe_reference(gonio_calib *calib, const flat_work *work) {
+    // The uncertainty of an irradiance reading is part of the stated one.
+    const bool panel_monitored = calib->monitored && !scale_by_irradiance(&calib->facts);
     const stored_frames *frames = &calib->reference;
     double clock = 0, variance = 0, theta = 0;
     int poses = 0;
@@ -96,7 +101,7 @@ static void describe_reference(gonio_calib *calib, const flat_work *work) {
         const double share = work->share[j] / (double)work->n;
         clock += share * f->stamp.clock_s;
         theta += share * geometry_pair(&calib->facts, &f->pose).theta_i;
-        variance += calib->monitored ? share * share * f->monitor_sigma * f->monitor_sigma : 0;
+        variance += panel_monitored ? share * share * f->monitor_sigma * f->monitor_sigma : 0;
         poses += j == 0 || f->stamp.pose != frames->items[j - 1].stamp.pose;
     }
     calib->reference_clock_s = clock;

@@ -2,6 +2,8 @@
 #ifndef CALIB_INTERNAL_H
 #define CALIB_INTERNAL_H
 
+#include <math.h>
+
 #include "calib/geometry.h"
 #include "calib/merge.h"
 #include "gonio/calib.h"
@@ -95,6 +97,21 @@ static inline double quantum_variance(const gonio_calib *calib, uint16_t raw) {
 // Exposure times lamp: the DN that unit responsivity and radiance give.
 static inline double exposure_scale(const gonio_calib *calib, double exposure_s, double monitor) {
     return exposure_s * (calib->monitored && monitor > 0 ? monitor / calib->monitor_reference : 1);
+}
+
+// Does an irradiance reading give the absolute scale, so that the lamp does not light the reference?
+static inline bool scale_by_irradiance(const gonio_rig_facts *facts) {
+    return facts->irradiance > 0 && facts->reference_radiance > 0;
+}
+
+// How the scale follows an error of the light's theta at the reference, relative a radian: through cos(theta_i).
+static inline double reference_slope(const gonio_rig_facts *facts, double theta_i) {
+    return scale_by_irradiance(facts) ? 0 : tan(theta_i);
+}
+
+// exposure_scale of a reference frame.
+static inline double reference_scale(const gonio_calib *calib, const stored_frame *f) {
+    return scale_by_irradiance(&calib->facts) ? f->exposure_s : exposure_scale(calib, f->exposure_s, f->monitor);
 }
 
 // A pixel's reading as the merge wants it; lit_s: its exposure_scale; scale: lit_s times what unit radiance gives.

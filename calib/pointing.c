@@ -35,7 +35,8 @@ static double model_at(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, i
 static double alignment_variance(const gonio_rig_facts *facts, const gonio_pair *pair, const double d[4]) {
     const gonio_pair reference = {.theta_i = gonio_radians(GONIO_REFERENCE_THETA_I_DEG)};
     const double si = fmax(sin(pair->theta_i), 1e-3), so = fmax(sin(pair->theta_o), 1e-3);
-    const double slope[5] = {d[0] - tan(pair->theta_i), d[1] / si, d[2], d[3] / so, tan(reference.theta_i)};
+    const double slope[5] = {d[0] - tan(pair->theta_i), d[1] / si, d[2], d[3] / so,
+                             reference_slope(facts, reference.theta_i)};
     double c[5][5], variance = 0;
     gonio_alignment_covariance(&facts->alignment, pair, &reference, c);
     for (int i = 0; i < 5; i++) {
@@ -60,7 +61,7 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
         d[i] /= floor;
     }
     const double own = d[0] - tan(pair->theta_i),
-                 with_reference = own + tan(gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
+                 with_reference = own + reference_slope(facts, gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
     slope_terms terms = {.factor = 1};
     if (value > VALUE_MIN) {
         blur_correct(facts, model, channel, pair, value, measured, &terms);

@@ -38,7 +38,7 @@ void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *e
                         uncertainty *u) {
     const gonio_rig_facts *facts = &calib->facts;
     const double v2 = value * value;
-    const double random = gonio_radians(facts->pointing_random_deg) * tan(calib->reference_theta_i);
+    const double random = gonio_radians(facts->pointing_random_deg) * reference_slope(facts, calib->reference_theta_i);
     u->reference = v2 * facts->reference_relative_sigma * facts->reference_relative_sigma;
     // The reference's own pose was off by the axes' repeatability: its irradiance goes with cos(theta_i).
     u->alignment = v2 * random * random / calib->reference_poses;

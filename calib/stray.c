@@ -22,6 +22,11 @@ static void use_monitor(gonio_calib *calib) {
     double sum = 0;
     calib->monitored = true;
     calib->monitor_reference = 1;
+    if (scale_by_irradiance(&calib->facts)) { // the lamp level at which the irradiance was read
+        calib->monitored = calib->facts.irradiance_monitor > 0;
+        calib->monitor_reference = calib->monitored ? calib->facts.irradiance_monitor : 1;
+        return;
+    }
     for (int i = 0; i < calib->reference.n; i++) {
         calib->monitored = calib->monitored && calib->reference.items[i].monitor > 0;
         sum += calib->reference.items[i].monitor;
@@ -75,7 +80,7 @@ static double white_rate(const gonio_calib *calib) {
 
 static gonio_status check_trap(const gonio_calib *calib, double trap_rate, gonio_error *error) {
     const double white = white_rate(calib);
-    if (trap_rate <= TRAP_SHARE_MAX * white) {
+    if (scale_by_irradiance(&calib->facts) || trap_rate <= TRAP_SHARE_MAX * white) {
         return GONIO_OK;
     }
     const stored_frame *first = &calib->trap.items[0];

@@ -4,6 +4,9 @@
 // normal. A panel that is not Lambertian returns another share at the slightly different angles that each pixel has
 // (the light and the camera are at finite distances, and the arms may be misaligned): the shape of its own BRDF,
 // measured or tabulated, scaled to 1 at the reference geometry, tells which.
+//
+// Where an irradiance reading gives the scale, the reference is a source of known radiance L: a sample that returned L
+// under the lamp's irradiance E would have f_r cos(theta_i) = L / E.
 #include <math.h>
 #include <string.h>
 
@@ -29,6 +32,9 @@ gonio_status white_open(gonio_calib *calib, gonio_error *error) {
 }
 
 double white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel) {
+    if (scale_by_irradiance(&calib->facts)) {
+        return calib->facts.reference_radiance / calib->facts.irradiance;
+    }
     const double lambertian = calib->facts.reference_reflectance[channel] / GONIO_PI * hit->irradiance;
     if (calib->white == NULL) {
         return lambertian;

@@ -249,7 +249,11 @@ static gonio_status approach(gonio_scan *scan, const gonio_step *step, double *c
         status = rig->interlock->check(rig->interlock_device, error);
     }
     if (status == GONIO_OK) {
-        status = rig->lamp->set_shutter(rig->lamp_device, step->kind != GONIO_STEP_DARK, error);
+        // A source of known radiance lights itself.
+        const gonio_rig_facts *facts = &scan->process.setup.facts;
+        const bool own_light =
+            step->kind == GONIO_STEP_REFERENCE && facts->irradiance > 0 && facts->reference_radiance > 0;
+        status = rig->lamp->set_shutter(rig->lamp_device, step->kind != GONIO_STEP_DARK && !own_light, error);
     }
     return status == GONIO_OK ? move(scan, step, clock_s, error) : status;
 }

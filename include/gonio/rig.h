@@ -166,6 +166,11 @@ typedef struct gonio_rig_facts {
     gonio_alignment alignment;                           // of the axes; not known: perfect up to pointing_*
     double reference_reflectance[3]; // of the near-Lambertian white reference, a channel (mono: [0])
     double reference_relative_sigma;
+    // Another absolute scale, without a white panel: the reference is a source of known radiance (W/m^2/sr), uniform
+    // over the view and lit by itself, and a meter read the lamp's irradiance (W/m^2) at the centre of rotation, facing
+    // it, when the lamp's monitor read irradiance_monitor (0: there is none). reference_relative_sigma is that of
+    // radiance / irradiance. 0: a white panel.
+    double reference_radiance, irradiance, irradiance_monitor;
     double lamp_drift_per_h; // stated relative drift, used where no meter measures it
     double stray_variation;  // relative, of the lamp's stray light from pose to pose; the light trap shows it at one
     double glare_sigma;      // of the share of the scene's mean radiance that the lens spreads over every pixel

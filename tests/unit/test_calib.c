@@ -417,6 +417,47 @@ static void test_blur_is_what_the_apertures_do(void **state) {
     }
 }
 
+// Without a white panel: a source of known radiance and a reading of the lamp's irradiance. The panel under the lamp
+// plays the source (its radiance over E is reflectance / pi cos 45) at the lamp's nominal level. The values are the
+// truth to 5 sigma, and a doubled reading halves them.
+static void test_irradiance_gives_the_scale(void **state) {
+    (void)state;
+    static const char *const settings[] = {"sample.region_radius_mm=2",
+                                           "reference.sigma_percent=0",
+                                           "meter.noise_percent=0.001",
+                                           "lamp.drift_percent_per_hour=0",
+                                           "lamp.wander_percent=0",
+                                           "stray.glare_percent=0",
+                                           NULL};
+    const gonio_pair pose = pose_deg(60, 0, 20, 180);
+    double found[2];
+    for (int k = 0; k < 2; k++) {
+        sim_scan scan;
+        assert_true(scan_open(&scan, "lambert:rho=0.5", 27, settings, SIDE));
+        gonio_rig_facts *facts = &scan.rig.facts;
+        facts->irradiance = 250 * (1 + k);
+        facts->reference_radiance = 250 * 0.99 / GONIO_PI * cos(gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
+        facts->irradiance_monitor = 1;
+        facts->reference_relative_sigma = 0.001;
+        gonio_calib_free(scan.calib);
+        assert_int_equal(gonio_calib_new(&scan.camera, facts, &scan.window, &scan.calib, NULL), GONIO_OK);
+        scan.trap_frames = 0;
+        assert_true(scan_prepare(&scan));
+        gonio_samples *samples = new_samples(scan.calib);
+        gonio_budget b;
+        assert_true(scan_pose(&scan, &pose, samples));
+        assert_int_equal(gonio_calib_budget(scan.calib, &pose, scan.n, scan.exposures, NULL, NULL, &b, NULL), GONIO_OK);
+        found[k] = samples->values[0];
+        assert_near(b.reference, 0.001 * found[k], 1e-12);
+        assert_true(b.angle == 0); // no slope is given, and no panel's cosine comes in
+        // Axes of 0.01 deg at 60 deg: 0.03 %, of the panel that plays the source another 0.02 %; stray light 0.02 %.
+        assert_near(found[k] * (1 + k), 0.5 / GONIO_PI, 5 * hypot(b.random, b.systematic) + 0.002 * 0.5 / GONIO_PI);
+        gonio_samples_free(samples);
+        scan_close(&scan);
+    }
+    assert_near(found[0] / found[1], 2, 1e-6);
+}
+
 // The streaming kernel agrees with the merge of a single exposure, whatever the threads.
 static void test_radiance_of_a_frame(void **state) {
     (void)state;
@@ -593,6 +634,7 @@ int main(void) {
         cmocka_unit_test(test_stray_light_is_taken_off),
         cmocka_unit_test(test_correlated_maps_are_not_counted_twice),
         cmocka_unit_test(test_blur_is_what_the_apertures_do),
+        cmocka_unit_test(test_irradiance_gives_the_scale),
         cmocka_unit_test(test_radiance_of_a_frame),
         cmocka_unit_test(test_polite_failures),
         cmocka_unit_test(test_frames_that_do_not_fit),
