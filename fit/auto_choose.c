@@ -1,9 +1,11 @@
-// The choice for small sets, in three rounds, each scored by leave-one-out on all its samples:
+// The choice for small sets, in four rounds, each scored by leave-one-out on all its samples:
 //   1. coordinates and base, at a level that suits the number of samples;
-//   2. how stiff each axis is, and how far reciprocity is trusted;
-//   3. one level coarser and finer.
-// A round's forms are independent, so they run side by side; one eigendecomposition a form scores every base, channel
-// and lambda.
+//   2. how stiff each axis is;
+//   3. how far reciprocity is trusted;
+//   4. one level coarser and finer.
+// Coordinates that come close to the best ones go on through the rounds: which suit the samples can change with the
+// level (a silk's half-vector fit overtook its Nusselt fit only at level 5). A round's forms are independent, so they
+// run side by side; one eigendecomposition a form scores every base, channel and lambda.
 #include "fit/auto_choose.h"
 
 #include <math.h>
@@ -160,12 +162,13 @@ static gonio_status keep_best(const gonio_lsq_data *data, const gonio_fit_option
     return GONIO_OK;
 }
 
+#define SIDE_BY_SIDE 2
 typedef struct round_job {
     const gonio_lsq_data *data;
     const gonio_auto_choice *choice;
     const gonio_lsq_form *forms;
     double lambda;
-    round_result results[8];
+    round_result results[SIDE_BY_SIDE];
 } round_job;
 
 static void run_form(void *context, size_t f) {
@@ -211,7 +214,7 @@ static bool time_for(const gonio_lsq_watch *watch, const gonio_auto_choice *choi
 // A few forms at a time, as many as run side by side: between them the caller may stop, and the time is looked at.
 static gonio_status run_round(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_team *team,
                               const gonio_lsq_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
-    const int side_by_side = isinf(watch->until) ? 2 : 1;
+    const int side_by_side = isinf(watch->until) ? SIDE_BY_SIDE : 1;
     gonio_status status = GONIO_OK;
     for (int f = 0; f < n && status == GONIO_OK; f += side_by_side) {
         const int count = n - f < side_by_side ? n - f : side_by_side;
@@ -255,31 +258,38 @@ static int coordinate_forms(const gonio_lsq_data *data, const gonio_fit_options 
     return n;
 }
 
-// Stiffer or softer along the difference angle or the incidence; and half-vector reciprocity as a weak prior.
-static int stiffness_forms(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *best,
-                           gonio_lsq_form *forms) {
-    static const double half[][4] = {{1, 1, 1, 1}, {1, 1, 10, 10}, {0.1, 0.1, 10, 10}};
+// Stiffer or softer along the difference angle or the incidence.
+static int stiffness_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, gonio_lsq_form *forms) {
+    static const double half[][4] = {{1, 1, 10, 10}, {0.1, 0.1, 10, 10}};
     static const double other[][4] = {{10, 1, 1, 1}, {0.1, 1, 1, 1}};
     const bool half_vector = best->coordinates == GONIO_HALF_VECTOR;
-    const bool open = options->symmetry == GONIO_SYMMETRY_AUTO && half_vector;
     int n = 0;
-    for (int k = 0; k < (half_vector ? 3 : data->dims == 3 ? 2 : 0); k++) {
-        for (int weak = 0; weak <= (int)open; weak++) {
-            if (k == 0 && half_vector && weak == 0) {
-                continue; // the first round's
-            }
+    for (; n < 2 && (half_vector || data->dims == 3); n++) {
+        forms[n] = *best;
+        memcpy(forms[n].stretch, half_vector ? half[n] : other[n], sizeof forms[n].stretch);
+    }
+    return n;
+}
+
+// Reciprocity in half-vector coordinates, from a weak prior to the full constraint: the non-reciprocal part keeps 30,
+// 10, 3 and 0 % of its prior variance.
+static int reciprocity_forms(const gonio_fit_options *options, const gonio_lsq_form *best, gonio_lsq_form *forms) {
+    static const double weights[] = {0.7, 0.9, 0.97, 1};
+    int n = 0;
+    if (options->symmetry == GONIO_SYMMETRY_AUTO && best->coordinates == GONIO_HALF_VECTOR) {
+        for (; n < 4; n++) {
             forms[n] = *best;
-            memcpy(forms[n].stretch, half_vector ? half[k] : other[k], sizeof forms[n].stretch);
-            forms[n++].reciprocity = weak ? 0.9 : best->reciprocity;
+            forms[n].reciprocity = weights[n];
         }
     }
     return n;
 }
 
-static int level_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, gonio_lsq_form *forms) {
+static int level_forms(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *best,
+                       gonio_lsq_form *forms) {
     const int most = data->dims == 3 ? GONIO_LSQ_DENSE_LEVEL_MAX_3D : GONIO_LSQ_DENSE_LEVEL_MAX_4D;
     int n = 0;
-    for (int step = -1; step <= 1; step += 2) {
+    for (int step = -1; step <= 1 && options->level == GONIO_LEVEL_AUTO; step += 2) {
         if (best->level + step >= 0 && best->level + step <= most) {
             forms[n] = *best;
             forms[n++].level += step;
@@ -288,24 +298,49 @@ static int level_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, g
     return n;
 }
 
-// The forms of a round: 0 coordinates, 1 stiffness and reciprocity, 2 levels.
+#define ROUNDS 4
+#define ROUND_FORMS 12 // 4 of each coordinates
+#define CLOSE 0.5      // in the score: errors up to a third larger
+
+// The best trial in these coordinates; NULL where none was made or it is far from the best of all.
+static const gonio_lsq_form *best_of(const gonio_auto_choice *choice, gonio_coordinates coordinates) {
+    const gonio_auto_trial *best = NULL;
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_auto_trial *trial = &choice->trials[t];
+        if (trial->form.coordinates == coordinates && (best == NULL || trial->score.score < best->score.score)) {
+            best = trial;
+        }
+    }
+    const gonio_auto_trial *chosen = &choice->trials[choice->chosen];
+    if (chosen->form.coordinates == coordinates) {
+        best = chosen; // limits of bytes and time may forbid what scores better
+    }
+    return best != NULL && best->score.score < chosen->score.score + CLOSE ? &best->form : NULL;
+}
+
 static int round_forms(int round, const gonio_lsq_data *data, const gonio_fit_options *options,
                        const gonio_auto_choice *choice, gonio_lsq_form *forms) {
-    const gonio_lsq_form *best = round > 0 ? &choice->trials[choice->chosen].form : NULL;
     if (round == 0) {
         return coordinate_forms(data, options, forms);
     }
-    if (round == 1) {
-        return stiffness_forms(data, options, best, forms);
+    int n = 0;
+    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+        const gonio_lsq_form *best = best_of(choice, (gonio_coordinates)c);
+        if (best != NULL) {
+            n += round == 1   ? stiffness_forms(data, best, forms + n)
+                 : round == 2 ? reciprocity_forms(options, best, forms + n)
+                              : level_forms(data, options, best, forms + n);
+        }
     }
-    return options->level == GONIO_LEVEL_AUTO ? level_forms(data, best, forms) : 0;
+    return n;
 }
 
 gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
                                gonio_auto_choice *choice, gonio_error *error) {
-    static const char *const what[] = {"comparing coordinates", "comparing stiffness", "comparing levels"};
+    static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing reciprocity",
+                                             "comparing levels"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
-    gonio_lsq_form forms[8];
+    gonio_lsq_form forms[ROUND_FORMS];
     gonio_team *team = gonio_team_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     if (status == GONIO_OK) {
@@ -314,8 +349,8 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watc
     if (status == GONIO_OK) {
         status = fit_bases(data, team, lobes, choice, error);
     }
-    for (int round = 0; round < 3 && status == GONIO_OK; round++) {
-        status = gonio_lsq_watch_tell(watch, 0.1 + 0.25 * round, what[round], error);
+    for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
+        status = gonio_lsq_watch_tell(watch, 0.1 + 0.2 * round, what[round], error);
         if (status == GONIO_OK) {
             const int n = round_forms(round, data, watch->options, choice, forms);
             status = run_round(data, watch, team, forms, n, choice, error);
