@@ -1,8 +1,8 @@
 // The choice for small sets, in four rounds, each scored by leave-one-out on all its samples:
 //   1. coordinates and base, at a level that suits the number of samples;
 //   2. how stiff each axis is;
-//   3. how far reciprocity is trusted;
-//   4. one level coarser and finer.
+//   3. one level coarser and finer;
+//   4. how far reciprocity is trusted by what was chosen.
 // Coordinates that come close to the best ones go on through the rounds: which suit the samples can change with the
 // level (a silk's half-vector fit overtook its Nusselt fit only at level 5). A round's forms are independent, so they
 // run side by side; one eigendecomposition a form scores every base, channel and lambda.
@@ -77,16 +77,25 @@ typedef struct round_result {
     gonio_error error;
 } round_result;
 
+static void score_bases(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_auto_choice *choice,
+                        double lambda, round_result *r) {
+    const size_t c = (size_t)data->channels;
+    r->lambdas = malloc((size_t)choice->bases_n * c * sizeof *r->lambdas);
+    if (r->lambdas == NULL) {
+        r->status = gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
+    }
+    for (int b = 0; b < choice->bases_n && r->status == GONIO_OK; b++) {
+        r->status = gonio_lsq_choose_lambda(dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
+                                            &r->score[b], &r->error);
+    }
+}
+
 static void score_form(const gonio_lsq_data *data, const gonio_auto_choice *choice, const gonio_lsq_form *form,
                        double lambda, round_result *r) {
     *r = (round_result){0};
-    const size_t c = (size_t)data->channels;
-    r->lambdas = malloc((size_t)choice->bases_n * c * sizeof *r->lambdas);
-    r->status = r->lambdas != NULL ? gonio_lsq_dense_new(data, form, &r->dense, &r->error)
-                                   : gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
-    for (int b = 0; b < choice->bases_n && r->status == GONIO_OK; b++) {
-        r->status = gonio_lsq_choose_lambda(r->dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
-                                            &r->score[b], &r->error);
+    r->status = gonio_lsq_dense_new(data, form, &r->dense, &r->error);
+    if (r->status == GONIO_OK) {
+        score_bases(r->dense, data, choice, lambda, r);
     }
 }
 
@@ -271,20 +280,6 @@ static int stiffness_forms(const gonio_lsq_data *data, const gonio_lsq_form *bes
     return n;
 }
 
-// Reciprocity in half-vector coordinates, from a weak prior to the full constraint: the non-reciprocal part keeps 30,
-// 10, 3 and 0 % of its prior variance.
-static int reciprocity_forms(const gonio_fit_options *options, const gonio_lsq_form *best, gonio_lsq_form *forms) {
-    static const double weights[] = {0.7, 0.9, 0.97, 1};
-    int n = 0;
-    if (options->symmetry == GONIO_SYMMETRY_AUTO && best->coordinates == GONIO_HALF_VECTOR) {
-        for (; n < 4; n++) {
-            forms[n] = *best;
-            forms[n].reciprocity = weights[n];
-        }
-    }
-    return n;
-}
-
 static int level_forms(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *best,
                        gonio_lsq_form *forms) {
     const int most = data->dims == 3 ? GONIO_LSQ_DENSE_LEVEL_MAX_3D : GONIO_LSQ_DENSE_LEVEL_MAX_4D;
@@ -298,9 +293,8 @@ static int level_forms(const gonio_lsq_data *data, const gonio_fit_options *opti
     return n;
 }
 
-#define ROUNDS 4
-#define ROUND_FORMS 12 // 4 of each coordinates
-#define CLOSE 0.5      // in the score: errors up to a third larger
+#define ROUND_FORMS 6 // 2 of each coordinates
+#define CLOSE 0.5     // in the score: errors up to a third larger
 
 // The best trial in these coordinates; NULL where none was made or it is far from the best of all.
 static const gonio_lsq_form *best_of(const gonio_auto_choice *choice, gonio_coordinates coordinates) {
@@ -327,18 +321,55 @@ static int round_forms(int round, const gonio_lsq_data *data, const gonio_fit_op
     for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
         const gonio_lsq_form *best = best_of(choice, (gonio_coordinates)c);
         if (best != NULL) {
-            n += round == 1   ? stiffness_forms(data, best, forms + n)
-                 : round == 2 ? reciprocity_forms(options, best, forms + n)
-                              : level_forms(data, options, best, forms + n);
+            n += round == 1 ? stiffness_forms(data, best, forms + n) : level_forms(data, options, best, forms + n);
         }
     }
     return n;
 }
 
+// Reciprocity of the chosen half-vector fit, from a weak prior to the full constraint: the non-reciprocal part keeps
+// 30, 10, 3 and 0 % of its prior variance. The sums over the lattice serve them all; the first that is worse ends it.
+static gonio_status try_reciprocity(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_auto_choice *choice,
+                                    gonio_error *error) {
+    static const double weights[] = {0.7, 0.9, 0.97, 1};
+    gonio_lsq_form form = choice->trials[choice->chosen].form;
+    if (watch->options->symmetry != GONIO_SYMMETRY_AUTO || form.coordinates != GONIO_HALF_VECTOR) {
+        return GONIO_OK;
+    }
+    gonio_status status = GONIO_OK;
+    for (int k = 0; k < 4 && status == GONIO_OK && time_for(watch, choice, &form, 1, choice->longest); k++) {
+        const int before = choice->chosen;
+        round_result r = {0};
+        form.reciprocity = weights[k];
+        status = gonio_lsq_dense_reciprocity(choice->dense, weights[k], error);
+        if (status == GONIO_OK) {
+            score_bases(choice->dense, data, choice, watch->options->lambda, &r);
+            status = r.status;
+            if (status != GONIO_OK && error != NULL) {
+                *error = r.error;
+            }
+        }
+        if (status == GONIO_OK) {
+            status = keep_best(data, watch->options, choice, &form, &r, error);
+        }
+        free(r.lambdas);
+        if (status == GONIO_OK) {
+            status = gonio_lsq_watch_ask(watch, error);
+        }
+        if (choice->chosen == before) {
+            break;
+        }
+    }
+    const double chosen = choice->trials[choice->chosen].form.reciprocity;
+    if (status == GONIO_OK && chosen != gonio_lsq_dense_form(choice->dense)->reciprocity) {
+        status = gonio_lsq_dense_reciprocity(choice->dense, chosen, error);
+    }
+    return status;
+}
+
 gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
                                gonio_auto_choice *choice, gonio_error *error) {
-    static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing reciprocity",
-                                             "comparing levels"};
+    static const char *const what[] = {"comparing coordinates", "comparing stiffness", "comparing levels"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
     gonio_lsq_form forms[ROUND_FORMS];
     gonio_team *team = gonio_team_new(watch->options->threads);
@@ -349,12 +380,18 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watc
     if (status == GONIO_OK) {
         status = fit_bases(data, team, lobes, choice, error);
     }
-    for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
+    for (int round = 0; round < 3 && status == GONIO_OK; round++) {
         status = gonio_lsq_watch_tell(watch, 0.1 + 0.2 * round, what[round], error);
         if (status == GONIO_OK) {
             const int n = round_forms(round, data, watch->options, choice, forms);
             status = run_round(data, watch, team, forms, n, choice, error);
         }
+    }
+    if (status == GONIO_OK) {
+        status = gonio_lsq_watch_tell(watch, 0.7, "comparing reciprocity", error);
+    }
+    if (status == GONIO_OK) {
+        status = try_reciprocity(data, watch, choice, error);
     }
     gonio_team_free(team);
     if (status != GONIO_OK) {

@@ -109,6 +109,27 @@ static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_lsq_w
     return status;
 }
 
+#define COMPARED 20000 // geometries that tell which candidate suits a larger set; lambda and level are its own
+
+static gonio_status keep_one(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_candidate *candidates,
+                             int *n, gonio_error *error) {
+    gonio_lsq_data part;
+    gonio_status status = gonio_lsq_data_thin(data, COMPARED, watch->options->seed, &part, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_lsq_large_choice choice;
+    gonio_lsq_watch_step(watch, 0.4);
+    status = gonio_lsq_large_choose(&part, watch, candidates, *n, &choice, error);
+    if (status == GONIO_OK) {
+        candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes};
+        *n = 1;
+        gonio_lsq_large_choice_release(&choice);
+    }
+    gonio_lsq_data_release(&part);
+    return status;
+}
+
 static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *samples, gonio_lsq_watch *watch,
                               bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     const gonio_fit_options *options = watch->options;
@@ -121,6 +142,9 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     if (lobes || !options->coordinates_set) {
         status = choose_on_part(data, watch, lobes, &small, error);
         n = status == GONIO_OK ? large_candidates(&small, candidates) : 0;
+    }
+    if (status == GONIO_OK && n > 1 && data->n > 2 * COMPARED) {
+        status = keep_one(data, watch, candidates, &n, error);
     }
     if (status == GONIO_OK) {
         gonio_lsq_watch_step(watch, 0.6);

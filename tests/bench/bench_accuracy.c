@@ -447,7 +447,11 @@ static void time_fit(const char *what, gonio_samples *samples, double asked) {
     const double seconds = now_s() - start;
     printf("%-46s %.1f s (%.1f s of the processors)", what, seconds,
            (double)(after.tv_sec - before.tv_sec) + 1e-9 * (double)(after.tv_nsec - before.tv_nsec));
-    printf(asked > 0 ? ", asked %.0f %s\n" : "\n", asked, seconds <= asked ? "ok" : "MISSED");
+    if (asked > 0) {
+        printf(", asked %.0f %s", asked, seconds <= asked ? "ok" : "MISSED");
+    }
+    printf("\n  %s %s level %d\n", report.options, gonio_coordinates_name(report.coordinates), report.level);
+    fflush(stdout);
     missed += asked > 0 && seconds > asked;
     gonio_model_free(model);
     gonio_samples_free(samples);
