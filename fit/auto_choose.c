@@ -283,18 +283,20 @@ static int stiffness_forms(const gonio_lsq_data *data, const gonio_lsq_form *bes
 static int level_forms(const gonio_lsq_data *data, const gonio_fit_options *options, const gonio_lsq_form *best,
                        gonio_lsq_form *forms) {
     const int most = data->dims == 3 ? GONIO_LSQ_DENSE_LEVEL_MAX_3D : GONIO_LSQ_DENSE_LEVEL_MAX_4D;
+    // Under a limit every coarser level may be the answer.
+    const bool limited = options->max_bytes > 0 || options->max_ns > 0 || options->max_error > 0;
     int n = 0;
-    for (int step = -1; step <= 1 && options->level == GONIO_LEVEL_AUTO; step += 2) {
-        if (best->level + step >= 0 && best->level + step <= most) {
+    for (int level = limited ? 0 : best->level - 1; level <= best->level + 1; level++) {
+        if (level >= 0 && level <= most && level != best->level && options->level == GONIO_LEVEL_AUTO) {
             forms[n] = *best;
-            forms[n++].level += step;
+            forms[n++].level = level;
         }
     }
     return n;
 }
 
-#define ROUND_FORMS 6 // 2 of each coordinates
-#define CLOSE 0.5     // in the score: errors up to a third larger
+#define ROUND_FORMS 18 // 6 levels of each coordinates
+#define CLOSE 0.5      // in the score: errors up to a third larger
 
 // The best trial in these coordinates; NULL where none was made or it is far from the best of all.
 static const gonio_lsq_form *best_of(const gonio_auto_choice *choice, gonio_coordinates coordinates) {
@@ -434,7 +436,26 @@ static int by_value(const void *left, const void *right) {
     return (a > b) - (a < b);
 }
 
-void gonio_auto_describe(const gonio_auto_choice *choice, double max_ns, gonio_fit_report *report) {
+// What the limits allowed, where they were not met.
+static void describe_limits(const gonio_auto_choice *choice, const gonio_fit_options *o, char *text, size_t size) {
+    const gonio_auto_trial *t = &choice->trials[choice->chosen];
+    size_t used = strlen(text);
+    if (t->ns > 0) {
+        snprintf(text + used, size - used, "; an evaluation takes %.0f ns%s", t->ns,
+                 t->ns > o->max_ns ? ", above the limit: nothing faster was found" : "");
+        used = strlen(text);
+    }
+    if (o->max_bytes > 0 && t->bytes > o->max_bytes) {
+        snprintf(text + used, size - used, "; %zu bytes, above the limit: nothing smaller was found", t->bytes);
+        used = strlen(text);
+    }
+    if (o->max_error > 0) {
+        snprintf(text + used, size - used, "; leave-one-out rmse %.3g%s", t->score.rmse,
+                 t->score.rmse > o->max_error ? ", above the limit: nothing better was found" : "");
+    }
+}
+
+void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_options *options, gonio_fit_report *report) {
     const gonio_auto_trial *t = &choice->trials[choice->chosen];
     double sorted[GONIO_CHANNELS_MAX];
     memcpy(sorted, choice->lambdas, (size_t)report->channels * sizeof *sorted);
@@ -443,11 +464,7 @@ void gonio_auto_describe(const gonio_auto_choice *choice, double max_ns, gonio_f
              gonio_auto_base_name(&choice->bases[t->base]), sorted[report->channels / 2], t->form.stretch[0],
              t->form.stretch[1], t->form.stretch[2], t->form.reciprocity);
     snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
-    const size_t used = strlen(report->note);
-    if (t->ns > 0) {
-        snprintf(report->note + used, sizeof report->note - used, "; an evaluation takes %.0f ns%s", t->ns,
-                 t->ns > max_ns ? ", above the limit: nothing faster was found" : "");
-    }
+    describe_limits(choice, options, report->note, sizeof report->note);
     describe_trial(choice, neighbour(choice, false), "next better", report->note, sizeof report->note);
     describe_trial(choice, neighbour(choice, true), "next cheaper", report->note, sizeof report->note);
 }

@@ -6,7 +6,7 @@
 #include "fit/lsq_watch.h"
 
 #define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
-#define GONIO_AUTO_TRIALS 24
+#define GONIO_AUTO_TRIALS 40
 
 // One combination that was scored.
 typedef struct gonio_auto_trial {
@@ -35,6 +35,6 @@ void gonio_auto_choice_release(gonio_auto_choice *choice);
 // "none", "ggx", "cook-torrance".
 const char *gonio_auto_base_name(const gonio_lsq_base *base);
 // Text about the choice and its neighbours for the report.
-void gonio_auto_describe(const gonio_auto_choice *choice, double max_ns, gonio_fit_report *report);
+void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_options *options, gonio_fit_report *report);
 
 #endif

@@ -43,7 +43,7 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
         report->level = chosen->form.level;
         report->coordinates = chosen->form.coordinates;
         report->channels = samples->channels;
-        gonio_auto_describe(&choice, watch->options->max_ns, report);
+        gonio_auto_describe(&choice, watch->options, report);
     }
     gonio_auto_choice_release(&choice);
     return status;
