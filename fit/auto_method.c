@@ -72,10 +72,37 @@ static int large_candidates(const gonio_auto_choice *choice, gonio_lsq_candidate
     return n;
 }
 
-static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq_data *data, gonio_fit_report *report) {
-    const char *base = choice->lobes == NULL                     ? "none"
-                       : choice->lobes->family == GONIO_LOBE_GGX ? "ggx"
-                                                                 : "cook-torrance";
+static const char *lobes_name(const gonio_lobe_base *lobes) {
+    return lobes == NULL ? "none" : lobes->family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
+}
+
+// The best of the trials that are cheaper, or simply better, than what was chosen.
+static void describe_neighbour(const gonio_lsq_large_choice *choice, const gonio_lsq_data *data, bool cheaper,
+                               gonio_fit_report *report) {
+    const gonio_lsq_large_trial *best = NULL;
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_lsq_large_trial *trial = &choice->trials[t];
+        const bool candidate = cheaper ? trial->level < choice->form.level : trial->score.score < choice->score.score;
+        if (candidate && (best == NULL || trial->score.score < best->score.score)) {
+            best = trial;
+        }
+    }
+    const size_t used = strlen(report->note), size = sizeof report->note - used;
+    const char *label = cheaper ? "next cheaper" : "next better";
+    if (best == NULL) {
+        snprintf(report->note + used, size, "; %s: none was found", label);
+        return;
+    }
+    const double unit = data->kind == GONIO_LINK_LINEAR ? 1.5 : 2;
+    const size_t bytes = gonio_lattice_count(data->dims, best->level) * (size_t)data->channels * sizeof(float);
+    snprintf(report->note + used, size, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
+             gonio_coordinates_name(best->coordinates), best->level, lobes_name(best->lobes),
+             100 * (exp((best->score.score - choice->score.score) / unit) - 1), (bytes + 512) / 1024);
+}
+
+static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq_data *data, double max_error,
+                           gonio_fit_report *report) {
+    const char *base = lobes_name(choice->lobes);
     report->level = choice->form.level;
     report->coordinates = choice->form.coordinates;
     snprintf(report->options, sizeof report->options, "base=%s lambda=%.2g iterations=%d gradient=%.1e", base,
@@ -88,6 +115,13 @@ static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq
              "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
              100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2)),
              choice->start_only ? ", so that is the answer" : "", cost);
+    if (max_error > 0) {
+        const size_t used = strlen(report->note);
+        snprintf(report->note + used, sizeof report->note - used, "; held-out rmse %.3g%s", choice->score.rmse,
+                 choice->score.rmse > max_error ? ", above the limit: nothing better was found" : "");
+    }
+    describe_neighbour(choice, data, false, report);
+    describe_neighbour(choice, data, true, report);
 }
 
 #define THIN 1000 // geometries that tell which form and base suit a large set
@@ -161,7 +195,7 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
         status = gonio_lobe_model_new(&parts, out, error);
-        describe_large(&choice, data, report);
+        describe_large(&choice, data, options->max_error, report);
     }
     gonio_lobe_model_parts_release(&parts);
     gonio_lsq_large_choice_release(&choice);

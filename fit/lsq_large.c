@@ -121,7 +121,8 @@ typedef struct search {
     gonio_lsq_base train, held;
     gonio_lsq_form form;
     gonio_lsq_cg *cg;
-    double *points; // channels x count, where the last solve ended
+    double *points;                 // channels x count, where the last solve ended
+    gonio_lsq_large_choice *choice; // keeps what was scored; may be NULL
 } search;
 
 static void search_release(search *s) {
@@ -199,6 +200,21 @@ static int trial_iterations(const search *s) {
     return (int)fmin(fmax(affordable, TRIAL_ITERATIONS_MIN), TRIAL_ITERATIONS_MAX);
 }
 
+static void keep_trial(const search *s, gonio_lsq_score score) {
+    gonio_lsq_large_choice *choice = s->choice;
+    const gonio_lsq_large_trial trial = {s->form.coordinates, s->form.level, s->lobes, score};
+    for (int t = 0; t < choice->trials_n; t++) {
+        gonio_lsq_large_trial *other = &choice->trials[t];
+        if (other->coordinates == trial.coordinates && other->level == trial.level && other->lobes == trial.lobes) {
+            *other = score.score < other->score.score ? trial : *other;
+            return;
+        }
+    }
+    if (choice->trials_n < GONIO_LSQ_LARGE_TRIALS) {
+        choice->trials[choice->trials_n++] = trial;
+    }
+}
+
 // Solve at this level with lambda; `warm` from where the points are.
 static gonio_status score_lambda(search *s, double lambda, bool warm, gonio_lsq_score *score, gonio_error *error) {
     const size_t c = (size_t)s->in->channels, count = gonio_lsq_cg_count(s->cg, s->form.level);
@@ -214,7 +230,24 @@ static gonio_status score_lambda(search *s, double lambda, bool warm, gonio_lsq_
                                           points, &report, error);
         }
     }
-    return status == GONIO_OK ? score_points(s, score, error) : status;
+    if (status == GONIO_OK) {
+        status = score_points(s, score, error);
+    }
+    if (status == GONIO_OK && s->choice != NULL) {
+        keep_trial(s, *score);
+    }
+    return status;
+}
+
+// Of those that meet --max-error the coarser; else the better score.
+static bool preferred(const gonio_lsq_large_choice *choice, const search *s, gonio_lsq_score score) {
+    const double limit = s->options->max_error;
+    const bool good = limit > 0 && score.rmse <= limit, good_before = limit > 0 && choice->score.rmse <= limit;
+    if (good != good_before) {
+        return good;
+    }
+    return good && s->form.level != choice->form.level ? s->form.level < choice->form.level
+                                                       : score.score < choice->score.score;
 }
 
 // The first; then what meets --max-ns, and of such what scores better.
@@ -223,7 +256,7 @@ static bool accept(gonio_lsq_large_choice *choice, const search *s, const gonio_
     const double limit = s->options->max_ns;
     const bool within = limit <= 0 || s->ns <= limit, within_before = limit <= 0 || choice->ns <= limit;
     const bool first = choice->score.score == INFINITY;
-    if (!first && (within != within_before ? !within : score.score >= choice->score.score)) {
+    if (!first && (within != within_before ? !within : !preferred(choice, s, score))) {
         return false;
     }
     choice->ns = s->ns;
@@ -314,12 +347,14 @@ static double stiffness(const gonio_lsq_form *form, int dims) {
 // Score a form, and keep it where it is better than *before.
 static gonio_status try_form(search *s, const gonio_lsq_form *form, double lambda, gonio_lsq_large_choice *choice,
                              double *before, bool *better, gonio_error *error) {
-    gonio_lsq_score score;
+    gonio_lsq_score score = {INFINITY, INFINITY};
     gonio_status status = set_level(s, form, error);
     if (status == GONIO_OK) {
         status = score_lambda(s, lambda, false, &score, error);
     }
-    *better = status == GONIO_OK && score.score < *before;
+    const double limit = s->options->max_error;
+    const bool cheaper = limit > 0 && score.rmse <= limit && form->level < choice->form.level;
+    *better = status == GONIO_OK && (score.score < *before || cheaper);
     if (*better) {
         *before = score.score;
         accept(choice, s, s->lobes, lambda, score);
@@ -377,6 +412,7 @@ static gonio_status try_candidate(const gonio_lsq_data *data, const inner *in, g
     const int finest = finest_level(data, options);
     form.level = open ? (finest > 0 ? finest - 1 : 0) : options->level;
     gonio_status status = search_init(&s, data, in, watch, candidate->lobes, error);
+    s.choice = choice;
     if (status == GONIO_OK) {
         status = set_level(&s, &form, error);
     }

@@ -12,7 +12,19 @@ typedef struct gonio_lsq_candidate {
     const gonio_lobe_base *lobes; // NULL: none; borrowed
 } gonio_lsq_candidate;
 
+// One that was scored: the best lambda tried of a form and base.
+typedef struct gonio_lsq_large_trial {
+    gonio_coordinates coordinates;
+    int level;
+    const gonio_lobe_base *lobes; // borrowed
+    gonio_lsq_score score;
+} gonio_lsq_large_trial;
+
+#define GONIO_LSQ_LARGE_TRIALS 60 // six candidates at all levels
+
 typedef struct gonio_lsq_large_choice {
+    gonio_lsq_large_trial trials[GONIO_LSQ_LARGE_TRIALS];
+    int trials_n;
     gonio_lsq_form form;
     const gonio_lobe_base *lobes;
     double lambda;

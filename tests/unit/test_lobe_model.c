@@ -236,8 +236,15 @@ static void test_limits_are_kept(void **state) {
     o.max_bytes = 0;
     o.max_error = 10; // anything will do: the smallest
     model = fitted(samples, &o, &report);
-    assert_true(report.level <= 3);
+    assert_int_equal(report.level, 0);
     gonio_model_free(model);
+    o.max_error = 0;
+    o.max_bytes = 10; // nothing is that small: the smallest, and the note says so
+    model = fitted(samples, &o, &report);
+    assert_int_equal(report.level, 0);
+    assert_true(strstr(report.note, "nothing smaller was found") != NULL);
+    gonio_model_free(model);
+    o.max_bytes = 0;
     // Times are measured: only what cannot depend on the clock is asked for here.
     o.max_error = 0;
     o.max_ns = 1e9;
@@ -284,6 +291,31 @@ static void test_pareto_front(void **state) {
     }
 }
 
+// The iterative solver's choice: it tells its neighbours, and takes the coarsest level that meets the error.
+static void test_large_sets_tell_their_neighbours(void **state) {
+    (void)state;
+    gonio_samples *samples = sampled("ward:rho_d=0.3,rho_s=0.2,alpha=0.3", 400, 0, 5);
+    gonio_fit_options o = quick("lsq");
+    gonio_fit_report free_choice, report;
+    o.coordinates_set = true;
+    o.iterations = 10;
+    gonio_model *model = fitted(samples, &o, &free_choice);
+    assert_true(strstr(free_choice.note, "next better: none") != NULL);
+    assert_true(strstr(free_choice.note, "next cheaper: nusselt") != NULL);
+    gonio_model_free(model);
+    o.max_error = 10;
+    model = fitted(samples, &o, &report);
+    assert_int_equal(report.level, 0);
+    assert_true(strstr(report.note, "above the limit") == NULL);
+    gonio_model_free(model);
+    o.max_error = 1e-12;
+    model = fitted(samples, &o, &report);
+    assert_int_equal(report.level, free_choice.level);
+    assert_true(strstr(report.note, "above the limit") != NULL);
+    gonio_model_free(model);
+    gonio_samples_free(samples);
+}
+
 // Measured paint: what the choice reaches on geometries that it did not see.
 static void test_real_paint(void **state) {
     (void)state;
@@ -320,6 +352,7 @@ int main(void) {
         cmocka_unit_test(test_damaged_files_are_refused),
         cmocka_unit_test(test_sigma_covers_the_error),
         cmocka_unit_test(test_limits_are_kept),
+        cmocka_unit_test(test_large_sets_tell_their_neighbours),
         cmocka_unit_test(test_pareto_front),
         cmocka_unit_test(test_real_paint),
     };
