@@ -14,7 +14,9 @@ int main(int argc, char **argv) {
     gonio_controller_config config;
     gonio_controller_defaults(&config);
     snprintf(config.modbus.port, sizeof config.modbus.port, "%s", argv[1]);
-    config.modbus.timeout_ms = 2000;
+    // The emulated UART drops a frame whose bytes come too far apart in its time: asked again, soon and often.
+    config.modbus.timeout_ms = 300;
+    config.retries = 40;
     config.deadman_s = 60;
     gonio_stage_modbus_config axes;
     gonio_stage_modbus_defaults(&axes);

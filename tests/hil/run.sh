@@ -2,6 +2,7 @@
 # Device tests in a virtual machine: the stock Debian kernel with simulated devices and, in memory, Gonio's programs.
 # usage: tests/hil/run.sh BUILD_FOLDER [GROUP ...]     groups: chain vivid usbtmc gpio measure; prints TAP and a summary; SKIP where QEMU or the kernel cannot be had
 set -u
+PATH=$PATH:/usr/sbin:/sbin
 build=$1
 shift
 [ $# -gt 0 ] || set -- chain vivid usbtmc gpio measure
@@ -18,7 +19,8 @@ skip_all() {
     exit 0
 }
 [ "$(uname -m)" = x86_64 ] || skip_all "for x86-64 only"
-tools/deps.sh qemu-system-x86 busybox-static cpio kmod xz-utils make gcc >"$vm/deps.log" 2>&1 ||
+# libelf1: what builds kernel modules needs it; its package is only taken apart, not installed.
+tools/deps.sh qemu-system-x86 busybox-static cpio kmod xz-utils make gcc binutils libelf1 >"$vm/deps.log" 2>&1 ||
     skip_all "$(tail -n 1 "$vm/deps.log")"
 tests/hil/modules.sh "$vm" >"$vm/modules.log" || skip_all "no kernel package can be had"
 sed 's/^/# /' "$vm/modules.log"
@@ -86,7 +88,7 @@ for i in 1 2 3 4 5 6 7 8 9 10; do [ -e "$vm/line" ] && break; sleep 0.2; done
 echo "# prepared in $(($(date +%s) - start)) s, $(du -m "$vm/initrd" | cut -f1) MB"
 
 # ---- the machine ----
-/usr/bin/time -o "$vm/time" -f "%U %S %e" timeout "${LIMIT:-300}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
+timeout "${LIMIT:-300}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
     -accel "${ACCEL:-tcg,thread=multi,tb-size=512}" -cpu "${CPU:-max,-erms,-fsrm}" -smp 2 -m 1536 \
     -kernel "$vm/linux/boot/vmlinuz-$version" -initrd "$vm/initrd" \
     -append "console=ttyS0 quiet panic=-1 tsc=unstable mitigations=off nokaslr random.trust_cpu=on no_timer_check rdinit=/init" \
