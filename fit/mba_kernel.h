@@ -13,7 +13,7 @@ typedef struct gonio_mba_job {
     int level;
     size_t size;           // control points a dimension
     const float *points;   // the level's lattice so far: residuals are taken from it
-    double *const *planes; // [size]: where the sums of each plane of control points along the first axis are; aligned
+    double *const *planes; // [size]: where the sums of each plane of control points along the first axis are
     bool runs;             // many samples share a cell: sum them aside and add the cell's sums once
 } gonio_mba_job;
 
