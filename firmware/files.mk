@@ -17,8 +17,8 @@ protocol: $(B)/firmware/tools/protocol ## write docs/protocol.md from firmware/r
 unit-y   += tests/property/test_fw_safety.c tests/property/test_fw_random.c
 
 # ---- slow checks, by hand ----
-firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 100 million random bytes
-	$(Q)GONIO_FW_SEQUENCES=10000000 GONIO_FW_BYTES=100000000 $<
+firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 1e9 steps, 1e8 random bytes
+	$(Q)GONIO_FW_SEQUENCES=$${SOAK_SEQUENCES:-10000000} GONIO_FW_STEPS=$${SOAK_STEPS:-1000000000} GONIO_FW_BYTES=$${SOAK_BYTES:-100000000} $<
 fw-host-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
 fuzz-firmware: ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
 	$(Q)mkdir -p $(B)/fuzz && clang -std=c17 -g -O1 -I. -fsanitize=fuzzer,address,undefined -o $(B)/fuzz/fw_modbus_slave tests/fuzz/fuzz_fw_modbus_slave.c $(fw-host-c)
@@ -36,9 +36,9 @@ FLASH_LIMIT := 32768
 RAM_LIMIT   := 8192
 fw-flags-lm3s6965evb := -mcpu=cortex-m3
 fw-flags-stm32f405   := -mcpu=cortex-m4
-# flash wait states at full speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without its caches)
-fw-wait-lm3s6965evb  := 0 4
-fw-wait-stm32f405    := 5 16
+# MHz, flash wait states at that speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without caches)
+fw-speed-lm3s6965evb := 50 0 4
+fw-speed-stm32f405   := 168 5 16
 fw-core-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/cortex_m/cortex_m.c
 
 firmware: $(B)/firmware/lm3s6965evb.elf $(B)/firmware/stm32f405.elf $(B)/firmware/lm3s6965evb-trace.elf ## cross-build the controller; sizes and stack against their limits
@@ -50,12 +50,12 @@ fw-objs-$(1) := $(patsubst %.c,$(B)/firmware/$(1)/%.o,$(3))
 $$(fw-objs-$(1)): $(B)/firmware/$(1)/%.o: %.c
 	$$(call say,ARMCC,$$<)
 	$$(Q)mkdir -p $$(@D) && $(ARM)gcc $$(ARMFLAGS) $$(fw-flags-$(2)) $(4) -MMD -MP -c -o $$@ $$<
-$(B)/firmware/$(1).elf: $$(fw-objs-$(1)) firmware/board/$(2)/$(5) firmware/board/cortex_m/sections.ld firmware/tools/stack.py
+$(B)/firmware/$(1).elf: $$(fw-objs-$(1)) firmware/board/$(2)/$(5) firmware/board/cortex_m/sections.ld firmware/tools/stack.py firmware/tools/cycles.py
 	$$(call say,ARMLD,$$@)
 	$$(Q)$(ARM)gcc $$(fw-flags-$(2)) -mthumb -nostdlib -T firmware/board/$(2)/$(5) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
 	$$(Q)$(ARM)size $$@ > $$(@:.elf=.size)
 	$(if $(6),$$(Q)printf '%-12s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
-	$(if $(6),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) step_interrupt $$(fw-wait-$(2)))
+	$(if $(6),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) $$(fw-speed-$(2)) || { rm -f $$@; exit 1; })
 -include $$(fw-objs-$(1):.o=.d)
 endef
 $(eval $(call fw-image,lm3s6965evb,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c,,link.ld,check))

@@ -168,7 +168,8 @@ static void keep_time(struct fw_core *core) {
         return;
     core->ms += core->ms_remainder_us / 1000;
     core->ms_remainder_us %= 1000;
-    fw_board_inputs_pend(core); // in case a change was too short to interrupt
+    if (fw_interlock_differs(core)) // a change too short to interrupt; else the step timer need not wait for nothing
+        fw_board_inputs_pend(core);
     fw_lamp_poll(core);
 }
 

@@ -13,9 +13,17 @@ void fw_interlock_safe(struct fw_core *core) {
     fw_axis_release(core, (uint8_t)(core->axis.energised & ~(unsigned)core->registers.safe_motors[0]));
 }
 
+static uint16_t active_of(const struct fw_core *core, uint16_t raw) {
+    return (uint16_t)((raw ^ core->registers.input_invert[0]) & core->registers.input_enable[0]);
+}
+
+bool fw_interlock_differs(struct fw_core *core) {
+    return active_of(core, fw_board_inputs(core)) != core->interlock.active;
+}
+
 void fw_interlock_input(struct fw_core *core, uint16_t raw) {
     struct fw_interlock *interlock = &core->interlock;
-    const uint16_t now = (uint16_t)((raw ^ core->registers.input_invert[0]) & core->registers.input_enable[0]);
+    const uint16_t now = active_of(core, raw);
     const uint16_t changed = now ^ interlock->active;
     interlock->active = now;
     if ((now >> FW_CONTACT_estop & 1) != 0) {

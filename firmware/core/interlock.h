@@ -21,6 +21,8 @@ struct fw_interlock {
 
 // From the input interrupt: react to the contacts' raw levels, in the interrupt, before anything else.
 void fw_interlock_input(struct fw_core *core, uint16_t raw);
+// Whether the contacts are otherwise than the last interrupt found them. Main loop.
+bool fw_interlock_differs(struct fw_core *core);
 // Main loop.
 void fw_interlock_poll(struct fw_core *core);
 // Stop (decelerating, or at once), make safe and latch the alarm. Main loop.

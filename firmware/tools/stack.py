@@ -11,7 +11,7 @@ import sys
 # Interrupts by priority; each may preempt those after it, so their stacks add up. 32 bytes: what the processor pushes,
 # and 4 to align it.
 LEVELS = [["input_interrupt", "cortex_m_wrap", "supply_interrupt"], ["step_interrupt"], ["uart_interrupt"],
-          ["producer_interrupt"]]
+          ["cortex_m_produce"]]
 FRAME = 36
 # fw_registers_walk calls back one of two functions of its own choice.
 INDIRECT = {"fw_registers_walk": ["read_word", "write_word"]}

@@ -5,27 +5,43 @@
 typedef struct stage {
     const gonio_stage_ops *real, *simulated;
     void *real_device, *simulated_device;
+    bool following; // the simulated arms have been homed; the real ones may have been in a process before this one
+    bool together;  // ... and moved with them, since
 } stage;
 
+static gonio_status follow_home(stage *s, double timeout_s, gonio_error *error) {
+    const gonio_status status = s->simulated->home(s->simulated_device, timeout_s, error);
+    s->following = status == GONIO_OK;
+    s->together = false;
+    return status;
+}
+
 static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
-    const stage *s = device;
+    stage *s = device;
     const gonio_status status = s->real->home(s->real_device, timeout_s, error);
-    return status == GONIO_OK ? s->simulated->home(s->simulated_device, timeout_s, error) : status;
+    return status == GONIO_OK ? follow_home(s, timeout_s, error) : status;
 }
 
 static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
                                double timeout_s, gonio_error *error) {
-    const stage *s = device;
-    const gonio_status status = s->real->move(s->real_device, target_rad, id, stamp, timeout_s, error);
-    return status == GONIO_OK ? s->simulated->move(s->simulated_device, target_rad, id, stamp, timeout_s, error)
-                              : status;
+    stage *s = device;
+    gonio_status status = s->real->move(s->real_device, target_rad, id, stamp, timeout_s, error);
+    if (status == GONIO_OK && !s->following) {
+        status = follow_home(s, timeout_s, error);
+    }
+    if (status == GONIO_OK) {
+        status = s->simulated->move(s->simulated_device, target_rad, id, stamp, timeout_s, error);
+        s->together = status == GONIO_OK;
+    }
+    return status;
 }
 
-// The real one is asked too, for its faults.
+// The real one is asked too, for its faults, and because the simulated one may not stand there yet.
 static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
     const stage *s = device;
     const gonio_status status = s->real->position(s->real_device, position_rad, error);
-    return status == GONIO_OK ? s->simulated->position(s->simulated_device, position_rad, error) : status;
+    return status == GONIO_OK && s->together ? s->simulated->position(s->simulated_device, position_rad, error)
+                                             : status;
 }
 
 static gonio_status stage_stop(void *device, gonio_error *error) {
@@ -46,12 +62,12 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
 }
 
 static gonio_status stage_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
-    const stage *s = device;
+    stage *s = device;
     const gonio_status status = s->real->audit(s->real_device, timeout_s, difference_rad, error);
     if (status != GONIO_OK && status != GONIO_E_MISMATCH) {
         return status;
     }
-    const gonio_status followed = s->simulated->home(s->simulated_device, timeout_s, error);
+    const gonio_status followed = follow_home(s, timeout_s, error);
     return followed == GONIO_OK ? status : followed;
 }
 
@@ -78,7 +94,7 @@ gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, voi
     if (s == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a stage");
     }
-    *s = (stage){real, rig->stage, device, rig->stage_device};
+    *s = (stage){real, rig->stage, device, rig->stage_device, false, false};
     rig->stage = &stage_ops;
     rig->stage_device = s;
     return GONIO_OK;

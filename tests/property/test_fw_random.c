@@ -1,5 +1,7 @@
 // Random commands, contacts and times against a simple model of the machine: no limit is passed, no position is lost,
-// nothing moves when it must not. GONIO_FW_SEQUENCES sets how many (`make firmware-soak`: ten million).
+// nothing moves when it must not. GONIO_FW_SEQUENCES sets how many (`make firmware-soak`: ten million), GONIO_FW_STEPS
+// after how many steps of random moves the count must be exact (a thousand million), GONIO_FW_BYTES how many random
+// bytes must move nothing (a hundred million).
 #include <stdio.h>
 
 #include "tests/unit/fw_rig.h"
@@ -135,6 +137,36 @@ static void random_sequences(void **state) {
     assert_true(steps_seen > 100 * count); // it did move
 }
 
+// Random moves at full speed, some of them stopped on the way, with backlash take-up: the count is where the motor is.
+static void long_way_without_drift(void **state) {
+    (void)state;
+    const char *wanted = getenv("GONIO_FW_STEPS");
+    const unsigned long long least = wanted != NULL ? strtoull(wanted, NULL, 10) : 2000000;
+    struct machine *m = rig_homed();
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        m->core.registers.speed_max[i] = 62500;
+        m->core.registers.acceleration[i] = 4000000;
+        m->core.registers.jerk[i] = i % 2 == 0 ? 0 : 4000000000u;
+        m->core.registers.backlash[i] = (int32_t)i * 5 - 5;
+    }
+    state_of_random = 3;
+    while (m->rising_edges < least) {
+        int64_t target[FW_AXES];
+        for (unsigned i = 0; i < FW_AXES; i++)
+            target[i] = (int64_t)draw(71900) - 35950;
+        assert_int_equal(machine_move(m, (uint16_t)(1 + draw(15)), target), FW_REFUSAL_NONE);
+        if (draw(4) == 0) {
+            machine_run(m, draw(400000));
+            machine_command(m, FW_COMMAND_STOP, 0);
+        }
+        assert_true(machine_settle(m, 10ull * MINUTE_US));
+        rig_check_positions(m);
+        assert_int_equal(m->core.known, 15);
+    }
+    printf("# %llu steps\n", (unsigned long long)m->rising_edges);
+    free(m);
+}
+
 // Bytes on the line that are no frames do nothing.
 static void random_bytes_never_move_an_axis(void **state) {
     (void)state;
@@ -155,7 +187,7 @@ static void random_bytes_never_move_an_axis(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(random_sequences),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(random_sequences), cmocka_unit_test(long_way_without_drift),
                                        cmocka_unit_test(random_bytes_never_move_an_axis)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

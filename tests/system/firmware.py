@@ -189,7 +189,7 @@ def posix(folder):
         p.stdout.readline()
         c = Controller(ModbusSerialClient(link, baudrate=115200, timeout=1))
         check_functions(c, "posix")
-        c.put("home_position", *[-37000] * 4)
+        c.put("debounce", 7)
         c.put("deadman", 0)
         c.command("HOME", 15)
         ok(c.until("state", E["STATE_IDLE"], 60) and c.get("homed") == 15, "posix: homes on its simulated switches")
@@ -207,7 +207,7 @@ def posix(folder):
         port = int(p.stdout.readline().split()[1])
         c = Controller(ModbusTcpClient("127.0.0.1", port))
         check_functions(c, "posix, TCP")
-        ok(c.get("home_position", 2) == -37000 and c.get("store_slot") == 1, "posix: parameters came back from flash")
+        ok(c.get("debounce") == 7 and c.get("store_slot") == 1, "posix: parameters came back from flash")
         c.client.close()
 
 
@@ -302,11 +302,13 @@ def trace():
     bins = [int(v) for n, v in values if n == "bin"]
     told = dict((n, int(v)) for n, v in values)
     print("# lateness, 0.2 us a bin from -2 us:", bins)
-    ok([v for n, v in values if n == "arrived"] == ["1"] * 4 and told["alarm"] == 0,
-       "step trace: four axes at more than 40,000 steps/s arrive, no underrun")
-    ok(told["wrong_edges"] == 0 and told["looked_at"] > 10000, "step trace: every edge on its pin, in order")
-    within = sum(bins[5:15]) / sum(bins)
-    ok(within > 0.99, f"step trace: {100 * within:.2f} % of the edges within a tick")
+    print("# of the processor: main loop %(main_percent)d %%, producer %(producer_percent)d %% (at most "
+          "%(producer_percent_most)d %% in a segment)" % told)
+    ok([v for n, v in values if n == "arrived"] == ["1"] * 8 and told["alarm"] == 0,
+       "step trace: four axes at more than 40,000 steps/s arrive in every phase to each other, no underrun")
+    ok(told["wrong_edges"] == 0 and told["looked_at"] == 64000, "step trace: every edge on its pin, in order")
+    ok(sum(bins[5:15]) == sum(bins) and told["late_edges"] == 0, "step trace: every edge within a tick")
+    ok(told["main_percent"] >= 5, "step trace: the main loop goes on")
     ok(first == second, "step trace: identical run after run, hash %d" % told["hash"])
 
 

@@ -40,7 +40,7 @@ wait_for grep -q '^port' "$work/tcp.out"
 wait_for test -e "$work/controller"
 port=$(sed -n 's/^port //p' "$work/tcp.out")
 
-# The machine's switches stand at -370 degrees of its 100 steps a degree.
+# Nothing tells where the switches are: the controller's own parameters do.
 rig() {
     cat <<END
 [rig]
@@ -53,7 +53,7 @@ driver = modbus
 END
     for axis in light_theta light_phi camera_theta camera_phi; do
         printf '[axis %s]\nsteps_per_deg = 100\nspeed_deg_per_s = 300\nacceleration_deg_per_s2 = 2000\n' $axis
-        printf 'jerk_deg_per_s3 = 40000\nhome_deg = -370\nhome_fast_deg_per_s = 200\n'
+        printf 'jerk_deg_per_s3 = 40000\nhome_fast_deg_per_s = 200\n'
     done
 }
 rig "tcp:127.0.0.1:$port" >"$work/tcp.ini"
@@ -69,6 +69,9 @@ exits "a move before homing is refused" 1 "$GONIO" rig move light_theta=10 --rig
 says "and says so" "not homed"
 exits "home" 0 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample --json
 check "homing tells what had drifted" grep -q home_difference_deg "$work/out"
+exits "a move" 0 "$GONIO" rig move light_theta=10 camera_theta=-20 --rig "$work/tcp.ini" --sample $sample --json
+exits "which another program finds" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
+check "where it ended" grep -q 'position_deg.*10[.,].*-20[.,]' "$work/out"
 exits "a move beyond the limits is refused" 1 "$GONIO" rig move light_theta=400 --rig "$work/tcp.ini" --sample $sample
 says "with the limits" "limits are"
 exits "a wrong axis is wrong usage" 2 "$GONIO" rig move shoulder=4 --rig "$work/tcp.ini" --sample $sample
@@ -127,6 +130,16 @@ says "as unmeasurable" "camera shadows the light"
 sed 's/^light_theta = 20 30/light_theta = 70 80/; s/^retro_deg = 5/retro_deg = 0/' "$work/zones.ini" >"$work/elsewhere.ini"
 exits "the same zone elsewhere lets a plan pass" 0 "$GONIO" plan "$work/clear.csv" --check "$work/elsewhere.ini" --sample $sample -o "$work/poses.csv"
 exits "a zone of no width is bad input" 3 sh -c "(cat $work/plain.ini; printf '[keep-out post]\nlight_theta = 30 20\n') > $work/bad.ini; $GONIO plan $work/clear.csv --check $work/bad.ini --sample $sample"
+
+# Other arms: the simulated switches stand where the rig file has them.
+descriptor=7 start other --tcp 0 --speed 30
+wait_for grep -q '^port' "$work/other.out"
+rig "tcp:127.0.0.1:$(sed -n 's/^port //p' "$work/other.out")" |
+    sed -e 's/^steps_per_deg = 100/steps_per_deg = 888.889\nmin_deg = -5\nmax_deg = 92\nhome_deg = -4.5/' \
+        -e 's/^speed_deg_per_s = 300/speed_deg_per_s = 40/' -e 's/^home_fast_deg_per_s = 200/home_fast_deg_per_s = 30/' \
+        -e 's/^jerk_deg_per_s3 = 40000/jerk_deg_per_s3 = 0/' >"$work/other.ini"
+exits "other arms home" 0 "$GONIO" rig home --rig "$work/other.ini" --sample $sample
+exits "and move over all of their range" 0 "$GONIO" rig move light_theta=92 light_phi=-4.5 --rig "$work/other.ini" --sample $sample
 
 # An independent slave: another implementation of the protocol, with this table's first registers.
 if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then

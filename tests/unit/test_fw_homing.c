@@ -236,6 +236,46 @@ static void stop_ends_homing(void **state) {
     free(m);
 }
 
+// The process' own mechanics fit whatever parameters it is given: homing finds the switch, and both ends are reached.
+static void placed_switches_fit_the_parameters(void **state) {
+    (void)state;
+    for (unsigned up = 0; up < 2; up++) {
+        struct machine *m = rig_new();
+        struct fw_registers *r = &m->core.registers;
+        for (unsigned i = 0; i < FW_AXES; i++) {
+            r->home_up[i] = (uint16_t)up;
+            r->soft_min[i] = -5000 * ((int64_t)i - 1);
+            r->soft_max[i] = 90000;
+            r->home_position[i] = up != 0 ? 91000 : -7000 - 5000 * (int64_t)i;
+            r->jerk[i] = i == 2 ? 2000 : i == 3 ? 0 : 20000000;
+            r->home_travel[i] = i == 1 ? 600 : 80000;
+        }
+        machine_place(m);
+        assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+        assert_true(machine_settle(m, 10ull * MINUTE_US));
+        assert_int_equal(m->core.registers.alarm[0], FW_ALARM_NONE);
+        assert_int_equal(m->core.known, 15);
+        for (unsigned end = 0; end < 2; end++) {
+            assert_int_equal(machine_move(m, 15, end == 0 ? r->soft_max : r->soft_min), FW_REFUSAL_NONE);
+            assert_true(machine_settle(m, 10ull * MINUTE_US));
+            assert_int_equal(m->core.state, FW_STATE_IDLE);
+        }
+        for (unsigned i = 0; i < FW_AXES; i++)
+            assert_true(m->axis[i].steps == r->soft_min[i]);
+        const int64_t stands = m->axis[0].steps;
+        machine_place(m); // where it is known to be, it stays
+        assert_true(m->axis[0].steps == stands);
+        free(m);
+    }
+    struct machine *m = rig_new();
+    m->core.registers.home_travel[0] = 3;
+    m->core.registers.soft_min[0] = INT64_MIN;
+    m->core.registers.soft_max[0] = m->core.registers.home_position[1] = INT64_MAX;
+    machine_place(m);
+    assert_true(m->axis[0].limit_min_at < -(1ll << 59) && m->axis[0].limit_max_at > 1ll << 59);
+    free(m);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_switch),
                                        cmocka_unit_test(repeats_and_reports_the_difference),
@@ -252,6 +292,7 @@ int main(void) {
                                        cmocka_unit_test(switch_that_sticks_in_the_end_is_stuck),
                                        cmocka_unit_test(switch_that_lets_go_while_held_bounces),
                                        cmocka_unit_test(a_way_of_years_is_no_way),
+                                       cmocka_unit_test(placed_switches_fit_the_parameters),
                                        cmocka_unit_test(stop_ends_homing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

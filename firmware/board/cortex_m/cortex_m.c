@@ -2,8 +2,7 @@
 
 #include <stddef.h>
 
-#include "firmware/contract/tick.h"
-#include "firmware/contract/watchdog.h"
+#include "firmware/contract/pin.h"
 
 struct fw_core fw_core;
 
@@ -19,6 +18,21 @@ void cortex_m_start(void) {
         *to++ = 0;
     main();
     for (;;) {
+    }
+}
+
+int main(void) {
+    const enum fw_cause cause = board_cause();
+    const uint32_t address = cortex_m_marked_address();
+    cortex_m_mark(FW_CAUSE_WATCHDOG, address); // should this run end without a word, it was the watchdog
+    board_start();
+    cortex_m_time_start(board_tick_cycles);
+    fw_core_init(&fw_core, board_number, cause);
+    fw_core.registers.fault_address[0] = address;
+    board_inputs_start();
+    for (;;) {
+        fw_core_poll(&fw_core);
+        board_turn();
     }
 }
 
@@ -118,7 +132,18 @@ uint32_t fw_board_now(struct fw_core *core) {
     }
 }
 
+// ---- contacts ----
+
+void cortex_m_inputs(bool estop_changed) {
+    const uint16_t inputs = fw_board_inputs(&fw_core);
+    if (estop_changed) // pressed and let go since: it has been both ways
+        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
+    fw_interlock_input(&fw_core, inputs);
+}
+
 // ---- producer ----
+
+void cortex_m_produce(void) { fw_stepgen_produce(&fw_core.step); }
 
 // Only what has the producer's priority is held back.
 void fw_board_lock(struct fw_core *core) {

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "firmware/contract/tick.h"
+#include "firmware/contract/watchdog.h"
 #include "firmware/core/core.h"
 
 #define REG32(address) (*(volatile uint32_t *)(uintptr_t)(address))
@@ -56,9 +58,28 @@ uint32_t cortex_m_marked_address(void);
 _Noreturn void cortex_m_reset(enum fw_cause cause, uint32_t address);
 
 // ---- each board has ----
+extern const uint16_t board_number;      // value of register board
+extern const uint32_t board_tick_cycles; // cycles of a tick
+enum fw_cause board_cause(void);         // why it starts, from the reset register or the mark
+void board_start(void);                  // clock and peripherals, all outputs off
+void board_inputs_start(void);           // let contacts interrupt
+void board_turn(void);                   // after every turn of the main loop
+
+// ---- start-up, for the vector table ----
+void cortex_m_start(void);   // reset
+void cortex_m_fault(void);   // all faults
+void cortex_m_wrap(void);    // SysTick
+void cortex_m_produce(void); // PendSV
+#define CORTEX_M_VECTORS                                                                                               \
+    (vector)(uintptr_t) & link_stack_top,                                                                              \
+        cortex_m_start, [2] = cortex_m_fault, [3] = cortex_m_fault, [4] = cortex_m_fault, [5] = cortex_m_fault,        \
+                        [6] = cortex_m_fault, [11] = cortex_m_fault, [14] = cortex_m_produce, [15] = cortex_m_wrap
+typedef void (*vector)(void);
+extern uint32_t link_stack_top;
+
+// A contact has changed; estop_changed: the emergency stop was among those that did.
+void cortex_m_inputs(bool estop_changed);
+
 int main(void);
-void cortex_m_start(void); // reset vector
-void cortex_m_fault(void); // all fault vectors
-void cortex_m_wrap(void);  // SysTick vector
 
 #endif

@@ -5,6 +5,7 @@
 //     PA0, PA1 UART 0   PA6 RS-485 driver on   ADC0 photodiode   ADC1 lamp temperature, 10 mV a degree
 //
 // Inputs have pull-ups and contacts open when active, so that a broken wire counts as active.
+#include "firmware/board/cortex_m/step.h"
 #include "firmware/board/lm3s6965evb/lm3s6965.h"
 #include "firmware/board/lm3s6965evb/trace.h"
 #include "firmware/contract/adc.h"
@@ -14,57 +15,34 @@
 #include "firmware/contract/uart.h"
 #include "firmware/contract/watchdog.h"
 
-enum { BOARD = 2, CLOCK_HZ = 50000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
+enum { CLOCK_HZ = 50000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
 enum { STEPS = 0x0F, DIRECTIONS = 0xF0, MOTORS = 0x0F, HOMES = 0x3C, DRIVER = 0x40, STOPS = 0x0C, ESTOP = 0x04 };
 enum { SHUTTER = 1, TRIGGER = 2, PWM_PERIOD = 2500 }; // 20 kHz
-// An event that is nearer than NEAR is waited for, until LEAVE before it, for the way from there to the pins. The timer
-// fires ENTRY early, for the way into the interrupt.
-enum { NEAR_CYCLES = 120, LEAVE_CYCLES = 48, ENTRY_CYCLES = 84 };
+static const struct step_timing timing = {.tick = TICK_CYCLES, .entry = 100, .near = 124, .leave = 68};
+const uint16_t board_number = 2;
+const uint32_t board_tick_cycles = TICK_CYCLES;
 
 // ---- steps ----
 
-static void arm(int32_t cycles) {
-    TIMER0_TAILR = (uint32_t)(cycles - ENTRY_CYCLES);
+INLINE void arm(uint32_t cycles) {
+    TIMER0_TAILR = cycles;
     TIMER0_CTL = 1;
 }
 
-// The timer fires in time for the first event, which goes out at once; those close behind are waited for.
-static void step_interrupt(void) {
-    struct fw_stepgen *g = &fw_core.step;
-    TIMER0_ICR = 1;
-    if (!g->running)
-        return;
-    for (;;) {
-        const uint32_t up = g->edges & 15u, down = g->edges >> 4u;
-        GPIO_DATA(GPIOB, up | down) = up;
-        trace_edges(g->edges);
-        const enum fw_step_action action = fw_stepgen_next(g);
-        if (action != FW_STEP_ARM) {
-            if (action == FW_STEP_END)
-                return;
-            SCB_ICSR = ICSR_PENDSVSET;
-        }
-        int32_t left = cycles_until(g->due, TICK_CYCLES);
-        if (left > NEAR_CYCLES) {
-            if (g->running)
-                arm(left);
-            return;
-        }
-        if (left < -TICK_CYCLES)
-            fw_core.registers.late_edges[0]++;
-        while (left > LEAVE_CYCLES)
-            left = cycles_until(g->due, TICK_CYCLES);
-        if (!g->running)
-            return;
-    }
+INLINE void put(uint8_t edges) {
+    const uint32_t up = edges & 15u, down = edges >> 4u;
+    volatile uint32_t *port = (volatile uint32_t *)GPIOB;
+    __asm("" : "+r"(port)); // in a register, with the mask as its index: the compiler would work the address out
+    port[up | down] = up;
+    trace_edges(edges);
 }
 
-void fw_board_step_arm(struct fw_core *core) {
-    // The clock tells 2^23 cycles ahead: sleep through what is longer (energise may be a second).
-    while ((int32_t)(core->step.due - fw_board_now(core)) > 40000)
-        fw_board_watchdog_feed(core);
-    arm(cycles_until(core->step.due, TICK_CYCLES));
+static void step_interrupt(void) {
+    TIMER0_ICR = 1;
+    step_interrupt_with(timing, put, arm);
 }
+
+void fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
 
 void fw_board_halt_steps(struct fw_core *core) {
     (void)core;
@@ -101,10 +79,7 @@ static void input_interrupt(void) {
     GPIO_ICR(GPIOA) = HOMES;
     GPIO_ICR(GPIOD) = 0xFF;
     GPIO_ICR(GPIOF) = STOPS;
-    const uint16_t inputs = fw_board_inputs(&fw_core);
-    if (estop_changed) // pressed and let go since: it has been both ways
-        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
-    fw_interlock_input(&fw_core, inputs);
+    cortex_m_inputs(estop_changed);
 }
 
 void fw_board_shutter(struct fw_core *core, bool open) {
@@ -236,8 +211,6 @@ bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index,
     return *(const volatile uint32_t *)at == word;
 }
 
-static void producer_interrupt(void) { fw_stepgen_produce(&fw_core.step); }
-
 // ---- start ----
 
 // 50 MHz from the 8 MHz crystal by the PLL (data sheet, "Initialization and Configuration" of System Control).
@@ -298,7 +271,7 @@ static void peripherals_start(void) {
     irq_enable(IRQ_TIMER0A, PRIORITY_STEP);
 }
 
-static void inputs_start(void) {
+void board_inputs_start(void) {
     input(GPIOA, HOMES, IRQ_GPIOA);
     input(GPIOD, 0xFF, IRQ_GPIOD);
     input(GPIOF, STOPS, IRQ_GPIOF);
@@ -306,7 +279,7 @@ static void inputs_start(void) {
 
 // The register tells most causes; where it is silent (an emulator), or a fault ended in a software reset, the mark
 // does.
-static enum fw_cause cause_of_start(void) {
+enum fw_cause board_cause(void) {
     const uint32_t resc = SYSCTL_RESC;
     const enum fw_cause marked = cortex_m_marked_cause();
     SYSCTL_RESC = 0;
@@ -321,37 +294,15 @@ static enum fw_cause cause_of_start(void) {
     return marked;
 }
 
-int main(void) {
-    const enum fw_cause cause = cause_of_start();
-    const uint32_t address = cortex_m_marked_address();
-    // Should this run end without a word, it was the watchdog.
-    cortex_m_mark(FW_CAUSE_WATCHDOG, address);
+void board_start(void) {
     clock_start();
     peripherals_start();
-    cortex_m_time_start(TICK_CYCLES);
-    fw_core_init(&fw_core, BOARD, cause);
-    fw_core.registers.fault_address[0] = address;
-    inputs_start();
-    trace_begin();
-    for (;;) {
-        fw_core_poll(&fw_core);
-        trace_poll();
-    }
 }
 
-extern uint32_t link_stack_top;
-typedef void (*vector)(void);
+void board_turn(void) { trace_poll(); }
+
 __attribute__((section(".vectors"), used)) static const vector vectors[16 + IRQS] = {
-    (vector)(uintptr_t)&link_stack_top,
-    cortex_m_start,
-    [2] = cortex_m_fault,
-    [3] = cortex_m_fault,
-    [4] = cortex_m_fault,
-    [5] = cortex_m_fault,
-    [6] = cortex_m_fault,
-    [11] = cortex_m_fault,
-    [14] = producer_interrupt,
-    [15] = cortex_m_wrap,
+    CORTEX_M_VECTORS,
     [16 + IRQ_GPIOA] = input_interrupt,
     [16 + IRQ_GPIOD] = input_interrupt,
     [16 + IRQ_GPIOF] = input_interrupt,

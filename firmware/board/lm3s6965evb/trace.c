@@ -2,21 +2,25 @@
 
 #include "firmware/contract/watchdog.h"
 
-// Four axes at 40,000 steps/s and more, at incommensurable rates, so that their edges meet in every phase.
-static const int64_t way[FW_AXES] = {10300, -10200, 10100, -10000};
-enum { SPEED = 45000, ACCELERATION = 1000000, JERK = 100000000, RATE = 162400, CYCLES = 50 };
+// Four axes at 40,000 steps/s and more: at incommensurable rates, and at nearly the same one, so that their edges meet
+// in every phase and stay in it for many segments.
+static const int64_t ways[][FW_AXES] = {{10300, -10200, 10100, -10000}, {10006, -10004, 10002, -10000}};
+enum { SPEED = 45000, ACCELERATION = 1000000, JERK = 100000000, RATE = 162400, CYCLES = 50, REST_MS = 20 };
 // The same move goes forth and back, each time another part of it is looked at: the start, the middle of the
 // acceleration, full speed, the deceleration.
 static const uint32_t from_ms[] = {0, 25, 120, 250};
-enum { RUNS = sizeof from_ms / sizeof from_ms[0], BINS = 20, BIN_CYCLES = 10, EVENTS = 8000 };
+enum { PARTS = sizeof from_ms / sizeof from_ms[0], RUNS = PARTS * (sizeof ways / sizeof ways[0]) };
+enum { BINS = 20, BIN_CYCLES = 10, EVENTS = 8000 };
 
 static uint32_t log[EVENTS];
 uint32_t *volatile trace_at = log + EVENTS;
 uint32_t *const trace_end = log + EVENTS;
 static uint32_t bin[BINS]; // of lateness, 0.2 ticks each, bin 10 from 0 on
-static uint32_t hash = 2166136261u, looked_at, wrong, idle;
+static uint32_t hash = 2166136261u, looked_at, wrong, turns;
+static uint32_t produced, producing_cycles, producing_most; // segments; cycles that they took
+static uint32_t rest_turns, moving_turns, moving_ms;
 static uint32_t began_ms;
-static bool armed;
+static bool begun, armed, rested;
 static unsigned run;
 
 // ---- semihosting (Arm, "Semihosting for AArch32 and AArch64") ----
@@ -47,19 +51,22 @@ static void number(const char *name, uint32_t value) {
 
 // ---- the moves ----
 
+static int64_t target_of(unsigned axis) { return run % 2 == 0 ? ways[run / PARTS][axis] : 0; }
+
 static void begin_run(void) {
     struct fw_registers *r = &fw_core.registers;
     for (unsigned i = 0; i < FW_AXES; i++)
-        r->target[i] = run % 2 == 0 ? way[i] : 0;
+        r->target[i] = target_of(i);
     r->command_axes[0] = 15;
     r->command_id[0] = run + 1;
     began_ms = fw_core.ms;
+    turns = 0;
     armed = true;
     if (fw_core_command(&fw_core, FW_COMMAND_MOVE) != FW_REFUSAL_NONE)
         text("refused\n");
 }
 
-void trace_begin(void) {
+static void begin(void) {
     struct fw_registers *r = &fw_core.registers;
     for (unsigned i = 0; i < FW_AXES; i++) {
         r->speed_max[i] = SPEED;
@@ -69,7 +76,6 @@ void trace_begin(void) {
     r->step_rate_max[0] = RATE;
     r->settle[0] = 0;
     fw_core.known = 15;
-    begin_run();
 }
 
 // Cycles from the tick to the event; the clock counts down, through 24 bits.
@@ -83,9 +89,19 @@ static void look_at(uint32_t event, uint32_t due, uint8_t edges) {
     hash = (hash ^ event) * 16777619u;
 }
 
+static void produce(struct fw_stepgen *g) {
+    const uint32_t before = SYST_CVR;
+    fw_stepgen_produce(g);
+    const uint32_t took = (before - SYST_CVR) & 0xFFFFFF;
+    produced++;
+    producing_cycles += took;
+    producing_most = took > producing_most ? took : producing_most;
+}
+
 // Work the same steps out again, without a timer, to learn when each event was due.
 static void look_at_run(uint32_t first) {
     static struct fw_stepgen again;
+    const int64_t *way = ways[run / PARTS];
     uint32_t distance[FW_AXES];
     uint8_t down = 0;
     for (unsigned i = 0; i < FW_AXES; i++) {
@@ -102,18 +118,19 @@ static void look_at_run(uint32_t first) {
             look_at(*event++, again.due, again.edges);
         const enum fw_step_action action = fw_stepgen_next(&again);
         if (action == FW_STEP_PRODUCE)
-            fw_stepgen_produce(&again);
+            produce(&again);
         else if (action == FW_STEP_END)
             break;
         fw_board_watchdog_feed(&fw_core);
     }
+    fw_stepgen_abort(&again); // it may not have come to the end
     trace_at = trace_end;
 }
 
 static bool arrived(void) {
     bool all = true;
     for (unsigned i = 0; i < FW_AXES; i++)
-        all = all && fw_core.step.position[i] == (run % 2 == 0 ? way[i] : 0);
+        all = all && fw_core.step.position[i] == target_of(i);
     return all;
 }
 
@@ -122,21 +139,43 @@ static void report(void) {
     number("looked_at", looked_at);
     number("wrong_edges", wrong);
     number("late_edges", fw_core.registers.late_edges[0]);
-    number("turns_of_main", idle);
+    // Of what the main loop has at rest.
+    number("main_percent", 100 * (moving_turns / moving_ms) / (rest_turns / REST_MS));
+    number("producer_percent", 100 * (producing_cycles / produced) / (CYCLES * FW_SEGMENT_TICKS));
+    number("producer_percent_most", 100 * producing_most / (CYCLES * FW_SEGMENT_TICKS));
     for (unsigned i = 0; i < BINS; i++)
         number("bin", bin[i]);
     number("hash", hash);
 }
 
+// How often the main loop turns while nothing moves.
+static bool resting(void) {
+    if (!begun) {
+        begun = true;
+        begin();
+        began_ms = fw_core.ms;
+    }
+    turns++;
+    if (!rested && fw_core.ms - began_ms >= REST_MS) {
+        rested = true;
+        rest_turns = turns;
+        begin_run();
+    }
+    return !rested;
+}
+
 void trace_poll(void) {
     enum { SYS_EXIT = 0x18, STOPPED = 0x20026 };
-    idle++;
-    if (armed && fw_core.ms - began_ms >= from_ms[run]) {
+    if (resting())
+        return;
+    if (armed && fw_core.ms - began_ms >= from_ms[run % PARTS]) {
         trace_at = log;
         armed = false;
     }
     if (fw_core.state == FW_STATE_MOVING)
         return;
+    moving_turns += turns;
+    moving_ms += fw_core.ms - began_ms;
     number("arrived", arrived());
     // The last event ends the segment after the last of the ramp.
     look_at_run(fw_core.step.due - (fw_core.step.ramp->duration / 2 + 1) * FW_SEGMENT_TICKS);

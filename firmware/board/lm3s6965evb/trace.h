@@ -20,11 +20,9 @@ static inline void trace_edges(uint8_t edges) {
         trace_at = at + 1;
     }
 }
-void trace_begin(void);
 void trace_poll(void);
 #else
 static inline void trace_edges(uint8_t edges) { (void)edges; }
-static inline void trace_begin(void) {}
 static inline void trace_poll(void) {}
 #endif
 

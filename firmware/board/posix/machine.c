@@ -57,9 +57,7 @@ static void inputs_interrupt(struct machine *m) {
 }
 
 static void interrupt_on_change(struct machine *m) {
-    const uint16_t active =
-        (uint16_t)((fw_board_inputs(&m->core) ^ m->core.registers.input_invert[0]) & m->core.registers.input_enable[0]);
-    if (active != m->core.interlock.active)
+    if (fw_interlock_differs(&m->core))
         inputs_interrupt(m);
 }
 
@@ -258,6 +256,39 @@ void machine_start(struct machine *m, enum fw_cause cause) {
     m->armed = m->produce_pending = false;
     m->poll_us = m->now_us;
     fw_core_init(&m->core, MACHINE_BOARD, cause);
+    inputs_interrupt(m);
+}
+
+// Steps from a limit switch to what must be reached without it: more than stopping from full speed takes, v^2/a without
+// bounded jerk and 2 v sqrt(v/j) where the jerk bounds it.
+static int64_t margin_of(const struct fw_registers *r, unsigned i) {
+    const int64_t speed = r->speed_max[i], jerk = r->jerk[i], straight = speed * speed / r->acceleration[i];
+    int64_t smooth = jerk > 0 ? 1 : 0;
+    while (jerk > 0 && smooth * smooth < 4 * speed * speed / jerk * speed)
+        smooth *= 2;
+    return 1000 + (straight > smooth ? straight : smooth);
+}
+
+static int64_t within(int64_t steps) { // so that nothing overflows
+    const int64_t far = 1ll << 60;
+    return steps < -far ? -far : steps > far ? far : steps;
+}
+
+void machine_place(struct machine *m) {
+    const struct fw_registers *r = &m->core.registers;
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        struct machine_axis *axis = &m->axis[i];
+        const bool up = r->home_up[i] != 0;
+        const int64_t home = within(r->home_position[i]), low = within(r->soft_min[i]), high = within(r->soft_max[i]),
+                      margin = margin_of(r, i), inside = up ? home - axis->steps : axis->steps - home;
+        if ((m->core.known >> i & 1) == 0 && (inside <= 0 || inside >= r->home_travel[i])) {
+            const int64_t off = r->home_travel[i] / 2 < 1000 ? r->home_travel[i] / 2 : 1000;
+            axis->steps = axis->arm = up ? home - off : home + off;
+        }
+        axis->home_at = home;
+        axis->limit_min_at = (home < low ? home : low) - margin;
+        axis->limit_max_at = (home > high ? home : high) + margin;
+    }
     inputs_interrupt(m);
 }
 

@@ -63,6 +63,9 @@ struct machine {
 void machine_new(struct machine *m);
 // Power up, or start anew after m->bitten, m->restart or m->fault; flash and mechanics stay as they are.
 void machine_start(struct machine *m, enum fw_cause cause);
+// Put the switches where the parameters have them: home switch at home_position, limit switches well outside of it and
+// of the soft limits. An axis that is not homed is put where homing finds its switch, if it stands elsewhere.
+void machine_place(struct machine *m);
 // Let simulated time pass. Returns early when the machine wants a new start.
 void machine_run(struct machine *m, uint64_t us);
 // The same until state, alarm free or not, is no longer MOVING, STOPPING or HOMING, or the time is over; true: it came

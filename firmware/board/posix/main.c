@@ -28,6 +28,7 @@ struct host {
     unsigned queued;
     uint8_t stream[LINE_MAX_BYTES]; // of the TCP client
     unsigned streamed;
+    struct fw_registers placed;                    // the parameters that the switches stand by
     uint32_t kept[FW_STORE_SLOTS][FW_STORE_WORDS]; // what the flash file holds
     char typed[256];
     unsigned typed_length;
@@ -232,13 +233,41 @@ static double seconds_now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+// Without parameters of its own the controller is set up for the machine it stands in: switches that are active below
+// 0, so that they tell the side, and homing that ends at 0.
+static void start(struct host *h, enum fw_cause cause) {
+    struct fw_registers *r = &h->machine.core.registers;
+    machine_start(&h->machine, cause);
+    if (r->store_slot[0] != 0)
+        return;
+    r->home_pressed[0] = 1;
+    for (unsigned i = 0; i < FW_AXES; i++)
+        r->home_position[i] = -(int64_t)r->home_backoff[i];
+}
+
 static void start_anew(struct host *h) {
     struct machine *m = &h->machine;
     const enum fw_cause cause = m->bitten ? FW_CAUSE_WATCHDOG : m->fault ? FW_CAUSE_FAULT : FW_CAUSE_COMMAND;
     fprintf(stderr, "gonio-controller: starts anew\n");
     keep_flash(h);
     m->now_us += RESTART_US;
-    machine_start(m, cause);
+    start(h, cause);
+}
+
+// The switches follow the parameters, as a mechanic would set them: whatever the scale of an axis, it homes and moves.
+static void place_switches(struct host *h) {
+    const struct fw_registers *r = &h->machine.core.registers;
+    struct fw_registers *p = &h->placed;
+    if (memcmp(p->home_position, r->home_position, sizeof p->home_position) == 0 &&
+        memcmp(p->home_up, r->home_up, sizeof p->home_up) == 0 &&
+        memcmp(p->soft_min, r->soft_min, sizeof p->soft_min) == 0 &&
+        memcmp(p->soft_max, r->soft_max, sizeof p->soft_max) == 0 &&
+        memcmp(p->speed_max, r->speed_max, sizeof p->speed_max) == 0 &&
+        memcmp(p->acceleration, r->acceleration, sizeof p->acceleration) == 0 &&
+        memcmp(p->jerk, r->jerk, sizeof p->jerk) == 0)
+        return;
+    *p = *r;
+    machine_place(&h->machine);
 }
 
 static void run_until(struct host *h, uint64_t us) {
@@ -247,6 +276,7 @@ static void run_until(struct host *h, uint64_t us) {
         uint64_t slice = us > m->now_us ? us - m->now_us : 0;
         if (h->queued > 0 || slice > m->core.modbus.character)
             slice = m->core.modbus.character;
+        place_switches(h);
         machine_run(m, slice);
         if (m->bitten || m->fault || m->restart)
             start_anew(h);
@@ -322,7 +352,7 @@ int main(int argc, char **argv) {
     load_flash(&host);
     open_line(&host);
     open_port(&host);
-    machine_start(&host.machine, FW_CAUSE_POWER);
+    start(&host, FW_CAUSE_POWER);
     puts("ready");
     fflush(stdout);
     run(&host);

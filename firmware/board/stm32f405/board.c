@@ -5,6 +5,7 @@
 //     PA9, PA10 USART 1   PA8 RS-485 driver on   PA0 photodiode   PA1 lamp temperature, 10 mV a degree
 //
 // Inputs have pull-ups and contacts open when active, so that a broken wire counts as active.
+#include "firmware/board/cortex_m/step.h"
 #include "firmware/board/stm32f405/stm32f405.h"
 #include "firmware/contract/adc.h"
 #include "firmware/contract/pin.h"
@@ -13,62 +14,35 @@
 #include "firmware/contract/uart.h"
 #include "firmware/contract/watchdog.h"
 
-enum { BOARD = 3, CLOCK_HZ = 168000000, BUS_HZ = 84000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
+enum { CLOCK_HZ = 168000000, BUS_HZ = 84000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
 enum { STEPS = 0x000F, DIRECTIONS = 0x00F0, MOTORS = 0x0F00, INPUTS = 0xF3FF, ESTOP = 1 << 14 };
 enum { SHUTTER = 1 << 4, TRIGGER = 1 << 5, DRIVER = 1 << 8, PWM_PERIOD = 4200 }; // 20 kHz
-// As on the lm3s6965evb: wait for an event nearer than NEAR, until LEAVE before it; the timer fires ENTRY early.
-enum { NEAR_CYCLES = 200, LEAVE_CYCLES = 60, ENTRY_CYCLES = 120 };
+static const struct step_timing timing = {.tick = TICK_CYCLES, .entry = 120, .near = 220, .leave = 36};
+const uint16_t board_number = 3;
+const uint32_t board_tick_cycles = TICK_CYCLES;
 
 // ---- steps: TIM 2 counts half cycles once ----
 
-static void arm(int32_t cycles) {
-    TIM2_ARR = (uint32_t)(cycles - ENTRY_CYCLES) / 2;
+INLINE void arm(uint32_t cycles) {
+    TIM2_ARR = cycles / 2;
     TIM2_CNT = 0;
     TIM2_CR1 = 1 << 3 | 1 << 2 | 1; // one pulse; only an overflow interrupts
 }
 
+INLINE void put_steps(uint8_t edges) { GPIO_BSRR(GPIOC) = (edges & 15u) | (uint32_t)(edges >> 4u) << 16; }
+
 static void step_interrupt(void) {
-    struct fw_stepgen *g = &fw_core.step;
     TIM2_SR = 0;
-    if (!g->running)
-        return;
-    for (;;) {
-        GPIO_BSRR(GPIOC) = (g->edges & 15u) | (uint32_t)(g->edges >> 4) << 16;
-        const enum fw_step_action action = fw_stepgen_next(g);
-        if (action != FW_STEP_ARM) {
-            if (action == FW_STEP_END)
-                return;
-            SCB_ICSR = ICSR_PENDSVSET;
-        }
-        int32_t left = cycles_until(g->due, TICK_CYCLES);
-        if (left > NEAR_CYCLES) {
-            if (g->running)
-                arm(left);
-            return;
-        }
-        if (left < -TICK_CYCLES)
-            fw_core.registers.late_edges[0]++;
-        while (left > LEAVE_CYCLES)
-            left = cycles_until(g->due, TICK_CYCLES);
-        if (!g->running)
-            return;
-    }
+    step_interrupt_with(timing, put_steps, arm);
 }
 
-void fw_board_step_arm(struct fw_core *core) {
-    // The clock tells 2^23 cycles, 50 ms, ahead: sit out what is longer (energise may be a second).
-    while ((int32_t)(core->step.due - fw_board_now(core)) > 40000)
-        fw_board_watchdog_feed(core);
-    arm(cycles_until(core->step.due, TICK_CYCLES));
-}
+void fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
 
 void fw_board_halt_steps(struct fw_core *core) {
     (void)core;
     TIM2_CR1 = 0;
     GPIO_BSRR(GPIOC) = (uint32_t)STEPS << 16;
 }
-
-static void producer_interrupt(void) { fw_stepgen_produce(&fw_core.step); }
 
 // ---- pins ----
 
@@ -96,10 +70,7 @@ uint16_t fw_board_inputs(struct fw_core *core) {
 static void input_interrupt(void) {
     const bool estop_changed = (EXTI_PR & ESTOP) != 0;
     EXTI_PR = INPUTS;
-    const uint16_t inputs = fw_board_inputs(&fw_core);
-    if (estop_changed) // pressed and let go since: it has been both ways
-        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
-    fw_interlock_input(&fw_core, inputs);
+    cortex_m_inputs(estop_changed);
 }
 
 void fw_board_inputs_pend(struct fw_core *core) {
@@ -276,7 +247,7 @@ static void pins_start(void) {
     GPIO_PUPDR(GPIOB) = 0x55055555;
 }
 
-static void inputs_start(void) {
+void board_inputs_start(void) {
     for (unsigned i = 0; i < 4; i++)
         SYSCFG_EXTICR(i) = 0x1111; // port B
     EXTI_RTSR = INPUTS | 1u << 16; // and the supply
@@ -312,7 +283,7 @@ static void peripherals_start(void) {
     irq_enable(IRQ_PVD, PRIORITY_INPUTS);
 }
 
-static enum fw_cause cause_of_start(void) {
+enum fw_cause board_cause(void) {
     const uint32_t csr = RCC_CSR;
     const enum fw_cause marked = cortex_m_marked_cause();
     RCC_CSR = CSR_CLEAR;
@@ -328,33 +299,15 @@ static enum fw_cause cause_of_start(void) {
     return marked;
 }
 
-int main(void) {
-    const enum fw_cause cause = cause_of_start();
-    const uint32_t address = cortex_m_marked_address();
-    cortex_m_mark(FW_CAUSE_WATCHDOG, address); // should this run end without a word, it was the watchdog
+void board_start(void) {
     clock_start();
     peripherals_start();
-    cortex_m_time_start(TICK_CYCLES);
-    fw_core_init(&fw_core, BOARD, cause);
-    fw_core.registers.fault_address[0] = address;
-    inputs_start();
-    for (;;)
-        fw_core_poll(&fw_core);
 }
 
-extern uint32_t link_stack_top;
-typedef void (*vector)(void);
+void board_turn(void) {}
+
 __attribute__((section(".vectors"), used)) static const vector vectors[16 + IRQS] = {
-    (vector)(uintptr_t)&link_stack_top,
-    cortex_m_start,
-    [2] = cortex_m_fault,
-    [3] = cortex_m_fault,
-    [4] = cortex_m_fault,
-    [5] = cortex_m_fault,
-    [6] = cortex_m_fault,
-    [11] = cortex_m_fault,
-    [14] = producer_interrupt,
-    [15] = cortex_m_wrap,
+    CORTEX_M_VECTORS,
     [16 + IRQ_PVD] = supply_interrupt,
     [16 + IRQ_EXTI0] = input_interrupt,
     [16 + IRQ_EXTI0 + 1] = input_interrupt,
