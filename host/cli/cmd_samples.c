@@ -250,6 +250,8 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
                          const gonio_budget *budget) {
     const int channels = gonio_calib_channels(process->calib);
     const char(*names)[32] = gonio_calib_channel_names(process->calib);
+    gonio_blur blur;
+    gonio_calib_blur(&process->setup.facts, NULL, NULL, &blur);
     if (r->common->json) {
         json_t *list = json_array();
         for (int c = 0; c < channels; c++) {
@@ -262,13 +264,17 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
             json_object_set_new(one, "sigma", cli_json_real(hypot(budget[c].random, budget[c].systematic)));
             json_array_append_new(list, one);
         }
-        cli_json(json_pack("{s:s,s:I,s:o,s:o}", "session", r->path, "step", (json_int_t)step->index, "pose",
-                           pair_json(&step->pose), "budget", list));
+        cli_json(json_pack("{s:s,s:I,s:o,s:o,s:{s:f,s:f,s:f,s:f,s:f}}", "session", r->path, "step",
+                           (json_int_t)step->index, "pose", pair_json(&step->pose), "budget", list, "blur", "light_deg",
+                           blur.light_deg, "aperture_deg", blur.aperture_deg, "region_deg", blur.region_deg, "light_sr",
+                           blur.light_sr, "aperture_sr", blur.aperture_sr));
         return;
     }
     printf("step %lld at theta_i %.6g, phi_i %.6g, theta_o %.6g, phi_o %.6g deg; standard uncertainties (k = 1)\n",
            (long long)step->index, gonio_degrees(step->pose.theta_i), gonio_degrees(step->pose.phi_i),
            gonio_degrees(step->pose.theta_o), gonio_degrees(step->pose.phi_o));
+    printf("blur: light +-%.3g deg (%.3g sr), aperture +-%.3g deg (%.3g sr), averaged disc +-%.3g deg\n",
+           blur.light_deg, blur.light_sr, blur.aperture_deg, blur.aperture_sr, blur.region_deg);
     for (int c = 0; c < channels; c++) {
         const gonio_budget *b = &budget[c];
         const double combined = hypot(b->random, b->systematic);
@@ -278,6 +284,8 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
             printf("  %-12s %12.4g 1/sr  %8.4f %%\n", terms[t].name, sigma, 100 * sigma / fabs(b->value));
         }
         printf("  %-12s %12.4g 1/sr  %8.4f %%\n", "combined", combined, 100 * combined / fabs(b->value));
+        printf("  bias taken out: averaged disc %+.4f %%, light and aperture %+.4f %%\n", 100 * b->area_bias,
+               100 * b->blur_bias);
     }
 }
 
