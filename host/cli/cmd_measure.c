@@ -93,9 +93,11 @@ static int run_request(request *r, const char *path) {
     if (status == GONIO_OK) {
         status = journal(session, r, &rig, &setup, steps, n, &error);
     }
+    rig.journal = status == GONIO_OK ? session : NULL;
     exit_status = status == GONIO_OK ? cli_measuring_run(&r->measuring, session, &rig.rig)
                                      : cli_fail(r->measuring.common, &error);
 out:
+    rig.journal = NULL;
     gonio_session_close(session);
     free(steps);
     cli_rig_close(&rig);

@@ -64,6 +64,7 @@ static int run(int argc, char **argv) {
             fprintf(stderr, "the session is finished; fitting it again\n");
         }
         gonio_session_event(session, "resumed", "", NULL);
+        rig.journal = session;
         exit_status = cli_measuring_run(&measuring, session, &rig.rig);
     }
     cli_rig_close(&rig);

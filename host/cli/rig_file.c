@@ -95,13 +95,25 @@ static gonio_status apply_text(builder *b, const char *text, const char *name, g
     return gonio_fail_line(error, GONIO_E_INPUT, name, line, "%s", b->error.message);
 }
 
+// A line so bad that it is told no more; what it does shows in the measure's pace.
+#define RETRIES_TOLD 100
+
 static void tell(void *context, const char *kind, const char *text) {
-    (void)context;
-    fprintf(stderr, "gonio: %s: %s\n", kind, text);
+    cli_rig *rig = context;
+    const bool retry = strcmp(kind, "retry") == 0;
+    if (retry && ++rig->retries > RETRIES_TOLD) {
+        return;
+    }
+    if (rig->journal != NULL) {
+        gonio_session_event(rig->journal, kind, text, NULL);
+    }
+    if (!retry) { // those are for whoever reads the journal
+        fprintf(stderr, "gonio: %s: %s\n", kind, text);
+    }
 }
 
 static gonio_status new_hardware(builder *b, cli_rig *rig, gonio_error *error) {
-    static const gonio_hardware_hooks hooks = {.event = tell, .cancelled = cli_interrupted};
+    const gonio_hardware_hooks hooks = {.event = tell, .context = rig, .cancelled = cli_interrupted};
     const gonio_status status = gonio_hardware_new(&hooks, &rig->hardware, error);
     b->hardware = rig->hardware;
     return status;

@@ -33,11 +33,14 @@ typedef struct cli_rig {
     gonio_hardware *hardware; // real devices
     gonio_scan_options scan;
     char driver[16];
-    char spec[256]; // of the simulated sample
-    char *text;     // the rig file as read, every override appended; owned
+    char spec[256];         // of the simulated sample
+    gonio_session *journal; // where the devices' events go; NULL: nowhere. Borrowed
+    int retries;            // told so far
+    char *text;             // the rig file as read, every override appended; owned
 } cli_rig;
 
-// Read and check everything, open the devices. Release with cli_rig_close, also on failure.
+// Read and check everything, open the devices. Release with cli_rig_close, also on failure. The rig must stay where it
+// is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);
 // Journal what cli_rig_reopen needs.
 gonio_status cli_rig_put(gonio_session *session, const cli_rig_options *options, const cli_rig *rig,

@@ -280,6 +280,12 @@ gonio_status gonio_controller_read_status(gonio_controller *c, gonio_controller_
         return gonio_fail(error, GONIO_E_DEVICE, "controller %s restarted (%s): positions are lost, home it again",
                           c->config.modbus.port, gonio_controller_cause_text(status->reset_cause));
     }
+    const bool alarmed = status->state == CONTROLLER_STATE_ALARM || status->state == CONTROLLER_STATE_ESTOP;
+    if (alarmed && c->alarm_told != status->alarm) {
+        gonio_controller_tell(c, "alarm", "%d %s: %s", status->alarm, gonio_controller_alarm_name(status->alarm),
+                              gonio_controller_alarm_text(status->alarm));
+    }
+    c->alarm_told = alarmed ? status->alarm : 0;
     return check_rest(c, status, error);
 }
 

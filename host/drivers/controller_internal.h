@@ -23,7 +23,8 @@ struct gonio_controller {
     int64_t last_call_ms;     // the last that was not the feeder's
     bool restarted;           // since it was opened
     bool commanded;           // it has taken a command of ours: its accepted_id is 0 only after a restart
-    bool resting;             // nothing was asked to move since the axes stood at `rest`
+    int alarm_told;
+    bool resting; // nothing was asked to move since the axes stood at `rest`
     int64_t rest[GONIO_CONTROLLER_AXES];
     gonio_controller_counts counts;
 };

@@ -1,8 +1,11 @@
 #include "host/drivers/interlock_gpio.h"
 
+#include <errno.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 typedef struct contact {
     gonio_contact_config config;
@@ -15,12 +18,18 @@ typedef struct interlock {
     void *state;
     contact contacts[GONIO_CONTACTS_MAX];
     int n;
+    pthread_mutex_t lock; // of the contacts, and of io
+    pthread_cond_t wake;
+    pthread_t watcher;
+    bool watching, closing;
+    double watch_s;
 } interlock;
 
 void gonio_interlock_gpio_defaults(gonio_interlock_gpio_config *config) {
     *config = (gonio_interlock_gpio_config){
         .contacts = {{.name = "emergency stop", .normally_closed = true}, {.name = "door", .normally_closed = true}},
-        .debounce_s = 0.005};
+        .debounce_s = 0.005,
+        .watch_s = 0.05};
     for (int i = 0; i < GONIO_CONTACTS_MAX; i++) {
         config->contacts[i].bias = GONIO_GPIO_PULL_UP;
     }
@@ -49,8 +58,7 @@ static gonio_status look(interlock *device, contact *c, gonio_error *error) {
     return GONIO_OK;
 }
 
-static gonio_status interlock_check(void *opaque, gonio_error *error) {
-    interlock *device = opaque;
+static gonio_status check(interlock *device, gonio_error *error) {
     char told[256] = "";
     for (int i = 0; i < device->n; i++) {
         contact *c = &device->contacts[i];
@@ -68,11 +76,67 @@ static gonio_status interlock_check(void *opaque, gonio_error *error) {
     return told[0] == 0 ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "interlock: %s", told);
 }
 
+static gonio_status interlock_check(void *opaque, gonio_error *error) {
+    interlock *device = opaque;
+    pthread_mutex_lock(&device->lock);
+    const gonio_status status = check(device, error);
+    pthread_mutex_unlock(&device->lock);
+    return status;
+}
+
+// ---- reading the levels while nobody asks ----
+
+static struct timespec moment_in(double seconds) {
+    struct timespec at;
+    clock_gettime(CLOCK_MONOTONIC, &at);
+    const long ns = at.tv_nsec + (long)(seconds * 1e9);
+    at.tv_sec += ns / 1000000000;
+    at.tv_nsec = ns % 1000000000;
+    return at;
+}
+
+// What it finds waits in the contacts' filters for the next check; a line that cannot be read fails there again.
+static void *watch(void *opaque) {
+    interlock *device = opaque;
+    pthread_mutex_lock(&device->lock);
+    while (!device->closing) {
+        const struct timespec until = moment_in(device->watch_s);
+        while (!device->closing && pthread_cond_timedwait(&device->wake, &device->lock, &until) != ETIMEDOUT) {
+        }
+        for (int i = 0; i < device->n && !device->closing; i++) {
+            look(device, &device->contacts[i], NULL);
+        }
+    }
+    pthread_mutex_unlock(&device->lock);
+    return NULL;
+}
+
+static gonio_status start_watching(interlock *device, gonio_error *error) {
+    if (!(device->watch_s > 0)) {
+        return GONIO_OK;
+    }
+    device->watching = pthread_create(&device->watcher, NULL, watch, device) == 0;
+    return device->watching ? GONIO_OK : gonio_fail(error, GONIO_E_FAILED, "no thread to watch the interlock with");
+}
+
+static void stop_watching(interlock *device) {
+    if (device->watching) {
+        pthread_mutex_lock(&device->lock);
+        device->closing = true;
+        pthread_cond_signal(&device->wake);
+        pthread_mutex_unlock(&device->lock);
+        pthread_join(device->watcher, NULL);
+    }
+}
+
 static void interlock_close(void *opaque) {
     interlock *device = opaque;
+    stop_watching(device);
     for (int i = 0; i < device->n; i++) {
         device->io->close(device->state, device->contacts[i].handle);
     }
+    pthread_cond_destroy(&device->wake);
+    pthread_mutex_destroy(&device->lock);
     free(device);
 }
 
@@ -104,6 +168,13 @@ gonio_status gonio_interlock_gpio_open(const gonio_interlock_gpio_config *config
     }
     device->io = io;
     device->state = state;
+    device->watch_s = config->watch_s < 1 ? config->watch_s : 1;
+    pthread_mutex_init(&device->lock, NULL);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&device->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
     for (int i = 0; i < GONIO_CONTACTS_MAX; i++) {
         if (config->contacts[i].line[0] == 0) {
             continue;
@@ -114,6 +185,11 @@ gonio_status gonio_interlock_gpio_open(const gonio_interlock_gpio_config *config
             interlock_close(device);
             return status;
         }
+    }
+    const gonio_status status = start_watching(device, error);
+    if (status != GONIO_OK) {
+        interlock_close(device);
+        return status;
     }
     *out = device;
     return GONIO_OK;

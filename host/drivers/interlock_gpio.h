@@ -18,13 +18,15 @@ typedef struct gonio_contact_config {
 typedef struct gonio_interlock_gpio_config {
     gonio_contact_config contacts[GONIO_CONTACTS_MAX];
     double debounce_s; // 0.005
+    double watch_s;    // a thread of the interlock's own reads the levels this often; 0: only check does. 0.05
 } gonio_interlock_gpio_config;
 
 void gonio_interlock_gpio_defaults(gonio_interlock_gpio_config *config);
 
 extern const gonio_interlock_ops gonio_interlock_gpio;
-// check tells every contact that is active or has been since the check before, even if it is closed again. It is quick
-// and is to be called at least every 50 ms while something moves: that bounds how long a lost edge goes unseen.
+// check tells every contact that is active or has been since the check before, even if it is closed again. As long as
+// the interlock is open the levels are read every watch_s, whatever the caller waits for: that bounds how long an
+// opening may be that leaves no edge in the queue and yet is seen. `io` is then used from two threads, never at once.
 gonio_status gonio_interlock_gpio_open(const gonio_interlock_gpio_config *config, const gonio_gpio_io *io, void *state,
                                        void **device, gonio_error *error);
 // The contact's filter, for the tests and `gonio rig status`; NULL past the last.

@@ -1,10 +1,12 @@
 // Contacts: the filter against a plain statement of what it must say, and the interlock on modelled lines.
 #include <errno.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -51,10 +53,17 @@ static int open_output(void *state, const char *name, bool initial, void **handl
     return model_open(name, true, initial, handle);
 }
 
+static pthread_mutex_t model_lock = PTHREAD_MUTEX_INITIALIZER;
+static int looks;
+
 static int get(void *state, void *handle) {
     (void)state;
     const model_line *l = handle;
-    return l->broken ? -ENODEV : l->level;
+    pthread_mutex_lock(&model_lock);
+    const int level = l->broken ? -ENODEV : l->level;
+    looks++;
+    pthread_mutex_unlock(&model_lock);
+    return level;
 }
 
 static int set(void *state, void *handle, bool level) {
@@ -95,19 +104,24 @@ static void drive(int line, bool level) {
     l->level = level;
 }
 
-static void *open_interlock(void) {
+static void *open_interlock_watched(double watch_s) {
     memset(&gpio, 0, sizeof gpio);
     strcpy(gpio.lines[0].name, "estop");
     strcpy(gpio.lines[1].name, "gpiochip0:3");
     gpio.n = 2;
     gonio_interlock_gpio_config config;
     gonio_interlock_gpio_defaults(&config);
+    assert_true(config.watch_s == 0.05);
+    config.watch_s = watch_s;
     strcpy(config.contacts[0].line, "estop");
     strcpy(config.contacts[1].line, "gpiochip0:3");
     void *device = NULL;
     assert_int_equal(gonio_interlock_gpio_open(&config, &io, NULL, &device, NULL), GONIO_OK);
     return device;
 }
+
+// Most tests have a clock of their own, and look themselves.
+static void *open_interlock(void) { return open_interlock_watched(0); }
 
 static gonio_status check_after(void *device, int64_t ms, gonio_error *error) {
     gpio.now_ns += ms * MS;
@@ -211,6 +225,7 @@ static void test_open_at_start_and_broken_line(void **state) {
     gpio.lines[1].level = true;
     gonio_interlock_gpio_config config;
     gonio_interlock_gpio_defaults(&config);
+    config.watch_s = 0;
     strcpy(config.contacts[1].line, "gpiochip0:3");
     gonio_error error = {0};
     assert_int_equal(gonio_interlock_gpio_open(&config, &io, NULL, &device, NULL), GONIO_OK);
@@ -286,12 +301,41 @@ static void test_lamp_and_trigger(void **state) {
     gonio_trigger_gpio_close(&trigger);
 }
 
+// A contact that opens and closes again without leaving an edge, while the caller waits for something else: the levels
+// are read all the same, and the next check tells.
+static void test_watched_while_nobody_asks(void **state) {
+    (void)state;
+    void *device = open_interlock_watched(0.002);
+    gonio_error error = {0};
+    assert_int_equal(gonio_interlock_gpio.check(device, &error), GONIO_OK);
+    pthread_mutex_lock(&model_lock);
+    gpio.drop_edges = true;
+    gpio.now_ns += MS;
+    drive(1, true);
+    const int seen = looks;
+    pthread_mutex_unlock(&model_lock);
+    for (int enough = 0; enough < 10;) { // until its thread has looked at both lines some times
+        pthread_mutex_lock(&model_lock);
+        enough = looks - seen;
+        pthread_mutex_unlock(&model_lock);
+        usleep(1000);
+    }
+    pthread_mutex_lock(&model_lock);
+    gpio.now_ns += MS;
+    drive(1, false);
+    pthread_mutex_unlock(&model_lock);
+    assert_int_equal(gonio_interlock_gpio.check(device, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "door"));
+    gonio_interlock_gpio.close(device);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pressed_and_released),      cmocka_unit_test(test_short_press_is_not_lost),
         cmocka_unit_test(test_glitches_are_left_out),     cmocka_unit_test(test_lost_edges_show),
         cmocka_unit_test(test_overflow_is_noticed),       cmocka_unit_test(test_open_at_start_and_broken_line),
-        cmocka_unit_test(test_filter_against_definition), cmocka_unit_test(test_lamp_and_trigger),
+        cmocka_unit_test(test_watched_while_nobody_asks), cmocka_unit_test(test_filter_against_definition),
+        cmocka_unit_test(test_lamp_and_trigger),
     };
     return cmocka_run_group_tests_name("interlock_gpio", tests, NULL, NULL);
 }
