@@ -147,9 +147,13 @@ static gonio_status stage_home(void *device, double timeout_s, gonio_error *erro
     return status;
 }
 
-static gonio_status check_targets(const stage *s, const int64_t targets[GONIO_AXES], gonio_error *error) {
+static gonio_status check_targets(const stage *s, const int64_t targets[GONIO_AXES], unsigned axes,
+                                  gonio_error *error) {
     for (int k = 0; k < GONIO_AXES; k++) {
         const axis *a = &s->axes[k];
+        if ((axes >> k & 1) == 0) {
+            continue;
+        }
         if (targets[k] < a->minimum || targets[k] > a->maximum) {
             double low, high;
             gonio_stage_modbus_limits(s, k, &low, &high);
@@ -184,6 +188,15 @@ static gonio_status check_homed(unsigned homed, gonio_error *error) {
     return GONIO_OK;
 }
 
+// An axis that stays where it is need not be within its limits: after homing it stands at its switch, outside them.
+static unsigned changed_axes(const int64_t targets[GONIO_AXES], const gonio_controller_status *now) {
+    unsigned axes = 0;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        axes |= (unsigned)(targets[k] != now->position[k]) << k;
+    }
+    return axes;
+}
+
 // Every call gets an id of the controller's own sequence: ids of the host begin anew with each process, and the
 // controller takes one it has just carried out for a repeat. Targets are absolute, so a repeated call is harmless.
 static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
@@ -196,12 +209,20 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
         targets[k] = to_steps(&s->axes[k], target_rad[k]);
     }
     gonio_controller_status now;
-    gonio_status status = check_targets(s, targets, error);
-    if (status == GONIO_OK) {
-        status = watch(s, error);
-    }
+    gonio_status status = watch(s, error);
     if (status == GONIO_OK) {
         status = gonio_controller_read_status(s->controller, &now, error);
+    }
+    unsigned axes = status == GONIO_OK ? changed_axes(targets, &now) : 0;
+    if (status == GONIO_OK) {
+        status = check_targets(s, targets, axes, error);
+    }
+    // A move of no length settles, and triggers, as any other, with whatever axes the controller would move at all.
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK && axes == 0; k++) {
+        axes = check_targets(s, targets, 1u << k, NULL) == GONIO_OK ? 1u << k : 0;
+    }
+    if (status == GONIO_OK && axes == 0) {
+        return GONIO_OK;
     }
     if (status == GONIO_OK) {
         status = gonio_controller_alarm(&now, error);
@@ -211,7 +232,7 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     }
     uint32_t own_id = 0;
     if (status == GONIO_OK) {
-        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_MOVE, ALL_AXES, targets, &own_id, error);
+        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_MOVE, axes, targets, &own_id, error);
     }
     if (status == GONIO_OK) {
         status = gonio_controller_wait(s->controller, own_id, timeout_s, watch, s, &now, error);
@@ -233,7 +254,7 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
     for (int k = 0; k < GONIO_AXES; k++) {
         targets[k] = to_steps(&s->axes[k], to_rad_[k]);
     }
-    return check_targets(s, targets, error);
+    return check_targets(s, targets, ALL_AXES, error);
 }
 
 static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {

@@ -268,7 +268,7 @@ static gonio_status begin(const gonio_rig *rig, gonio_session **session, gonio_e
         status = gonio_plan_make("nusselt:31", 1, &plan, error);
     }
     if (status == GONIO_OK) {
-        status = gonio_scan_steps(rig, plan, &steps, &n, error);
+        status = gonio_scan_steps(rig, &options, plan, &steps, &n, error);
         gonio_plan_free(plan);
     }
     if (status == GONIO_OK) {

@@ -30,6 +30,7 @@ static gonio_controller_config config(void) {
     snprintf(c.modbus.port, sizeof c.modbus.port, "%s", b.port);
     c.modbus.timeout_ms = 200; // a busy machine may take a while
     c.replug_s = 3;
+    c.deadman_s = 300; // most of these controllers live thirty times as fast as this machine may be busy
     c.event = note;
     events[0] = 0;
     return c;
@@ -98,6 +99,10 @@ static void check_handshake_and_motion(bool tcp) {
     assert_int_equal(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "not homed"));
     must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    // After homing every axis stands at its switch, outside the limits: one moves while the others stay there.
+    must(gonio_stage_modbus.position(stage, at, &error), &error);
+    at[2] = gonio_radians(10);
+    must(gonio_stage_modbus.move(stage, at, 1, &stamp, 10, &error), &error);
     must(gonio_stage_modbus.move(stage, target, 1, &stamp, 10, &error), &error);
     must(gonio_stage_modbus.position(stage, at, &error), &error);
     assert_true(fabs(gonio_degrees(at[0]) - 30) < 1e-9 && fabs(gonio_degrees(at[1]) - 120) < 1e-9);
