@@ -270,7 +270,7 @@ extern "C" gonio_status opencv_find_board(const gonio_image *image, const gonio_
     });
 }
 
-extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, gonio_view *views,
+extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, int radial, gonio_view *views,
                                          gonio_camera_calibration *out, gonio_error *error) {
     return guarded(error, "camera calibration", [&] {
         std::vector<std::vector<cv::Point3f>> object;
@@ -291,14 +291,15 @@ extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, go
         cv::Mat matrix, distortion, sigma, view_sigma, errors;
         std::vector<cv::Mat> rotation, translation;
         const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 200, 1e-12);
-        out->rms = cv::calibrateCamera(object, image, cv::Size(out->width, out->height), matrix, distortion, rotation,
-                                       translation, sigma, view_sigma, errors, 0, until);
+        out->rms = cv::calibrateCamera(
+            object, image, cv::Size(out->width, out->height), matrix, distortion, rotation, translation, sigma,
+            view_sigma, errors, (radial < 3 ? cv::CALIB_FIX_K3 : 0) | (radial < 2 ? cv::CALIB_FIX_K2 : 0), until);
         const double values[9] = {matrix.at<double>(0, 0),  matrix.at<double>(1, 1),  matrix.at<double>(0, 2),
                                   matrix.at<double>(1, 2),  distortion.at<double>(0), distortion.at<double>(1),
                                   distortion.at<double>(2), distortion.at<double>(3), distortion.at<double>(4)};
         // OpenCV 4.6 divides the squared residuals of both coordinates by the number of points less the parameters,
         // which makes its standard deviations too large by sqrt((2 points - parameters) / (points - parameters)).
-        const double parameters = 9 + 6 * static_cast<double>(image.size()), m = static_cast<double>(points);
+        const double parameters = 6 + radial + 6 * static_cast<double>(image.size()), m = static_cast<double>(points);
         const double correction = m > parameters ? std::sqrt((m - parameters) / (2 * m - parameters)) : 1;
         for (int k = 0; k < 9; k++) {
             out->value[k] = values[k];

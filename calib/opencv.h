@@ -24,9 +24,9 @@ gonio_status opencv_draw_board(const gonio_board *board, int square_px, gonio_im
 gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
                                gonio_corners *corners, gonio_error *error);
 // Fit intrinsics to the views that have used set; views get rms and pose. sigma is the spread of one coordinate's
-// residuals propagated to the parameters.
-gonio_status opencv_calibrate(int n, const gonio_corners *corners, gonio_view *views, gonio_camera_calibration *out,
-                              gonio_error *error);
+// residuals propagated to the parameters. radial: how many of k1 k2 k3 are fitted, 1 to 3; the others are 0.
+gonio_status opencv_calibrate(int n, const gonio_corners *corners, int radial, gonio_view *views,
+                              gonio_camera_calibration *out, gonio_error *error);
 gonio_status opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error);
 
 // Debevec and Malik's or Robertson's response of 8-bit images: exposure[256] up to a factor.

@@ -107,7 +107,8 @@ typedef struct gonio_view {
 
 typedef struct gonio_camera_calibration {
     int width, height, views_used;
-    // fx fy cx cy (px), k1 k2 p1 p2 k3, in this order, and their standard uncertainties (k = 1).
+    // fx fy cx cy (px), k1 k2 p1 p2 k3, in this order, and their standard uncertainties (k = 1). k3 is 0 with an
+    // uncertainty of 0 where the corners do not ask for it.
     double value[9], sigma[9];
     double rms; // over all used corners, px
 } gonio_camera_calibration;

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "gonio/calibrate.h"
-#include "tests/pixel.h"
+#include "tests/camera_views.h"
 
 static const gonio_board photo_board = {.kind = GONIO_CHESSBOARD, .columns = 9, .rows = 6, .square_mm = 25};
 
@@ -66,56 +66,21 @@ static void test_real_photographs(void **state) {
     calibrate_photos("right", 534.8033, 0.25); // of the stereo pair's common intrinsics
 }
 
-static void project(const double k[9], double r[3][3], const double t[3], double x, double y, double out[2]) {
-    const double z = r[2][0] * x + r[2][1] * y + t[2];
-    const double a = (r[0][0] * x + r[0][1] * y + t[0]) / z, b = (r[1][0] * x + r[1][1] * y + t[1]) / z;
-    const double r2 = a * a + b * b, d = 1 + r2 * (k[4] + r2 * (k[5] + r2 * k[8]));
-    out[0] = k[2] + k[0] * (a * d + 2 * k[6] * a * b + k[7] * (r2 + 2 * a * a));
-    out[1] = k[3] + k[1] * (b * d + k[6] * (r2 + 2 * b * b) + 2 * k[7] * a * b);
-}
-
-// Rotation by angles about x, then y, then z.
-static void rotation(double ax, double ay, double az, double r[3][3]) {
-    const double ca = cos(ax), sa = sin(ax), cb = cos(ay), sb = sin(ay), cg = cos(az), sg = sin(az);
-    const double m[3][3] = {{cg * cb, cg * sb * sa - sg * ca, cg * sb * ca + sg * sa},
-                            {sg * cb, sg * sb * sa + cg * ca, sg * sb * ca - cg * sa},
-                            {-sb, cb * sa, cb * ca}};
-    memcpy(r, m, sizeof m);
-}
-
 static const double truth[9] = {1500, 1495, 330, 250, -0.25, 0.1, 1e-3, -5e-4, 0};
 
-// Corners of a 9 x 6 board, 25 mm, about 900 mm away, tilted by up to tilt / 2 about
-// each axis, with normal noise.
 static void simulate_view(uint64_t *random, double tilt, double noise_px, gonio_corners *corners) {
-    double r[3][3];
-    const double t[3] = {-100 + 60 * (pixel_uniform(random) - 0.5), -62 + 60 * (pixel_uniform(random) - 0.5),
-                         700 + 300 * pixel_uniform(random)};
-    rotation(tilt * (pixel_uniform(random) - 0.5), tilt * (pixel_uniform(random) - 0.5), 6.28 * pixel_uniform(random),
-             r);
-    corners->n = 54;
-    for (int i = 0; i < 54; i++) {
-        // Turned about its own centre.
-        const double x = 25 * (i % 9) - 100, y = 25 * (i / 9) - 62.5;
-        const double moved[3] = {t[0] + 100, t[1] + 62.5, t[2]};
-        project(truth, r, moved, x, y, corners->pixel[i]);
-        corners->board[i][0] = x;
-        corners->board[i][1] = y;
-        corners->pixel[i][0] += noise_px * pixel_normal(random);
-        corners->pixel[i][1] += noise_px * pixel_normal(random);
-    }
+    camera_view(random, truth, 640, 512, tilt, noise_px, -1, corners);
 }
 
-// Stated uncertainties are true: 60 calibrations of 12 views with 0.1 px noise; of the 540 parameters 90 to 99 % lie
-// within 2 stated sigmas. Parameters of one calibration are correlated; with about 3 independent ones each, 180 trials:
-// below 162 or above 178.6 of an expected 171.8 +- 2.8 happens less than once in 1e3 for the upper limit by chance, so
-// the seed is fixed; the lower one is 3.5 sigma away.
+// Stated uncertainties are true: 60 calibrations of 12 views with 0.1 px noise; of the parameters that are not held 90
+// to 99 % lie within 2 stated sigmas. Parameters of one calibration are correlated; with about 3 independent ones each,
+// 180 trials: below 162 or above 178.6 of an expected 171.8 +- 2.8 happens less than once in 1e3 for the upper limit by
+// chance, so the seed is fixed; the lower one is 3.5 sigma away. 200 in tests/bench/calib_geometry.c.
 static void test_stated_uncertainties_are_true(void **state) {
     (void)state;
     uint64_t random = 12;
     gonio_corners *corners = calloc(12, sizeof *corners);
     int within = 0, n = 0;
-    double worst_px = 0;
     for (int trial = 0; trial < 60; trial++) {
         gonio_view views[12] = {{0}};
         gonio_camera_calibration c;
@@ -124,27 +89,37 @@ static void test_stated_uncertainties_are_true(void **state) {
         }
         assert_int_equal(gonio_camera_calibrate(12, corners, 640, 512, views, &c, NULL), GONIO_OK);
         for (int k = 0; k < 9; k++) {
-            within += fabs(c.value[k] - truth[k]) <= 2 * c.sigma[k];
-            n++;
+            if (c.sigma[k] > 0) {
+                within += fabs(c.value[k] - truth[k]) <= 2 * c.sigma[k];
+                n++;
+            }
         }
         assert_near(c.rms, 0.1 * sqrt(2), 0.02);
-        // The distortion that is left over the inner frame, where views had corners.
-        for (int i = 0; i < 54; i++) {
-            double straight[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-            const double at[3] = {0, 0, 900};
-            double a[2], b[2], centre_a[2], centre_b[2];
-            project(truth, straight, at, 0, 0, centre_a);
-            project(c.value, straight, at, 0, 0, centre_b);
-            project(truth, straight, at, 35 * (i % 9) - 140, 35 * (i / 9) - 87, a);
-            project(c.value, straight, at, 35 * (i % 9) - 140, 35 * (i / 9) - 87, b);
-            // The principal point is exchangeable with the pose, the focal length with the distance.
-            const double sx = c.value[0] / truth[0], sy = c.value[1] / truth[1];
-            worst_px = fmax(worst_px, fabs((b[0] - centre_b[0]) / sx - (a[0] - centre_a[0])));
-            worst_px = fmax(worst_px, fabs((b[1] - centre_b[1]) / sy - (a[1] - centre_a[1])));
-        }
     }
-    print_message("# within 2 sigma: %.1f %%, distortion left: at most %.3f px\n", 100.0 * within / n, worst_px);
+    print_message("# within 2 sigma: %.1f %% of %d\n", 100.0 * within / n, n);
     assert_true(within >= 0.90 * n && within <= 0.99 * n);
+    free(corners);
+}
+
+// Distortion is corrected to 0.1 px over the whole frame where views reach into its corners, with the noise of rendered
+// frames; where all views stand in the middle the corners are extrapolated, and less well. (Fixed seed; of 200 such
+// calibrations tests/bench/calib_geometry.c tells how many.)
+static void test_distortion_is_corrected_over_the_frame(void **state) {
+    (void)state;
+    uint64_t random = 21;
+    gonio_corners *corners = calloc(30, sizeof *corners);
+    double left[2] = {0, 0};
+    for (int reaching = 0; reaching < 2; reaching++) {
+        gonio_view views[30] = {{0}};
+        gonio_camera_calibration c;
+        for (int i = 0; i < 30; i++) {
+            camera_view(&random, truth, 640, 512, 1.2, 0.05, reaching ? i : -1, &corners[i]);
+        }
+        assert_int_equal(gonio_camera_calibrate(30, corners, 640, 512, views, &c, NULL), GONIO_OK);
+        left[reaching] = camera_distortion_left(truth, c.value, 640, 512);
+    }
+    print_message("# distortion left: %.3f px, %.3f px with views in the corners\n", left[0], left[1]);
+    assert_true(left[1] <= 0.1);
     free(corners);
 }
 
@@ -242,6 +217,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_real_photographs),
         cmocka_unit_test(test_stated_uncertainties_are_true),
+        cmocka_unit_test(test_distortion_is_corrected_over_the_frame),
         cmocka_unit_test(test_bad_views_are_rejected_with_a_reason),
         cmocka_unit_test(test_drawn_boards_are_found),
         cmocka_unit_test(test_boards_and_windows_are_checked),
