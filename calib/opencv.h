@@ -36,6 +36,11 @@ gonio_status opencv_response(bool robertson, int n, const gonio_image *images, i
 // By how much `image` must move to lie on `onto` (equal sizes).
 gonio_status opencv_shift(const gonio_image *onto, const gonio_image *image, int shift[2], gonio_error *error);
 
+// The translation (u, v) that takes `from` onto `to` (equal sizes), to a few hundredths of a pixel, and the correlation
+// of the two once it is undone; and how much structure `from` has: the contrast of its edges over its noise.
+gonio_status opencv_translation(const gonio_image *from, const gonio_image *to, double shift[2], double *correlation,
+                                double *structure, gonio_error *error);
+
 #ifdef __cplusplus
 }
 #endif

@@ -211,6 +211,12 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
                        .ball_centre = sim->truth.ball_centre,
                        .ball_radius_mm = s->ball.radius_mm};
     sim_scene_place(&scene, s, sim->truth.axis, sim->actual_rad);
+    if (s->camera.moved_at >= 0 && stamp->pose >= s->camera.moved_at) {
+        const double x = s->camera.moved_px / info.fx; // turned, which is a shift over so narrow a field
+        scene.forward.x -= x * scene.right.x;
+        scene.forward.y -= x * scene.right.y;
+        scene.forward.z -= x * scene.right.z;
+    }
     for (int c = 0; c < 3; c++) {
         scene.reflectance[c] = sim->truth.reflectance[c];
     }

@@ -72,6 +72,8 @@ static const entry entries[] = {
     {"camera", "exposure_min_s", REAL, AT(camera.exposure_min_s), 1e-9, 1e3, "20e-6", 0, 0},
     {"camera", "exposure_max_s", REAL, AT(camera.exposure_max_s), 1e-9, 1e6, "20", 0, 0},
     {"camera", "read_out_s", REAL, AT(camera.read_out_s), 0, 100, "0.02", 0, 0},
+    {"camera", "moved_px", REAL, AT(camera.moved_px), -1e3, 1e3, "0", 0, 0},
+    {"camera", "moved_at", INTEGER, AT(camera.moved_at), -1, 1e9, "-1", 0, 0},
     {"camera", "response", TEXT, AT(camera.response), 0, 0, "linear", 0, 0},
     {"camera", "response_known", INTEGER, AT(camera.response_known), 0, 1, "1", 0, 0},
     {"lamp", "drift_percent_per_hour", REAL, AT(lamp.drift_percent_per_hour), 0, 100, "0.5", 0, 0},

@@ -8,8 +8,8 @@
 
 typedef struct sim_axis_settings {
     double speed_deg_per_s, acceleration_deg_per_s2, backlash_deg, min_deg, max_deg;
-    double jerk_deg_per_s3; // 0: trapezoid
-    double pointing_deg;    // k = 1, half of its variance a zero error, half repeatability
+    double jerk_deg_per_s3;     // 0: trapezoid
+    double pointing_deg;        // k = 1, half of its variance a zero error, half repeatability
     double tilt_deg, offset_mm; // k = 1, of the axis in space, each of two components; drawn once
 } sim_axis_settings;
 
@@ -48,6 +48,8 @@ typedef struct sim_settings {
         double prnu_percent, hot_pixel_percent, vignetting_percent, white_e_per_s;
         double fx_px, fy_px, cx_px, cy_px, k1, k2, p1, p2, k3;
         double exposure_min_s, exposure_max_s, read_out_s;
+        double moved_px; // its image slips sideways by this at the step moved_at
+        int moved_at;    // -1: never
         char response[256];
         int response_known; // 0: the rig's facts do not name the curve
     } camera;

@@ -5,6 +5,7 @@
 #ifndef GONIO_ACQUIRE_H
 #define GONIO_ACQUIRE_H
 
+#include "gonio/calibrate.h"
 #include "gonio/fit.h"
 #include "gonio/session.h"
 
@@ -12,6 +13,7 @@
 typedef struct gonio_scan_options {
     int dark_frames;                 // at the shortest exposure, and as many at the longest
     int trap_frames;                 // of a light trap, the lamp on; 0: no light trap, stray light stays in
+    int motion_check;                // 1: a full frame of the sample before and after the scan
     int reference_frames;            // at each reference step
     double settle_s;                 // after every move
     double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
@@ -99,6 +101,10 @@ gonio_status gonio_process_prepare(gonio_session *session, gonio_process *proces
 // Add the done reference steps after the samples, from their stored frames; *any: there were some.
 gonio_status gonio_process_late_references(gonio_session *session, gonio_process *process, bool *any,
                                            gonio_error *error);
+// Compare the check's frames before and after the samples; motion->known is false where there are no two of them. text:
+// what moved, with the frames; empty where nothing did.
+gonio_status gonio_process_motion(gonio_session *session, const gonio_process *process, gonio_motion *motion,
+                                  char text[256], gonio_error *error);
 // A new set of the session's channels; the caller frees it.
 gonio_status gonio_process_new_samples(const gonio_process *process, gonio_samples **out, gonio_error *error);
 // A pose's samples, none where the pose has no valid exposure (then why says what was wrong). The caller frees *out.
@@ -154,6 +160,8 @@ typedef struct gonio_outcome {
     gonio_blur blur;    // of light, aperture and averaged disc
     double drift_ratio; // responsivity at the end / at the start; NaN: not known
     size_t poses, frames;
+    gonio_motion motion;                  // between the frames before and after the scan
+    char motion_text[256];                // where something moved: what, and in which frame
     size_t edges_excluded, edges_spilled; // poses over the sample's edge: without a sample, and flagged
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
 } gonio_outcome;

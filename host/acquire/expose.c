@@ -1,6 +1,7 @@
 // The frames of one step: fixed exposures for dark frames, bracketing for everything else.
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "host/acquire/acquire.h"
 
@@ -64,15 +65,17 @@ static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const g
     }
     const gonio_stamp stamp = {step->index, out->n, out->clock_s};
     gonio_exposure *exposure = &out->items[out->n];
-    *exposure = (gonio_exposure){.frame = {setup->window, exposure_s, 0, stamp, NULL}, NAN, NAN};
-    const size_t pixels = (size_t)setup->window.width * (size_t)setup->window.height;
+    const gonio_window all = {0, 0, setup->camera.width, setup->camera.height};
+    const gonio_window window = step->kind == GONIO_STEP_CHECK ? all : setup->window;
+    *exposure = (gonio_exposure){.frame = {window, exposure_s, 0, stamp, NULL}, NAN, NAN};
+    const size_t pixels = (size_t)window.width * (size_t)window.height;
     exposure->frame.pixels = malloc(pixels * sizeof *exposure->frame.pixels);
     if (exposure->frame.pixels == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a frame");
     }
     out->n++;
-    status = rig->camera->capture(rig->camera_device, &setup->window, exposure_s, 0, &stamp,
-                                  exposure_s + CAPTURE_MARGIN_S, &exposure->frame, error);
+    status = rig->camera->capture(rig->camera_device, &window, exposure_s, 0, &stamp, exposure_s + CAPTURE_MARGIN_S,
+                                  &exposure->frame, error);
     // Behind a closed shutter the monitor tells nothing that a frame needs.
     if (status == GONIO_OK && step->kind != GONIO_STEP_DARK) {
         status = read_monitor(rig, &out->monitor, exposure, error);
@@ -148,6 +151,49 @@ static gonio_status expose_reference(const gonio_rig *rig, const gonio_setup *se
     return status == GONIO_OK ? take(rig, setup, step, long_s, out, error) : status;
 }
 
+static void drop_last(gonio_exposures *out) {
+    free(out->items[--out->n].frame.pixels);
+    out->items[out->n].frame.pixels = NULL;
+}
+
+static int by_word(const void *a, const void *b) { return *(const uint16_t *)a - *(const uint16_t *)b; }
+
+// Where the brightest hundredth of a frame begins, of full scale. 0 without memory.
+static double bright_share(const gonio_setup *setup, const gonio_frame *frame) {
+    const size_t n = (size_t)frame->window.width * (size_t)frame->window.height;
+    uint16_t *sorted = malloc(n * sizeof *sorted);
+    if (sorted == NULL) {
+        return 0;
+    }
+    memcpy(sorted, frame->pixels, n * sizeof *sorted);
+    qsort(sorted, n, sizeof *sorted, by_word);
+    const double share = sorted[n - 1 - n / 100] / (double)((1 << setup->camera.bits) - 1);
+    free(sorted);
+    return share;
+}
+
+// The check's frame: as long that its brightest hundredth uses the range; the later one like the first.
+#define CHECK_SHARE 0.6
+
+static gonio_status expose_check(const gonio_rig *rig, const gonio_setup *setup, const gonio_step *step, double first_s,
+                                 gonio_exposures *out, gonio_error *error) {
+    const double shortest_s = setup->camera.exposure_min_s, longest_s = fmin(1, setup->camera.exposure_max_s);
+    out->end_s = first_s > 0 ? first_s : fmin(fmax(0.01, shortest_s), longest_s);
+    gonio_status status = take(rig, setup, step, out->end_s, out, error);
+    for (int i = 0; status == GONIO_OK && first_s <= 0 && i < 8; i++) {
+        const double share = bright_share(setup, &out->items[out->n - 1].frame);
+        const double factor = share > 0.95 ? 1.0 / 8 : fmin(CHECK_SHARE / fmax(share, 0.01), 16);
+        const double next_s = fmin(fmax(out->end_s * factor, shortest_s), longest_s);
+        if ((share >= 0.2 && share <= 0.95) || next_s == out->end_s) {
+            break;
+        }
+        drop_last(out);
+        out->end_s = next_s;
+        status = take(rig, setup, step, next_s, out, error);
+    }
+    return status;
+}
+
 gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, const gonio_calib *calib,
                                const gonio_step *step, double first_s, gonio_exposures *out, gonio_error *error) {
     switch (step->kind) {
@@ -157,6 +203,8 @@ gonio_status gonio_expose_step(const gonio_rig *rig, const gonio_setup *setup, c
         return expose_reference(rig, setup, calib, step, first_s, out, error);
     case GONIO_STEP_TRAP:
         return expose_trap(rig, setup, step, out, error);
+    case GONIO_STEP_CHECK:
+        return expose_check(rig, setup, step, first_s, out, error);
     case GONIO_STEP_SAMPLE:
     case GONIO_STEP_BURST:
         break;

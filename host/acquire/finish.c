@@ -129,6 +129,9 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
         status = fit_twice(process, changed ? NULL : options->stream, &fit, out, error);
     }
     if (status == GONIO_OK) {
+        status = gonio_process_motion(session, process, &out->motion, out->motion_text, error);
+    }
+    if (status == GONIO_OK) {
         gonio_calib_blur(&process->setup.facts, out->model, out->samples, &out->blur);
         status = save(options, out, error);
     }
@@ -152,6 +155,9 @@ static gonio_status put_results(gonio_session *session, const gonio_outcome *out
     }
     if (status == GONIO_OK) {
         status = gonio_session_put(session, "result.model_sha256", outcome->model_sha256, error);
+    }
+    if (status == GONIO_OK && outcome->motion.moved) {
+        status = gonio_session_event(session, "moved", outcome->motion_text, error);
     }
     return status == GONIO_OK ? gonio_session_event(session, "finished", outcome->samples_sha256, error) : status;
 }

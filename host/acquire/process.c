@@ -46,7 +46,7 @@ void gonio_process_end(gonio_process *process) {
 static gonio_status calibrate(gonio_process *process, const gonio_step *step, const gonio_exposure *exposures, int n,
                               gonio_error *error) {
     gonio_status status = GONIO_OK;
-    for (int i = 0; status == GONIO_OK && i < n; i++) {
+    for (int i = 0; status == GONIO_OK && i < n && step->kind != GONIO_STEP_CHECK; i++) {
         status = step->kind == GONIO_STEP_DARK ? gonio_calib_add_dark(process->calib, &exposures[i], error)
                  : step->kind == GONIO_STEP_TRAP
                      ? gonio_calib_add_trap(process->calib, &exposures[i], error)
@@ -73,6 +73,9 @@ gonio_status gonio_process_prepare(gonio_session *session, gonio_process *proces
     gonio_status status = new_calib(process, error);
     for (size_t i = 0; status == GONIO_OK && i < process->first_sample; i++) {
         const gonio_step *step = &process->steps[i];
+        if (step->kind == GONIO_STEP_CHECK) {
+            continue; // the calibration does not wait for it
+        }
         if (step == fresh) {
             status = calibrate(process, step, exposures, n, error);
         } else if (step->done) {

@@ -87,8 +87,9 @@ static void tour(const gonio_rig *rig, const gonio_pair *start, keyed *order, si
 
 gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *options, const gonio_plan *plan,
                               gonio_step **steps, size_t *n, gonio_error *error) {
-    const size_t before = options->trap_frames > 0 ? 3 : 2;
-    *n = before + plan->n + 1;
+    const size_t calibration = options->trap_frames > 0 ? 3 : 2, checks = options->motion_check > 0 ? 1 : 0;
+    const size_t before = calibration + checks;
+    *n = before + plan->n + checks + 1;
     *steps = calloc(*n, sizeof **steps);
     keyed *order = serpentine(plan);
     if (*steps == NULL || order == NULL) {
@@ -101,7 +102,10 @@ gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *op
     gonio_step *s = *steps;
     s[0] = (gonio_step){.kind = GONIO_STEP_DARK, .pose = reference};
     s[1] = (gonio_step){.kind = GONIO_STEP_TRAP, .pose = reference};
-    s[before - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    s[calibration - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    if (checks > 0) {
+        s[before - 1] = s[*n - 2] = (gonio_step){.kind = GONIO_STEP_CHECK, .pose = reference};
+    }
     tour(rig, &reference, order, plan->n, s + before);
     s[*n - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
     for (size_t i = 0; i < *n; i++) {

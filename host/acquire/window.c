@@ -9,8 +9,12 @@
 #define MARGIN_PX 8
 
 void gonio_scan_options_default(gonio_scan_options *options) {
-    *options = (gonio_scan_options){
-        .dark_frames = 16, .trap_frames = 8, .reference_frames = 16, .settle_s = 0.2, .audit_poses = 50};
+    *options = (gonio_scan_options){.dark_frames = 16,
+                                    .trap_frames = 8,
+                                    .reference_frames = 16,
+                                    .motion_check = 1,
+                                    .settle_s = 0.2,
+                                    .audit_poses = 50};
 }
 
 // Half the sample's largest size on the sensor, along an axis of focal length f.

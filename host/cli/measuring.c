@@ -154,6 +154,12 @@ void cli_outcome_print(const gonio_outcome *outcome) {
         printf("edges      %zu poses gave no sample (over the sample's edge), %zu are flagged (the lit spot is)\n",
                outcome->edges_excluded, outcome->edges_spilled);
     }
+    if (outcome->motion.moved) {
+        printf("MOVED      %s\n", outcome->motion_text);
+    } else if (outcome->motion.known) {
+        printf("motion     (%.3f, %.3f) px between start and end\n", outcome->motion.shift_px[0],
+               outcome->motion.shift_px[1]);
+    }
     if (isfinite(outcome->drift_ratio)) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
@@ -175,14 +181,21 @@ static json_t *blur_json(const gonio_blur *b) {
                      b->bias_median, "bias_max", b->bias_max);
 }
 
+// null: nothing to compare, or too little to see.
+static json_t *motion_json(const gonio_motion *m) {
+    return m->known ? json_pack("{s:b,s:[f,f],s:f}", "moved", m->moved, "shift_px", m->shift_px[0], m->shift_px[1],
+                                "correlation", m->correlation)
+                    : json_null();
+}
+
 json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
-    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o}", "session", session, "poses",
+    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
                      "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,
                      "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
                      o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur_json(&o->blur),
                      "method", o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train),
-                     "held_out", cli_json_errors(&o->fit.held_out));
+                     "held_out", cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion));
 }
 
 static void report(const run *r, const gonio_outcome *outcome, const char *model_path, double seconds) {

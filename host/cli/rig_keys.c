@@ -28,6 +28,7 @@ static const entry entries[] = {
     {"sample", "id", TEXT, true, AT(facts.sample_id), 0, 0},
     {"sample", "spec", TEXT, true, AT(sample), 0, 0},
     {"scan", "dark_frames", INTEGER, true, AT(scan.dark_frames), 4, 1000},
+    {"scan", "motion_check", INTEGER, true, AT(scan.motion_check), 0, 1},
     {"scan", "trap_frames", INTEGER, true, AT(scan.trap_frames), 0, 64},
     {"scan", "reference_frames", INTEGER, true, AT(scan.reference_frames), 2, 1000},
     {"scan", "settle_s", REAL, true, AT(scan.settle_s), 0, 600},

@@ -5,7 +5,7 @@
 
 #include "host/session/internal.h"
 
-static const char *const kind_names[] = {"dark", "reference", "sample", "trap", "burst"};
+static const char *const kind_names[] = {"dark", "reference", "sample", "trap", "burst", "check"};
 #define KINDS ((int)(sizeof kind_names / sizeof *kind_names))
 
 static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose) {
@@ -71,7 +71,7 @@ static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_
     for (*got = 0; (code = sqlite3_step(rows)) == SQLITE_ROW && *got < n; ++*got) {
         if (!read_step(rows, &steps[*got])) {
             return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                   "step %lld has an unknown kind; dark, trap, reference or sample is expected",
+                                   "step %lld has an unknown kind; dark, trap, reference, check or sample is expected",
                                    (long long)sqlite3_column_int64(rows, 0));
         }
     }

@@ -193,6 +193,18 @@ gonio_status gonio_highlight_find(const gonio_image *image, double at[2], gonio_
 bool gonio_rig_project(const gonio_camera_info *camera, const gonio_alignment *alignment, const gonio_pair *axes,
                        gonio_vec3 point, double pixel[2]);
 
+// ---- has anything moved? ----
+typedef struct gonio_motion {
+    double shift_px[2]; // of the second frame against the first
+    double correlation; // of the two once the shift is undone
+    bool known;         // false: too little is seen in the first frame to tell
+    bool moved;         // by more than GONIO_MOTION_MAX_PX, or the second shows something else
+} gonio_motion;
+#define GONIO_MOTION_MAX_PX 0.5
+// Two frames of the same thing from the same pose, grey and equal in size, at whatever brightness.
+gonio_status gonio_motion_between(const gonio_image *first, const gonio_image *second, gonio_motion *motion,
+                                  gonio_error *error);
+
 // ---- response of a camera that is not linear ----
 typedef enum gonio_response_method {
     GONIO_RESPONSE_SPLINE,    // monotone, no model assumed

@@ -23,7 +23,8 @@ typedef enum gonio_step_kind {
     GONIO_STEP_REFERENCE,
     GONIO_STEP_SAMPLE,
     GONIO_STEP_TRAP,
-    GONIO_STEP_BURST // frames alone: no scan has them
+    GONIO_STEP_BURST, // frames alone: no scan has them
+    GONIO_STEP_CHECK  // a full frame of the sample before and after the scan, to see whether anything moved
 } gonio_step_kind;
 
 // One step of the session: a pose with a target, done as a whole or not at all.

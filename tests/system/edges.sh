@@ -1,6 +1,6 @@
 #!/bin/sh
 # Poses that reach over the sample's edge: plan --check names them, measure leaves them out or counts them, samples
-# lists them.
+# lists them. And a camera that moved between start and end.
 set -u
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -25,4 +25,11 @@ grep -q '"edges_excluded": *1' "$folder/measure.json"; ok $? "and counts it"
 ok $? "samples --edges lists both kinds"
 "$GONIO" samples "$session" 2>&1 >"$folder/samples.csv" | grep -q 'gave no sample and'; ok $? "samples mentions them"
 [ "$(grep -c '^[0-9]' "$folder/samples.csv")" = 4 ]; ok $? "four of five poses are samples"
+# A camera that is bumped between start and end: found, named with its frame, journalled; replay finds it too.
+"$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --set camera.moved_px=2,camera.moved_at=8 --plan nusselt:8,theta_max=60 --method mba "$folder/moved" >"$folder/out" 2>"$folder/err"
+[ $? -eq 0 ] && grep -q 'moved: step 12 frame 0 lies (1.9.*, .*) px from step 3\|moved: step 12 frame 0 lies (2.0.*, .*) px from step 3' "$folder/out"
+ok $? "a moved camera is found and named with its frame"
+"$GONIO" replay "$folder/moved" --json 2>/dev/null | grep -q '"moved": *true'; ok $? "and by replay"
+"$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --plan nusselt:8,theta_max=60 --method mba --json "$folder/still" 2>/dev/null | grep -q '"moved": *false'
+ok $? "one that stands is not"
 echo "1..$n"
