@@ -5,8 +5,8 @@
 
 // Frames of one scene that noise alone tells apart correlate better than this; of two scenes worse.
 #define SAME_CORRELATION 0.5
-// Contrast of the edges over the noise, below which there is nothing to hold on to: noise alone has 0.1.
-#define STRUCTURE_MIN 0.3
+// Contrast of the edges over the noise, below which there is nothing to hold on to: noise alone has 0.1 to 0.4.
+#define STRUCTURE_MIN 0.5
 
 gonio_status gonio_motion_between(const gonio_image *first, const gonio_image *second, gonio_motion *motion,
                                   gonio_error *error) {
