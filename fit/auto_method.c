@@ -186,11 +186,12 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     }
     gonio_lobe_model_parts parts = {0};
     if (status == GONIO_OK) {
-        gonio_lsq_watch_step(watch, 0.95);
+        gonio_lsq_watch_step(watch, 0.85);
         status = gonio_lsq_large_parts(data, watch, &choice, &parts, error);
     }
     if (status == GONIO_OK) {
-        status = gonio_uncertainty_held(&choice, data, &parts, error);
+        gonio_lsq_watch_step(watch, 0.97);
+        status = gonio_uncertainty_large(&choice, data, watch, &parts, error);
     }
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
@@ -198,7 +199,6 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
         describe_large(&choice, data, options->max_error, report);
     }
     gonio_lobe_model_parts_release(&parts);
-    gonio_lsq_large_choice_release(&choice);
     gonio_auto_choice_release(&small);
     return status;
 }

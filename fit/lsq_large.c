@@ -20,12 +20,6 @@
 #define FINAL_ITERATIONS 200
 #define TOLERANCE 1e-3 // the gradient's fall that ends a solve: below what the held-out error can tell
 
-void gonio_lsq_large_choice_release(gonio_lsq_large_choice *choice) {
-    free(choice->residuals);
-    gonio_lsq_data_release(&choice->held);
-    *choice = (gonio_lsq_large_choice){0};
-}
-
 // ---- inner hold-out ----
 
 typedef struct inner {
@@ -49,14 +43,14 @@ static uint64_t mix(uint64_t x) {
     return x ^ (x >> 31);
 }
 
-static gonio_status split(const gonio_lsq_data *some, inner *in, gonio_error *error) {
+static gonio_status split(const gonio_lsq_data *some, const bool *given, inner *in, gonio_error *error) {
     bool *keep = malloc(some->n * sizeof *keep);
     if (keep == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to hold samples out");
     }
     // Geometries are in order, so a draw from each five neighbours holds out a stratified fifth.
     for (size_t i = 0; i < some->n; i++) {
-        keep[i] = mix(i / FOLDS) % FOLDS != i % FOLDS;
+        keep[i] = given != NULL ? given[i] : mix(i / FOLDS) % FOLDS != i % FOLDS;
     }
     gonio_status status = gonio_lsq_data_select(some, keep, &in->train, error);
     for (size_t i = 0; i < some->n; i++) {
@@ -69,7 +63,8 @@ static gonio_status split(const gonio_lsq_data *some, inner *in, gonio_error *er
     return status;
 }
 
-static gonio_status inner_init(inner *in, const gonio_lsq_data *data, gonio_error *error) {
+// keep: what is not held out; NULL: a fifth is.
+static gonio_status inner_init(inner *in, const gonio_lsq_data *data, const bool *keep, gonio_error *error) {
     *in = (inner){.channels = data->channels < CHANNELS_TRIED ? data->channels : CHANNELS_TRIED};
     for (int k = 0; k < in->channels; k++) {
         in->which[k] = (int)((2 * k + 1) * data->channels / (2 * in->channels));
@@ -79,7 +74,7 @@ static gonio_status inner_init(inner *in, const gonio_lsq_data *data, gonio_erro
     if (status != GONIO_OK) {
         return status;
     }
-    status = split(&some, in, error);
+    status = split(&some, keep, in, error);
     gonio_lsq_data_release(&some);
     if (status == GONIO_OK) {
         in->residuals = malloc(in->held.n * (size_t)in->channels * sizeof *in->residuals);
@@ -264,7 +259,6 @@ static bool accept(gonio_lsq_large_choice *choice, const search *s, const gonio_
     choice->lobes = lobes;
     choice->lambda = lambda;
     choice->score = score;
-    memcpy(choice->residuals, s->in->residuals, s->in->held.n * (size_t)s->in->channels * sizeof(double));
     return true;
 }
 
@@ -447,15 +441,11 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch 
                                     gonio_error *error) {
     *choice = (gonio_lsq_large_choice){0};
     inner in;
-    gonio_status status = inner_init(&in, data, error);
+    gonio_status status = inner_init(&in, data, NULL, error);
     if (status != GONIO_OK) {
         return status;
     }
     choice->score.score = INFINITY;
-    choice->residuals = malloc(in.held.n * (size_t)in.channels * sizeof(double));
-    if (choice->residuals == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for held-out residuals");
-    }
     for (int k = 0; k < n && status == GONIO_OK; k++) {
         status = gonio_lsq_watch_tell(watch, 0.6 + 0.2 * k / n, "choosing lambda and level", error);
         if (status == GONIO_OK && (k == 0 || !gonio_lsq_watch_over(watch))) {
@@ -475,10 +465,85 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch 
     }
     if (status == GONIO_OK) {
         choice->start_only = choice->start_score.score < choice->score.score;
-        choice->held = in.held;
-        in.held = (gonio_lsq_data){0};
+    }
+    inner_release(&in);
+    return status;
+}
+
+// ---- the choice without some samples ----
+
+void gonio_lsq_left_out_release(gonio_lsq_left_out *out) {
+    gonio_lsq_data_release(&out->kept);
+    gonio_lsq_data_release(&out->held);
+    free(out->residuals);
+    free(out->replicate);
+    *out = (gonio_lsq_left_out){0};
+}
+
+// What noise of unit variance (at full weight) in every kept sample leaves at the held-out ones: one draw.
+static gonio_status replicate_noise(search *s, const gonio_lsq_large_choice *choice, double *out, gonio_error *error) {
+    const size_t n = s->in->train.n;
+    double *noise = malloc(n * sizeof *noise);
+    if (noise == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    for (size_t i = 0; i < n; i++) {
+        // Irwin-Hall: 12 uniforms less 6 are as good as normal here.
+        double sum = -6;
+        for (uint64_t k = 0; k < 12; k++) {
+            sum += (double)(mix(12 * i + k) >> 11) * 0x1p-53;
+        }
+        noise[i] = sum / sqrt(s->in->train.weights[i]);
+    }
+    gonio_lsq_cg_report unused;
+    gonio_status status = GONIO_OK;
+    if (choice->start_only) {
+        gonio_lsq_cg_start(s->cg, noise, 1, s->form.level, s->points);
     } else {
-        gonio_lsq_large_choice_release(choice);
+        status = gonio_lsq_cg_cascade(s->cg, noise, 1, choice->lambda, 2 * trial_iterations(s), TOLERANCE, s->points,
+                                      &unused, error);
+    }
+    free(noise);
+    return status == GONIO_OK ? gonio_lsq_cg_eval(s->cg, &s->in->held, s->form.level, s->points, out, 1, error)
+                              : status;
+}
+
+gonio_status gonio_lsq_large_leave_out(const gonio_lsq_data *data, gonio_lsq_watch *watch,
+                                       const gonio_lsq_large_choice *choice, const bool *keep, gonio_lsq_left_out *out,
+                                       gonio_error *error) {
+    *out = (gonio_lsq_left_out){0};
+    inner in;
+    gonio_status status = inner_init(&in, data, keep, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    search s = {0};
+    gonio_lsq_score score;
+    status = search_init(&s, data, &in, watch, choice->lobes, error);
+    if (status == GONIO_OK) {
+        status = set_level(&s, &choice->form, error);
+    }
+    if (status == GONIO_OK && choice->start_only) {
+        gonio_lsq_large_choice unused;
+        status = score_start(&s, &unused, error);
+    } else if (status == GONIO_OK) {
+        status = score_lambda(&s, choice->lambda, false, &score, error);
+    }
+    if (status == GONIO_OK && (out->replicate = malloc(in.held.n * sizeof *out->replicate)) == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    if (status == GONIO_OK) {
+        status = replicate_noise(&s, choice, out->replicate, error);
+    }
+    search_release(&s);
+    if (status == GONIO_OK) {
+        out->kept = in.train;
+        out->held = in.held;
+        out->residuals = in.residuals;
+        in.train = in.held = (gonio_lsq_data){0};
+        in.residuals = NULL;
+    } else {
+        gonio_lsq_left_out_release(out);
     }
     inner_release(&in);
     return status;

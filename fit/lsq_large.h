@@ -33,11 +33,8 @@ typedef struct gonio_lsq_large_choice {
     bool start_only;                    // the start was better: it is the answer
     int iterations;                     // of the final solve, the most of any channel
     double gradient;                    // how far its gradient fell, the worst of any channel
-    double *residuals;                  // [held n x held channels], of the chosen on the held-out; NULL before
-    gonio_lsq_data held;                // the held-out geometries, some channels
 } gonio_lsq_large_choice;
 
-void gonio_lsq_large_choice_release(gonio_lsq_large_choice *choice);
 // Choose among the candidates; every fifth geometry is held out.
 gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch,
                                     const gonio_lsq_candidate *candidates, int n, gonio_lsq_large_choice *choice,
@@ -45,5 +42,18 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch 
 // Fit the choice to all geometries.
 gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_large_choice *choice,
                                    gonio_lobe_model_parts *parts, gonio_error *error);
+
+// A choice fitted without some geometries, and what it makes of them. Some channels: all, or three spread over them.
+typedef struct gonio_lsq_left_out {
+    gonio_lsq_data kept, held;
+    double *residuals; // [held n x held channels], of link values
+    double *replicate; // [held n]: what one draw of noise in the kept samples leaves there, in the noise's own units at
+                       // full weight
+} gonio_lsq_left_out;
+
+gonio_status gonio_lsq_large_leave_out(const gonio_lsq_data *data, gonio_lsq_watch *watch,
+                                       const gonio_lsq_large_choice *choice, const bool *keep, gonio_lsq_left_out *out,
+                                       gonio_error *error);
+void gonio_lsq_left_out_release(gonio_lsq_left_out *out);
 
 #endif

@@ -3,7 +3,7 @@
 // the base apart, and in bands of the larger theta. Wanted (DESIGN section 2): 90 to 99 % and a median |error|/sigma of
 // 0.5 to 0.85. Printed, and cells outside are counted.
 //
-// usage: fit_coverage [SEEDS [METHOD [SAMPLES]]]
+// usage: fit_coverage [SEEDS [METHOD [SAMPLES [MATERIAL]]]]   MATERIAL: only that one, counted from 0
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -127,6 +127,9 @@ int main(int argc, char **argv) {
     o.method = argc > 2 ? argv[2] : "auto";
     printf("%d seeds of %zu samples, %s: within 2 sigma, median |error|/sigma, (values)\n", seeds, n, o.method);
     for (size_t m = 0; m < sizeof materials / sizeof *materials; m++) {
+        if (argc > 4 && atoi(argv[4]) != (int)m) {
+            continue;
+        }
         gonio_model *truth = simulate_truth(materials[m].spec);
         for (size_t k = 0; k < sizeof noises / sizeof *noises; k++) {
             table t = {0};

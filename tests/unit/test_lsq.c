@@ -419,7 +419,6 @@ static void test_never_worse_than_the_multilevel_start(void **state) {
         assert_true(choice.start_only == (choice.start_score.score < choice.score.score));
         assert_true(seed != 12 || choice.start_only);
         assert_true(seed != 10 || !choice.start_only);
-        gonio_lsq_large_choice_release(&choice);
         gonio_lsq_data_release(&data);
         gonio_samples_free(samples);
     }
@@ -444,6 +443,86 @@ static void test_beats_multilevel_approximation(void **state) {
     gonio_model_free(lsq);
     gonio_samples_free(samples);
     gonio_samples_free(unseen);
+}
+
+// Four coordinates: an anisotropic lobe whose axes lie askew to the sample's, at directions all around.
+static void test_anisotropic_lobes(void **state) {
+    (void)state;
+    const double askew = 0.5;
+    gonio_model *truth;
+    gonio_samples *sets[2];
+    uint64_t seed = 21;
+    assert_int_equal(gonio_model_from_spec("ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.45", &truth, NULL),
+                     GONIO_OK);
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(gonio_samples_new(1, false, &sets[k], NULL), GONIO_OK);
+        sets[k]->isotropic = false;
+        for (int i = 0; i < 4000; i++) {
+            gonio_pair p = random_pair(&seed);
+            p.phi_i = 2 * GONIO_PI * uniform(&seed);
+            const gonio_pair turned = {p.theta_i, p.phi_i + askew, p.theta_o, p.phi_o + askew};
+            double value;
+            gonio_model_eval_pair(truth, &turned, &value);
+            assert_int_equal(gonio_samples_add(sets[k], &p, &value, NULL, NULL, NULL), GONIO_OK);
+        }
+    }
+    gonio_errors errors[2];
+    static const char *const methods[] = {"lsq", "mba"};
+    for (int m = 0; m < 2; m++) {
+        gonio_fit_options o = quick(methods[m]);
+        o.level = 3;
+        o.coordinates_set = o.domain_set = true;
+        o.coordinates = GONIO_HALF_VECTOR;
+        o.domain = GONIO_LOG;
+        gonio_model *model = fitted(sets[0], &o);
+        assert_false(model->isotropic);
+        assert_int_equal(gonio_errors_model(model, sets[1], NULL, &errors[m], NULL), GONIO_OK);
+        print_message("# %s: median_rel %.4f, rms_log %.4f\n", methods[m], errors[m].median_rel, errors[m].rms_log);
+        gonio_model_free(model);
+    }
+    assert_true(errors[0].rms_log < 0.8 * errors[1].rms_log);
+    assert_true(errors[0].median_rel < errors[1].median_rel);
+    for (int k = 0; k < 2; k++) {
+        gonio_samples_free(sets[k]);
+    }
+    gonio_model_free(truth);
+}
+
+// Values of 1e-30 and 1e30, as fits of them in other units, in both domains.
+static void test_extreme_scales(void **state) {
+    (void)state;
+    for (int form = 0; form < 2; form++) {
+        gonio_model *models[3];
+        static const double scales[3] = {1, 1e-30, 1e30};
+        for (int k = 0; k < 3; k++) {
+            gonio_samples *samples = sampled(WARD, 200, 0.01, 31);
+            for (size_t i = 0; i < samples->n; i++) {
+                samples->values[i] *= scales[k];
+            }
+            gonio_fit_options o = quick("lsq");
+            o.level = 3;
+            o.coordinates_set = o.domain_set = true;
+            o.coordinates = GONIO_NUSSELT;
+            o.domain = form % 2 == 0 ? GONIO_LINEAR : GONIO_LOG;
+            o.lambda = 1e-3;
+            models[k] = fitted(samples, &o);
+            gonio_samples_free(samples);
+        }
+        uint64_t seed = 32;
+        for (int i = 0; i < 500; i++) {
+            const gonio_pair p = random_pair(&seed);
+            double value[3];
+            for (int k = 0; k < 3; k++) {
+                gonio_model_eval_pair(models[k], &p, &value[k]);
+            }
+            const double tolerance = 1e-5 * (fabs(value[0]) + 0.1);
+            assert_near(value[1] * 1e30, value[0], tolerance);
+            assert_near(value[2] * 1e-30, value[0], tolerance);
+        }
+        for (int k = 0; k < 3; k++) {
+            gonio_model_free(models[k]);
+        }
+    }
 }
 
 static void test_bad_samples_are_refused(void **state) {
@@ -500,6 +579,8 @@ int main(void) {
         cmocka_unit_test(test_log_fits_are_never_negative),
         cmocka_unit_test(test_never_worse_than_the_multilevel_start),
         cmocka_unit_test(test_beats_multilevel_approximation),
+        cmocka_unit_test(test_anisotropic_lobes),
+        cmocka_unit_test(test_extreme_scales),
         cmocka_unit_test(test_bad_samples_are_refused),
         cmocka_unit_test(test_degenerate_sets),
     };
