@@ -158,7 +158,6 @@ static gonio_status keep_one(const gonio_lsq_data *data, gonio_lsq_watch *watch,
     if (status == GONIO_OK) {
         candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes};
         *n = 1;
-        gonio_lsq_large_choice_release(&choice);
     }
     gonio_lsq_data_release(&part);
     return status;
