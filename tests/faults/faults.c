@@ -66,6 +66,9 @@ static void schedule(uint64_t seed) {
         if (f->kind >= FAULT_home_switch_missing && f->kind <= FAULT_home_switch_bouncing) {
             f->duration_us += 20000000; // or the next homing is missed
         }
+        if (f->kind == FAULT_exposure_stuck) {
+            f->duration_us += 5000000; // the exposure does not change at every frame
+        }
         const uint32_t burst = world_random() % 10;
         f->burst = burst < 5 ? 1 : burst < 8 ? 2 + (int)(some % 4) : 6 + (int)(some % 40);
         if (fault_infos[f->kind].unit == DISK_WRITES) {

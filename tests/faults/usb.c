@@ -42,6 +42,8 @@ static void execute(const char *line) {
 
 static int bulk_out(const uint8_t *b, int n) {
     const fault *f = usb.halted_out ? NULL : world_strikes(FAULT_usb_stall);
+    // A clear that is to fail needs an occasion to be asked for.
+    usb.halted_out = usb.halted_out || world_waits(FAULT_usb_clear_fails);
     if (usb.halted_out || f != NULL || n < 12 || (b[1] ^ b[2]) != 0xff || n % 4 != 0) {
         usb.halted_out = true;
         usb.halted_in = usb.halted_in || (f != NULL && f->parameter & 1);

@@ -39,11 +39,16 @@ static fault *find(fault_kind kind) {
     return NULL;
 }
 
+bool world_waits(fault_kind kind) {
+    const fault *f = find(kind);
+    return f != NULL && w->counts[fault_infos[kind].unit] >= f->at && f->used < f->burst;
+}
+
 fault *world_strikes(fault_kind kind) {
-    fault *f = find(kind);
-    if (f == NULL || w->counts[fault_infos[kind].unit] < f->at || f->used >= f->burst) {
+    if (!world_waits(kind)) {
         return NULL;
     }
+    fault *f = find(kind);
     f->used++;
     f->hits++;
     return f;

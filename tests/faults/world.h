@@ -137,6 +137,8 @@ uint32_t world_random(void);
 void world_pass(int64_t us);
 // The scheduled fault of that kind if it strikes now (single things: counts it as used); NULL: it does not.
 fault *world_strikes(fault_kind kind);
+// Whether a single fault of that kind waits for its occasion.
+bool world_waits(fault_kind kind);
 // Whether a lasting fault of that kind stands; counts a hit.
 bool world_stands(fault_kind kind);
 void world_new(uint64_t seed);
