@@ -20,10 +20,10 @@ enum { RUNS_MAX = 8, WALL_BOUND_S = 60, QUIET_S = 13, JOBS_MAX = 64 };
 typedef struct result {
     fault_kind kinds[FAULTS_MAX];
     int64_t hits[FAULTS_MAX];
-    int n, runs;        // host processes
-    bool passed, named; // named: some host ended with a named fault
-    bool silent;        // the first one finished
-    int64_t longest_us; // of a host, in the world's time
+    int n, runs;              // host processes
+    bool done, passed, named; // done: to its end; named: some host ended with a named fault
+    bool silent;              // the first one finished
+    int64_t longest_us;       // of a host, in the world's time
     double wall_s;
     char message[160], trouble[300];
 } result;
@@ -176,6 +176,7 @@ static void run_seed(uint64_t seed, result *r) {
         r->hits[i] = w->faults[i].hits;
     }
     r->passed = w->trouble[0] == 0;
+    r->done = true;
     snprintf(r->trouble, sizeof r->trouble, "%.299s", w->trouble);
     r->wall_s = wall_s() - started;
     remove_folder(w->folder);
@@ -240,7 +241,7 @@ static void sum_up(const result *results, long long count, tally *tallies, tally
     for (long long i = 0; i < count; i++) {
         const result *r = &results[i];
         bool hit = false;
-        all->measures += r->runs > 0;
+        all->measures += r->done;
         for (int k = 0; k < r->n; k++) {
             tally *t = &tallies[r->kinds[k]];
             t->injected++;
@@ -257,7 +258,7 @@ static void sum_up(const result *results, long long count, tally *tallies, tally
         all->hit += hit;
         all->silent += hit && r->silent;
         all->named += hit && !r->silent && r->passed;
-        all->failed += r->runs > 0 && !r->passed;
+        all->failed += r->done && !r->passed;
     }
 }
 
