@@ -43,7 +43,7 @@ CLI_OBJS  := $(call objs,$(cli-y))
 UNIT_BINS := $(addprefix $(B)/,$(basename $(unit-y)))
 BENCH_BINS := $(addprefix $(B)/,$(basename $(bench-y)))
 
-.PHONY: all help deps demo test test-build unit system bench asan ubsan tsan install clean
+.PHONY: all help deps demo test test-slow test-build unit system bench asan ubsan tsan install clean
 .DEFAULT_GOAL := all
 .SECONDARY:
 .DELETE_ON_ERROR:
@@ -68,6 +68,9 @@ test: deps ## set up, build and run every test
 test-build: all
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 unit: $(UNIT_BINS)
+
+test-slow: deps ## a minute of fuzzing a target and the virtual machine, as CI runs them after the tests
+	$(Q)tests/slow.sh $(B)
 
 bench: deps ## speed and accuracy figures, as ratios against references of the same run
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all bench-build

@@ -20,9 +20,10 @@ unit-y   += tests/property/test_fw_safety.c tests/property/test_fw_random.c
 firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 1e9 steps, 1e8 random bytes
 	$(Q)GONIO_FW_SEQUENCES=$${SOAK_SEQUENCES:-10000000} GONIO_FW_STEPS=$${SOAK_STEPS:-1000000000} GONIO_FW_BYTES=$${SOAK_BYTES:-100000000} $<
 fw-host-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
-fuzz-firmware: ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
+fuzz-firmware: deps ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
+	$(Q)tools/deps.sh clang libclang-rt-14-dev
 	$(Q)mkdir -p $(B)/fuzz && clang -std=c17 -g -O1 -I. -fsanitize=fuzzer,address,undefined -o $(B)/fuzz/fw_modbus_slave tests/fuzz/fuzz_fw_modbus_slave.c $(fw-host-c)
-	$(Q)$(B)/fuzz/fw_modbus_slave -max_len=300 -max_total_time=$${FUZZ_SECONDS:-600}
+	$(Q)$(B)/fuzz/fw_modbus_slave -max_len=300 -max_total_time=$${FUZZ_SECONDS:-600} && echo "ok - fuzzing the slave for $${FUZZ_SECONDS:-600} s"
 firmware-coverage: ## branch coverage of firmware/core by its unit and property tests; fails below 95 %
 	$(Q)firmware/tools/coverage.sh $(B)/coverage
 .PHONY: firmware-soak fuzz-firmware firmware-coverage

@@ -8,6 +8,7 @@ $(FAULTS_BIN): $(FAULTS_OBJS) $(B)/libgonio.a
 -include $(FAULTS_OBJS:.o=.d)
 test-build: $(FAULTS_BIN)
 .PHONY: faults
-faults: $(FAULTS_BIN) ## FAULTS (10000) measures disturbed by seeded faults; SEED=N repeats one and tells what happens
+faults: deps ## FAULTS (10000) measures disturbed by seeded faults; SEED=N repeats one and tells what happens
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory $(FAULTS_BIN)
 	$(Q)mkdir -p $(B)/faults
-	$(Q)$< $(if $(SEED),--seed $(SEED),--count $(FAULTS) --report $(B)/faults/report.txt)
+	$(Q)$(FAULTS_BIN) $(if $(SEED),--seed $(SEED),--count $(FAULTS) --report $(B)/faults/report.txt)

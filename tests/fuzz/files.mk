@@ -9,10 +9,6 @@ fuzz: deps ## fuzz what is read and answered for FUZZ_SECONDS (20) each, with cl
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory fuzz-build B=$(B)/fuzz CC=clang CXX=clang++ OPT='-O1 -g' SANITIZE='-DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 	$(Q)tests/fuzz/run.sh $(B)/fuzz $(FUZZ_SECONDS) $(FUZZ_TARGETS)
 fuzz-build: $(FUZZ_BINS) $(B)/tests/fuzz/make_seeds
-ifneq (,$(findstring fuzzer,$(SANITIZE)))
-# The controller's core only answers here; its step generator begins one before an array (firmware/core/stepgen.h).
-$(foreach f,core stepgen machine,$(eval CFLAGS_$(f) := -fno-sanitize=bounds,pointer-overflow))
-endif
 FUZZ_RIG_OBJS := $(addprefix $(B)/host/cli/,rig_file.o rig_keys.o progress.o)
 # Waits and devices are stood in for by functions of the target itself.
 comma := ,
