@@ -1,14 +1,9 @@
 #!/bin/sh
 # gonio calibrate: the simulated sensor's own figures, real photographs, and refusals with their exit status.
 set -u
-data=${GONIO_DATA:-../shared/data}
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-n=0
-ok() { # ok CONDITION-STATUS NAME
-    n=$((n + 1))
-    if [ "$1" -eq 0 ]; then echo "ok $n - $2"; else echo "not ok $n - $2"; fi
-}
+. "$(dirname "$0")/lib.sh"
+data=$GONIO_DATA
+folder=$work
 # value KEY < JSON, the first one
 value() { sed -n "s/.*\"$1\":\([-0-9.e+]*\).*/\1/p"; }
 between() { awk -v x="$1" -v a="$2" -v b="$3" 'BEGIN { exit !(x >= a && x <= b) }'; }
@@ -45,7 +40,7 @@ if [ -r "$data/chessboard/left01.jpg" ]; then
     ok $? "two views: refused with the reason"
     [ "$(status_of "$GONIO" calibrate camera "$data"/chessboard/left0?.jpg --board 8x5x2)" = 2 ]; ok $? "a board of three sizes: wrong usage"
 else
-    n=$((n + 1)); echo "ok $n - calibrate camera on photographs # SKIP no data in $data"
+    skip "calibrate camera on photographs" "no data in $data"
 fi
 printf "file,exposure_s\nx.png,1\n" >"$folder/bad.csv"
 [ "$(status_of "$GONIO" calibrate response "$folder/bad.csv")" = 3 ] && grep -q "x.png" "$folder/err"; ok $? "response: an image that is none"
@@ -57,7 +52,7 @@ if [ -r "$data/hdr_memorial/list.txt" ]; then
     grep -q "memorial0061.*stands apart" "$folder/out"; ok $? "the shifted image is named"
     head -2 "$folder/curve.csv" | grep -q "^relative exposure,relative value$"; ok $? "curve written"
 else
-    n=$((n + 1)); echo "ok $n - calibrate response on photographs # SKIP no data in $data"
+    skip "calibrate response on photographs" "no data in $data"
 fi
 
 # The flat field of the simulated sensor: PRNU 1 %, 3 % vignetting at the corners, 32 frames of about 1.2 % noise.
@@ -113,6 +108,6 @@ if [ -r "$data/nist_ptfe/PTFE.data.csv" ]; then
     ok $? "an 8/h certificate, through PTFE's measured BRDF"
     between "$(value factor <"$folder/ptfe.json")" 1.005 1.025; ok $? "its radiance factor over its reflectance"
 else
-    n=$((n + 1)); echo "ok $n - 8/h through PTFE's BRDF # SKIP no data in $data"
+    skip "8/h through PTFE's BRDF" "no data in $data"
 fi
-echo "1..$n"
+finish

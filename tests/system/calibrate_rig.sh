@@ -2,13 +2,8 @@
 # gonio calibrate rig end to end: a simulated rig with axes 0.5 deg askew takes frames of board, ball and mirror, its
 # axes are found, and what it then measures is right where the uncalibrated rig's is not. And what is refused.
 set -u
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-n=0
-ok() { # ok CONDITION-STATUS NAME
-    n=$((n + 1))
-    if [ "$1" -eq 0 ]; then echo "ok $n - $2"; else echo "not ok $n - $2"; fi
-}
+. "$(dirname "$0")/lib.sh"
+folder=$work
 value() { sed -n "s/.*\"$1\":\([-0-9.e+]*\).*/\1/p"; }
 below() { awk -v x="$1" -v a="$2" 'BEGIN { exit !(x != "" && x < a) }'; }
 status_of() { "$@" >"$folder/out" 2>"$folder/err"; echo $?; }
@@ -56,4 +51,4 @@ head -5 "$folder/frames/frames.csv" >"$folder/frames/few.csv"
 [ "$(status_of "$GONIO" calibrate rig "$folder/frames/few.csv" --camera "$folder/camera.ini")" = 3 ] && grep -q '0 of the ball' "$folder/err"; ok $? "no ball: refused with the reason"
 [ "$(status_of "$GONIO" calibrate rig "$folder/frames/some.csv" --camera "$folder/camera.ini" --azimuth-deg 90)" = 3 ] && grep -q 'azimuth of about' "$folder/err"; ok $? "a board that lies turned: refused with the reason"
 [ "$(status_of "$GONIO" measure --sample $sample --set rig.alignment="$folder/none.csv" "$folder/session")" = 3 ] && [ ! -e "$folder/session" ]; ok $? "missing alignment: bad input, no session"
-echo "1..$n"
+finish

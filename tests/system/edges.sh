@@ -2,13 +2,8 @@
 # Poses that reach over the sample's edge: plan --check names them, measure leaves them out or counts them, samples
 # lists them. And a camera that moved between start and end.
 set -u
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-n=0
-ok() { # ok CONDITION-STATUS NAME
-    n=$((n + 1))
-    if [ "$1" -eq 0 ]; then echo "ok $n - $2"; else echo "not ok $n - $2"; fi
-}
+. "$(dirname "$0")/lib.sh"
+folder=$work
 printf '[rig]\ndriver = sim\nlight_spot_mm = 15\n[sample]\nplate_mm = 11\nspec = lambert:rho=0.5\n' >"$folder/rig.ini"
 printf 'theta_i,phi_i,theta_o,phi_o\n10,0,20,0\n20,0,30,90\n30,0,10,90\n80,0,20,90\n10,0,87,0\n' >"$folder/plan.csv"
 "$GONIO" plan "$folder/plan.csv" --check "$folder/rig.ini" >"$folder/out" 2>"$folder/err"
@@ -32,4 +27,4 @@ ok $? "a moved camera is found and named with its frame"
 "$GONIO" replay "$folder/moved" --json 2>/dev/null | grep -q '"moved": *true'; ok $? "and by replay"
 "$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --plan nusselt:8,theta_max=60 --method mba --json "$folder/still" 2>/dev/null | grep -q '"moved": *false'
 ok $? "one that stands is not"
-echo "1..$n"
+finish

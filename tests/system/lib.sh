@@ -16,6 +16,10 @@ fail() {
     shift
     for line; do echo "# $line"; done
 }
+# ok STATUS NAME: of the command just run, as in `ok $? "it runs"`.
+ok() {
+    if [ "$1" -eq 0 ]; then pass "$2"; else fail "$2"; fi
+}
 skip() {
     tests=$((tests + 1))
     echo "ok $tests - $1 # SKIP $2"

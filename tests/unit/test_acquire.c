@@ -15,25 +15,8 @@
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
 #include "host/drivers/null.h"
+#include "tests/unit/session_folder.h"
 
-static char root[64], path[96];
-
-static int set_up(void **state) {
-    (void)state;
-    snprintf(root, sizeof root, "%s", "/tmp/gonio-acquire-XXXXXX");
-    if (mkdtemp(root) == NULL) {
-        return -1;
-    }
-    snprintf(path, sizeof path, "%s/s", root);
-    return 0;
-}
-
-static int tear_down(void **state) {
-    (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", root);
-    return system(command);
-}
 
 typedef struct bench {
     gonio_sim *sim;

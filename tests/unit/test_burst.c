@@ -17,27 +17,10 @@
 #include <cmocka.h>
 
 #include "gonio/session.h"
+#include "tests/unit/session_folder.h"
 
 enum { WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, STEPS = 4, BITS = 12 };
-static char root[64], path[96];
 static gonio_step steps[STEPS];
-
-static int set_up(void **state) {
-    (void)state;
-    snprintf(root, sizeof root, "%s", "/tmp/gonio-burst-XXXXXX");
-    if (mkdtemp(root) == NULL) {
-        return -1;
-    }
-    snprintf(path, sizeof path, "%s/s", root);
-    return 0;
-}
-
-static int tear_down(void **state) {
-    (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", root);
-    return system(command);
-}
 
 static gonio_session *make_session(void) {
     gonio_session *session;

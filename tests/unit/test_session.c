@@ -17,25 +17,8 @@
 #include <cmocka.h>
 
 #include "gonio/session.h"
+#include "tests/unit/session_folder.h"
 
-static char root[64], path[96];
-
-static int set_up(void **state) {
-    (void)state;
-    snprintf(root, sizeof root, "%s", "/tmp/gonio-session-XXXXXX");
-    if (mkdtemp(root) == NULL) {
-        return -1;
-    }
-    snprintf(path, sizeof path, "%s/s", root);
-    return 0;
-}
-
-static int tear_down(void **state) {
-    (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf %s", root);
-    return system(command);
-}
 
 static uint32_t next(uint32_t *state) { return *state = *state * 1664525u + 1013904223u; }
 
