@@ -161,8 +161,9 @@ static void count_errors(const char *method, size_t n, double noise, uint64_t fi
 
 // Errors within one set are alike, so what varies is the share of a whole set. Over 20 other seeds the shares within
 // 2 sigma had means of 0.87 to 0.94 and standard deviations of 0.05 to 0.10 with noise. The mean of four lies 4
-// standard deviations below, at 0.67, less often than 1e-4; asked is 0.62. Sigmas a third as large leave about 0.5;
-// three times as large put more than 0.9 below the normal's median.
+// standard deviations below, at 0.67, less often than 1e-4; asked is 0.62. Without noise the empty region has a mean of
+// 0.82 and a standard deviation of 0.17: 0.48. Sigmas a third as large leave about 0.5 with noise; three times as large
+// put more than 0.9 below the normal's median.
 static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
     (void)state;
     static const char *const regions[] = {"dense", "sparse", "empty"};
@@ -173,7 +174,7 @@ static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
             const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
             print_message("# noise %s, %s: %.3f within 2 sigma, %.3f below the median\n", k == 0 ? "3 %" : "none",
                           regions[r], within, below);
-            assert_true(within >= 0.62);
+            assert_true(within >= (k == 0 ? 0.62 : 0.48));
             assert_true(below <= 0.9);
         }
     }
