@@ -121,7 +121,7 @@ void bundle_evaluate(const bundle *q, const double *p, double *r) {
                 r[row + 2 * k + c] = seen ? f->pixel[k][c] - pixel[k][c] : 1e6;
             }
         }
-        bundle_whiten(f, q->noise_px[f->view->object], r + row);
+        bundle_whiten(f, bundle_noise(q, f), r + row);
         row += 2 * f->points;
     }
     for (int k = 0; k < q->parameters; k++) {

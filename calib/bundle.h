@@ -8,9 +8,13 @@
 #define BUNDLE_INTRINSICS 9
 #define BUNDLE_PARAMETERS_MAX (GONIO_ALIGNMENT_PARAMETERS + BUNDLE_INTRINSICS + 6)
 
+// Bands of obliquity, 15 deg each about multiples of 15 deg, each with a noise of its own (bundle_noise.c).
+#define BUNDLE_BANDS 7
+
 // A frame's part in the problem.
 typedef struct bundle_frame {
     gonio_rig_view *view;
+    int band;             // of obliquity
     int points;           // corners, or 1
     double (*at)[2];      // board: corners on the board in the sample's axes, mm
     double (*pixel)[2];   // measured
@@ -27,7 +31,7 @@ typedef struct bundle {
     int intrinsic[BUNDLE_INTRINSICS], intrinsics; // those that have an uncertainty
     int ball, mirror;                             // indices of the ball's centre, of the mirror's tilt and height
     double nominal[GONIO_ALIGNMENT_PARAMETERS];
-    double noise_px[GONIO_RIG_OBJECTS];
+    double noise_px[GONIO_RIG_OBJECTS][BUNDLE_BANDS];
 } bundle;
 
 static inline bool bundle_is_board(const bundle_frame *f) { return f->view->object == GONIO_RIG_BOARD; }
@@ -41,6 +45,15 @@ bool bundle_residuals(const bundle *q, const double *p, const gonio_camera_info 
                       double *r);
 // Residuals in units of their standard deviation, the frame's common motion taken for what it is.
 void bundle_whiten(const bundle_frame *f, double noise, double *r);
+static inline double bundle_noise(const bundle *q, const bundle_frame *f) {
+    return q->noise_px[f->view->object][f->band];
+}
+// The band of a view, from its counters.
+int bundle_band(const gonio_rig_view *view);
+// Set the noise of every object and band from the residuals where p stands.
+void bundle_measure_noise(bundle *q, const double *p);
+// An object's root mean square over its coordinates; where it has none, what is assumed of it.
+void bundle_mean_noise(const bundle *q, double noise_px[GONIO_RIG_OBJECTS]);
 // Find that common motion where p stands.
 void bundle_common_motion(const bundle *q, const double *p, bundle_frame *f);
 // All residuals: the used frames', then the priors'; and their derivatives, column-major, residuals x parameters.

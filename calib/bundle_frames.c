@@ -16,6 +16,7 @@ void bundle_frames_free(bundle *q) {
 
 static gonio_status make_frame(bundle_frame *f, gonio_rig_view *view, double azimuth, gonio_error *error) {
     f->view = view;
+    f->band = bundle_band(view);
     view->rms = 0;
     const bool board = bundle_is_board(f);
     if (board) {

@@ -30,8 +30,6 @@
 // As for intrinsics: beyond this factor of the median, and this many pixels, a view is wrong, not noisy.
 #define REJECT_FACTOR 4
 #define REJECT_PX 1
-#define NOISE_MIN_PX 0.005
-#define NOISE_MAX_PX 100
 
 void gonio_rig_options_default(gonio_rig_options *options) {
     *options = (gonio_rig_options){
@@ -93,44 +91,6 @@ static gonio_status minimise(bundle *q, double *p, gonio_error *error) {
     free(r);
     free(pivots);
     return info > 0 ? GONIO_OK : gonio_fail(error, GONIO_E_CONVERGENCE, "the fit of the axes failed (lmder %d)", info);
-}
-// Sum of squares of an object's residuals, whitened with this noise; *count: how many.
-static double chi_square(const bundle *q, const double *p, int object, double noise, int *count) {
-    const gonio_camera_info camera = bundle_camera(q, p);
-    double r[2 * GONIO_CORNERS_MAX], total = 0;
-    *count = 0;
-    for (int i = 0; i < q->n; i++) {
-        const bundle_frame *f = &q->frames[i];
-        if (f->view->used && (int)f->view->object == object && bundle_residuals(q, p, &camera, f, r)) {
-            bundle_whiten(f, noise, r);
-            for (int k = 0; k < 2 * f->points; k++) {
-                total += r[k] * r[k];
-            }
-            *count += 2 * f->points;
-        }
-    }
-    return total;
-}
-
-// The noise with which an object's chi square is what n coordinates less the parameters that they tell should have; it
-// falls with the noise, so halving finds it. The axes' repeatability is in the whitening and must not count twice.
-static void measure_noise(bundle *q, const double *p) {
-    // The camera's arm is told by the corners; the light's by the mirror where there is one, else by the ball.
-    const int light = A - GONIO_LIGHT_AZIMUTH_AXIS;
-    int count[GONIO_RIG_OBJECTS];
-    for (int o = 0; o < GONIO_RIG_OBJECTS; o++) {
-        chi_square(q, p, o, 1, &count[o]);
-    }
-    const bool mirror = count[GONIO_RIG_MIRROR] > light;
-    const int told[GONIO_RIG_OBJECTS] = {GONIO_LIGHT_AZIMUTH_AXIS, mirror ? 6 : light + 3, mirror ? light : 0};
-    for (int o = 0; o < GONIO_RIG_OBJECTS; o++) {
-        double low = log(NOISE_MIN_PX), high = log(NOISE_MAX_PX);
-        for (int k = 0; k < 24 && count[o] > told[o]; k++) {
-            const double middle = (low + high) / 2;
-            *(chi_square(q, p, o, exp(middle), &count[o]) > count[o] - told[o] ? &low : &high) = middle;
-        }
-        q->noise_px[o] = count[o] > told[o] ? exp(high) : q->noise_px[o];
-    }
 }
 
 static void measure_views(const bundle *q, const double *p) {
@@ -210,7 +170,7 @@ static gonio_status fit_round(bundle *q, double *p, gonio_error *error) {
             status = minimise(q, p, error);
         }
         if (status == GONIO_OK) {
-            measure_noise(q, p);
+            bundle_measure_noise(q, p);
             measure_views(q, p);
             status = reject_worst(q, &again, error);
         }
@@ -288,7 +248,7 @@ static const int first_of_axis[4] = {GONIO_LIGHT_TILT_AXIS, GONIO_LIGHT_AZIMUTH_
 
 static void describe(const bundle *q, const gonio_alignment *a, const double origin[2], gonio_rig_report *report) {
     *report = (gonio_rig_report){0};
-    memcpy(report->noise_px, q->noise_px, sizeof report->noise_px);
+    bundle_mean_noise(q, report->noise_px);
     for (int axis = 0; axis < 4; axis++) {
         const int k = first_of_axis[axis];
         report->tilt_deg[axis] = gonio_degrees(atan(hypot(a->value[k], a->value[k + 1])));
@@ -315,7 +275,11 @@ static void describe(const bundle *q, const gonio_alignment *a, const double ori
 
 static void start(bundle *q, const gonio_camera_info *camera, const gonio_rig_options *options, double *p) {
     gonio_alignment nominal;
-    *q = (bundle){.camera = camera, .options = options, .noise_px = {0.5, 0.5, 5}};
+    static const double first_px[GONIO_RIG_OBJECTS] = {0.5, 0.5, 5};
+    *q = (bundle){.camera = camera, .options = options};
+    for (int k = 0; k < GONIO_RIG_OBJECTS * BUNDLE_BANDS; k++) {
+        q->noise_px[k / BUNDLE_BANDS][k % BUNDLE_BANDS] = first_px[k / BUNDLE_BANDS];
+    }
     for (int k = 0; k < BUNDLE_INTRINSICS; k++) {
         if (options->camera_sigma[k] > 0) {
             q->intrinsic[q->intrinsics++] = k;
