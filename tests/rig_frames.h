@@ -15,6 +15,7 @@ typedef struct rig_frames {
     gonio_rig rig;
     gonio_camera_info camera;
     gonio_image image;
+    const gonio_board *board;
     int64_t pose;
     gonio_error error;
 } rig_frames;
@@ -27,15 +28,16 @@ static inline bool rig_frames_ok(rig_frames *f, gonio_status status, const char 
 }
 
 // settings: "section", "key", "value" triples, NULL-terminated.
-static inline bool rig_frames_open(rig_frames *f, uint64_t seed, const char *const *settings) {
-    *f = (rig_frames){0};
+static inline bool rig_frames_open(rig_frames *f, const gonio_board *board, uint64_t seed,
+                                   const char *const *settings) {
+    *f = (rig_frames){.board = board};
     gonio_image drawn;
     const int square_px = 100;
     if (!rig_frames_ok(f, gonio_sim_new("ward:rho_d=0.3,rho_s=0.2,alpha=0.15", seed, &f->sim, &f->error), "sim") ||
-        !rig_frames_ok(f, gonio_board_draw(&rig_board, square_px, &drawn, &f->error), "board") ||
+        !rig_frames_ok(f, gonio_board_draw(board, square_px, &drawn, &f->error), "board") ||
         !rig_frames_ok(f,
-                       gonio_sim_fiducial(f->sim, drawn.width, drawn.height, drawn.pixels,
-                                          rig_board.square_mm / square_px, &f->error),
+                       gonio_sim_fiducial(f->sim, drawn.width, drawn.height, drawn.pixels, board->square_mm / square_px,
+                                          &f->error),
                        "fiducial")) {
         return false;
     }
@@ -115,7 +117,7 @@ static inline bool rig_frames_view(rig_frames *f, const gonio_rig_pose *pose, go
         return false;
     }
     const gonio_status status = pose->object == GONIO_RIG_BOARD
-                                    ? gonio_board_find(&f->image, &rig_board, 5, corners, &why)
+                                    ? gonio_board_find(&f->image, f->board, 5, corners, &why)
                                     : gonio_highlight_find(&f->image, view->highlight, &why);
     view->used = status == GONIO_OK;
     snprintf(view->reason, sizeof view->reason, "%.150s", why.message);

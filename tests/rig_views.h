@@ -23,6 +23,7 @@ typedef struct rig_views {
 typedef struct rig_errors {
     double tilt_deg, offset_mm, mount_deg, mount_mm; // of axes; of the camera on its arm and the light on its
     double repeatability_deg, corner_px, highlight_px;
+    double oblique; // corner_px times this beyond 52 deg
 } rig_errors;
 
 static inline gonio_vec3 rig_unit(gonio_vec3 a, gonio_vec3 b) {
@@ -103,6 +104,7 @@ static inline void rig_views_add(rig_views *v, const rig_errors *e, uint64_t *ra
         }
         gonio_corners *c = &v->corners[i];
         c->n = 0;
+        const double corner_px = e->corner_px * (gonio_degrees(view->axes.theta_o) > 52 ? e->oblique : 1);
         for (int k = 0; k < 35 && view->object == GONIO_RIG_BOARD; k++) {
             const double bx = 5 * (k % 7), by = 5 * (k / 7); // from the board's first inner corner
             const gonio_vec3 at = {bx - 15 + v->shift[0], 10 - by + v->shift[1], 0};
@@ -110,8 +112,8 @@ static inline void rig_views_add(rig_views *v, const rig_errors *e, uint64_t *ra
             if (gonio_rig_project(&v->camera, &v->truth, &true_axes, at, pixel)) {
                 c->board[c->n][0] = bx;
                 c->board[c->n][1] = by;
-                c->pixel[c->n][0] = pixel[0] + e->corner_px * pixel_normal(random);
-                c->pixel[c->n++][1] = pixel[1] + e->corner_px * pixel_normal(random);
+                c->pixel[c->n][0] = pixel[0] + corner_px * pixel_normal(random);
+                c->pixel[c->n++][1] = pixel[1] + corner_px * pixel_normal(random);
             }
         }
         if (view->object == GONIO_RIG_BOARD) {

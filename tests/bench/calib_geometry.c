@@ -1,6 +1,6 @@
 // Are the stated uncertainties of camera and axes true, and how good are they? 200 simulated cameras and 200 simulated
-// rigs at the level of corners and highlights, with the noise that rendered frames show; then rigs and a camera from
-// rendered frames. usage: calib_geometry [TRIALS [RENDERED]] (200, 5)
+// rigs at the level of corners and highlights, with the noise that rendered frames show; then cameras and rigs from
+// rendered frames, of cameras three times as many. usage: calib_geometry [TRIALS [RENDERED]] (200, 5)
 #include <stdio.h>
 
 #include "tests/camera_views.h"
@@ -9,6 +9,7 @@
 
 // Of one coordinate, px; what the rendered rigs below show (printed there): corners, highlights.
 #define CORNER_PX 0.05
+#define RIG_CORNER_PX 0.035 // and twice that at 60 deg
 #define HIGHLIGHT_PX 0.015
 #define REPEATABILITY_DEG 0.00707 // the default axis: 0.01 deg, half of its variance
 
@@ -65,7 +66,7 @@ static void cameras(int trials, int views, bool reaching) {
 }
 
 static void rigs(int trials) {
-    const rig_errors e = {1, 1, 0.3, 3, REPEATABILITY_DEG, CORNER_PX, HIGHLIGHT_PX};
+    const rig_errors e = {1, 1, 0.3, 3, REPEATABILITY_DEG, RIG_CORNER_PX, HIGHLIGHT_PX, 2};
     rig_views v = {.camera = rig_camera(), .corners = calloc(2 * GONIO_RIG_POSES_MAX, sizeof *v.corners)};
     double *axis = malloc((size_t)trials * sizeof *axis), *direction = malloc((size_t)trials * sizeof *direction);
     uint64_t random = 77;
@@ -121,7 +122,7 @@ static bool rendered_rig(uint64_t seed, int *within, int *n) {
     double axis_deg;
     gonio_rig_options_default(&options);
     options.pointing_random_deg = 0;
-    bool ok = rig_frames_open(&f, seed, settings);
+    bool ok = rig_frames_open(&f, &rig_board, seed, settings);
     int count = gonio_rig_poses(poses), from = 0;
     for (int round = 0; ok && round < 2; round++) {
         for (int i = from; ok && i < count; i++) {
@@ -151,6 +152,63 @@ static bool rendered_rig(uint64_t seed, int *within, int *n) {
     return ok;
 }
 
+#define CAMERA_VIEWS 24
+// A large ChArUco board, which fills most of the frame.
+static const gonio_board camera_board = {GONIO_CHARUCO, 8, 6, 45, 33.75, 5};
+
+// Open a rig whose camera is drawn by the seed.
+static bool open_camera(uint64_t seed, uint64_t *random, double truth[9], rig_frames *f) {
+    static const char *const keys[9] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3"};
+    static const double middle[9] = {1500, 1500, 319.5, 255.5, -0.2, 0.1, 0, 0, 0},
+                        spread[9] = {30, 30, 10, 10, 0.05, 0.05, 1e-3, 1e-3, 0};
+    char text[9][32];
+    const char *settings[3 * 9 + 1] = {NULL};
+    for (int k = 0; k < 9; k++) {
+        truth[k] = middle[k] + spread[k] * pixel_normal(random);
+        snprintf(text[k], sizeof text[k], "%.17g", truth[k]);
+        const char *const one[] = {"camera", keys[k], text[k]};
+        memcpy(settings + 3 * k, one, sizeof one);
+    }
+    return rig_frames_open(f, &camera_board, seed, settings);
+}
+
+// Its intrinsics from frames of the board, seen from 24 sides.
+static bool rendered_camera(uint64_t seed, int *within, int *n) {
+    static const double theta[] = {15, 25, 35, 45};
+    uint64_t random = 100 + seed;
+    double truth[9];
+    rig_frames f;
+    gonio_corners *corners = calloc(CAMERA_VIEWS, sizeof *corners);
+    gonio_view view[CAMERA_VIEWS] = {0};
+    gonio_camera_calibration c = {0};
+    gonio_error error = {0};
+    bool ok = open_camera(seed, &random, truth, &f);
+    for (int i = 0; ok && i < CAMERA_VIEWS; i++) {
+        gonio_rig_view found;
+        const double phi = gonio_radians(60 * (i / 4) - 180 + 60 * pixel_uniform(&random));
+        const gonio_rig_pose pose = {{gonio_radians(20), -phi, gonio_radians(theta[i % 4]), phi}, GONIO_RIG_BOARD};
+        ok = rig_frames_view(&f, &pose, &corners[i], &found);
+    }
+    ok = ok &&
+         gonio_camera_calibrate(CAMERA_VIEWS, corners, f.camera.width, f.camera.height, view, &c, &error) == GONIO_OK;
+    for (int k = 0; ok && k < 9; k++) {
+        if (c.sigma[k] > 0) { // the others are held
+            *within += fabs(c.value[k] - truth[k]) <= 2 * c.sigma[k];
+            ++*n;
+        }
+    }
+    if (ok) {
+        printf("  rendered camera, seed %llu: %d views, rms %.3f px, fx %.2f +- %.2f (true %.2f)\n",
+               (unsigned long long)seed, c.views_used, c.rms, c.value[0], c.sigma[0], truth[0]);
+    } else {
+        fprintf(stderr, "seed %llu: %s%s\n", (unsigned long long)seed, error.message, f.error.message);
+    }
+    rig_frames_close(&f);
+    free(corners);
+    fflush(stdout);
+    return ok;
+}
+
 int main(int argc, char **argv) {
     const int trials = argc > 1 ? atoi(argv[1]) : 200, rendered = argc > 2 ? atoi(argv[2]) : 5;
     int within = 0, n = 0;
@@ -160,6 +218,16 @@ int main(int argc, char **argv) {
         rigs(trials);
     }
     bool ok = true;
+    // A camera's eight parameters go together: one that is 2.5 sigma off takes six of them along, so five say little.
+    const int cameras_rendered = 3 * rendered;
+    for (int seed = 1; seed <= cameras_rendered; seed++) {
+        ok = rendered_camera((uint64_t)seed, &within, &n) && ok;
+    }
+    if (n > 0) {
+        printf("%d rendered cameras: within 2 sigma %.1f %% of %d parameters\n", cameras_rendered, 100.0 * within / n,
+               n);
+    }
+    within = n = 0;
     for (int seed = 1; seed <= rendered; seed++) {
         ok = rendered_rig((uint64_t)seed, &within, &n) && ok;
     }

@@ -49,7 +49,7 @@ static void test_exact_views_give_the_exact_axes(void **state) {
 // +- 1.7) happens by chance less than once in 1e5. 90 to 99 % is asked of 200 rigs in tests/bench/calib_geometry.c.
 static void test_stated_uncertainties_are_true(void **state) {
     (void)state;
-    const rig_errors e = {1, 1, 0.3, 3, 0.007, 0.05, 0.015};
+    const rig_errors e = {1, 1, 0.3, 3, 0.007, 0.035, 0.015, 2};
     uint64_t random = 2;
     rig_views v;
     gonio_rig_options options;
@@ -78,7 +78,7 @@ static void test_stated_uncertainties_are_true(void **state) {
 // Views that are wrong are named and left out; the others still tell the truth.
 static void test_wrong_views_are_left_out(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.05, 0.015};
+    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
     uint64_t random = 4;
     rig_views v;
     gonio_alignment found;
@@ -104,7 +104,7 @@ static void test_wrong_views_are_left_out(void **state) {
 
 static void test_refusals_name_the_reason(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.05, 0.015};
+    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
     uint64_t random = 5;
     rig_views v;
     gonio_alignment found;
@@ -139,7 +139,7 @@ static void test_refusals_name_the_reason(void **state) {
 // A chessboard's corners may be counted from its other end in any frame.
 static void test_a_chessboard_may_be_counted_backward(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0, 0.06, 0.02};
+    const rig_errors e = {0.5, 0.5, 0.3, 3, 0, 0.06, 0.02, 1};
     uint64_t random = 6;
     rig_views v;
     gonio_alignment found;
@@ -174,7 +174,7 @@ static void write_text(const char *path, const char *text) {
 
 static void test_alignment_files_come_back_exactly(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.05, 0.015};
+    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
     uint64_t random = 7;
     char path[] = "/tmp/gonio-alignment-XXXXXX", text[64];
     rig_views v;
