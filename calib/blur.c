@@ -8,6 +8,11 @@
 // Each mean is taken of the model with two cubatures over the disc (u = r^2 / R^2 is uniform on a disc's area): one of
 // degree 5 (two rings at u = 1/2 -+ 1/sqrt(12), Gauss-Legendre in u, six points each), and one of degree 3 (one ring at
 // u = 1/2) whose difference from it bounds what higher orders leave over.
+//
+// A fit of few samples bends as it likes between them, most of all near the pole, where its coordinates turn quickly
+// and the BRDF does not. What a model knows of the curvature it can be asked twice: by Helmholtz' reciprocity
+// f_r(wi, wo) = f_r(wo, wi), so the same means with light and camera exchanged come from another place of the fit. Both
+// answers count alike; what they disagree by is the correction's uncertainty.
 #include <math.h>
 #include <stdlib.h>
 
@@ -18,12 +23,6 @@
 typedef struct disc {
     gonio_vec3 a, b; // half axes, mm
 } disc;
-
-static double evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
-    wi.z = fmax(wi.z, 0);
-    wo.z = fmax(wo.z, 0);
-    return gonio_model_eval_channel(model, wi, wo, channel);
-}
 
 static gonio_vec3 moved(gonio_vec3 from, const disc *d, double x, double y) {
     return (gonio_vec3){from.x + x * d->a.x + y * d->b.x, from.y + x * d->a.y + y * d->b.y,
@@ -36,39 +35,58 @@ static gonio_vec3 toward(gonio_vec3 from, gonio_vec3 to) {
     return (gonio_vec3){d.x / length, d.y / length, d.z / length};
 }
 
+static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){s * v.x, s * v.y, s * v.z}; }
+
 typedef enum averaged { REGION, LIGHT, APERTURE } averaged;
 
-// The model with one of the three moved to (x, y) of its disc.
-static double at(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d, double x,
-                 double y) {
-    const gonio_vec3 origin = {0, 0, 0};
-    const gonio_vec3 point = what == REGION ? moved(origin, d, x, y) : origin;
-    const gonio_vec3 wi = toward(point, what == LIGHT ? moved(g->light, d, x, y) : g->light);
-    const gonio_vec3 wo = toward(point, what == APERTURE ? moved(g->camera, d, x, y) : g->camera);
-    const double weight = what == LIGHT ? fmax(wi.z, 0) / (g->light.z / g->light_distance_mm) : 1;
-    return weight * evaluate(model, wi, wo, channel);
+// A mean of the model: of what, where, and whether the model is asked with light and camera exchanged.
+typedef struct probe {
+    const geometry *g;
+    const gonio_model *model;
+    int channel;
+    averaged what;
+    disc d;
+    bool exchanged;
+} probe;
+
+static double evaluate(const probe *p, gonio_vec3 wi, gonio_vec3 wo) {
+    wi.z = fmax(wi.z, 0);
+    wo.z = fmax(wo.z, 0);
+    return gonio_model_eval_channel(p->model, p->exchanged ? wo : wi, p->exchanged ? wi : wo, p->channel);
 }
 
-static double ring(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d, double u,
-                   double phase) {
+// The model with one of the three moved to (x, y) of its disc.
+static double at(const probe *p, double x, double y) {
+    const geometry *g = p->g;
+    const gonio_vec3 origin = {0, 0, 0};
+    const gonio_vec3 point = p->what == REGION ? moved(origin, &p->d, x, y) : origin;
+    const gonio_vec3 wi = toward(point, p->what == LIGHT ? moved(g->light, &p->d, x, y) : g->light);
+    const gonio_vec3 wo = toward(point, p->what == APERTURE ? moved(g->camera, &p->d, x, y) : g->camera);
+    const double weight = p->what == LIGHT ? fmax(wi.z, 0) / (g->light.z / g->light_distance_mm) : 1;
+    return weight * evaluate(p, wi, wo);
+}
+
+static double ring(const probe *p, double u, double phase) {
     double sum = 0;
     for (int k = 0; k < RING; k++) {
         const double angle = (k + phase) * 2 * GONIO_PI / RING;
-        sum += at(g, model, channel, what, d, sqrt(u) * cos(angle), sqrt(u) * sin(angle));
+        sum += at(p, sqrt(u) * cos(angle), sqrt(u) * sin(angle));
     }
     return sum / RING;
 }
 
-static blur_bias mean_over(const geometry *g, const gonio_model *model, int channel, averaged what, const disc *d,
-                           double centre) {
-    const double low = ring(g, model, channel, what, d, 0.5 - sqrt(1.0 / 12), 0);
-    const double high = ring(g, model, channel, what, d, 0.5 + sqrt(1.0 / 12), 0.5);
-    const double plain = ring(g, model, channel, what, d, 0.5, 0);
-    const double fine = (low + high) / 2;
-    return (blur_bias){fine / centre - 1, fabs(fine - plain) / centre};
+static double fine_mean(const probe *p) {
+    return (ring(p, 0.5 - sqrt(1.0 / 12), 0) + ring(p, 0.5 + sqrt(1.0 / 12), 0.5)) / 2;
 }
 
-static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){s * v.x, s * v.y, s * v.z}; }
+// Relative to centre, which is positive; the exchanged value itself may be anything.
+static blur_bias mean_over(const probe *p, double centre) {
+    probe exchanged = *p;
+    exchanged.exchanged = true;
+    const double fine = fine_mean(p), higher = fine - ring(p, 0.5, 0);
+    const double here = fine - centre, there = fine_mean(&exchanged) - at(&exchanged, 0, 0);
+    return (blur_bias){(here + there) / 2 / centre, hypot(higher, (here - there) / sqrt(2)) / centre};
+}
 
 blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
                    double centre) {
@@ -76,18 +94,22 @@ blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int c
     const gonio_pair swapped = {pair->theta_o, pair->phi_o, pair->theta_i, pair->phi_i};
     const geometry turned = geometry_of_directions(facts, &swapped); // its right and up are the light arm's
     blur_terms terms = {0};
+    probe p = {.g = &g, .model = model, .channel = channel};
     if (!facts->sphere && facts->region_radius_mm > 0) {
         const double r = facts->region_radius_mm;
-        const disc d = {{r, 0, 0}, {0, r, 0}};
-        terms.area = mean_over(&g, model, channel, REGION, &d, centre);
+        p.d = (disc){{r, 0, 0}, {0, r, 0}};
+        p.what = REGION;
+        terms.area = mean_over(&p, centre);
     }
     if (facts->light_radius_mm > 0 && g.light.z > 0) {
-        const disc d = {scaled(turned.right, facts->light_radius_mm), scaled(turned.up, facts->light_radius_mm)};
-        terms.light = mean_over(&g, model, channel, LIGHT, &d, centre);
+        p.d = (disc){scaled(turned.right, facts->light_radius_mm), scaled(turned.up, facts->light_radius_mm)};
+        p.what = LIGHT;
+        terms.light = mean_over(&p, centre);
     }
     if (facts->aperture_radius_mm > 0) {
-        const disc d = {scaled(g.right, facts->aperture_radius_mm), scaled(g.up, facts->aperture_radius_mm)};
-        terms.aperture = mean_over(&g, model, channel, APERTURE, &d, centre);
+        p.d = (disc){scaled(g.right, facts->aperture_radius_mm), scaled(g.up, facts->aperture_radius_mm)};
+        p.what = APERTURE;
+        terms.aperture = mean_over(&p, centre);
     }
     return terms;
 }
@@ -97,11 +119,16 @@ blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int c
 
 // misfit: how far the model lies from the sample itself, relative. Its curvature is trusted no better: a rectangular
 // distribution of that half-width (GUM 4.3.7).
+//
+// So much of the bias is taken out as stands out of its own uncertainty u, 1 - u^2 / bias^2 (the positive-part
+// James-Stein estimator, Efron and Morris 1973): nothing where the model cannot tell the bias from none. What is not
+// taken out counts whole.
 static double correct(const blur_bias *b, double misfit, double *factor) {
-    const bool corrected = fabs(b->bias) <= CORRECTED_MAX;
-    *factor *= corrected ? 1 / (1 + b->bias) : 1;
-    const double left = corrected ? hypot(b->rest, misfit * b->bias / sqrt(3)) : b->bias;
-    return left * left;
+    const double u = hypot(b->rest, misfit * b->bias / sqrt(3)), ratio = b->bias != 0 ? u / b->bias : 1;
+    const bool vouched = fabs(b->bias) <= CORRECTED_MAX && u < fabs(b->bias);
+    const double share = vouched ? 1 - ratio * ratio : 0, kept = (1 - share) * b->bias;
+    *factor *= 1 + share * b->bias;
+    return u * u + kept * kept;
 }
 
 void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
@@ -109,10 +136,12 @@ void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int ch
     const blur_terms b = blur_of(facts, model, channel, pair, centre);
     const double expected = centre * (1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias);
     const double misfit = fmin(fabs(measured / expected - 1), 1);
-    terms->area = correct(&b.area, misfit, &terms->factor);
-    terms->blur = correct(&b.light, misfit, &terms->factor) + correct(&b.aperture, misfit, &terms->factor);
-    terms->area_bias = b.area.bias;
-    terms->blur_bias = (1 + b.light.bias) * (1 + b.aperture.bias) - 1;
+    double area = 1, blur = 1;
+    terms->area = correct(&b.area, misfit, &area);
+    terms->blur = correct(&b.light, misfit, &blur) + correct(&b.aperture, misfit, &blur);
+    terms->area_bias = area - 1;
+    terms->blur_bias = blur - 1;
+    terms->factor /= area * blur;
 }
 
 // ---- what a session reports ----
@@ -134,8 +163,8 @@ static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, 
     size_t n = 0;
     for (size_t i = 0; bias != NULL && i < samples->n; i += step) {
         const gonio_pair *p = &samples->pairs[i];
-        const double value =
-            evaluate(model, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), 0);
+        const double value = gonio_model_eval_channel(model, gonio_direction(p->theta_i, p->phi_i),
+                                                      gonio_direction(p->theta_o, p->phi_o), 0);
         if (value > 0) {
             const blur_terms b = blur_of(facts, model, 0, p, value);
             bias[n++] = fabs((1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias) - 1);

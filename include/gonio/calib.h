@@ -58,7 +58,7 @@ typedef struct gonio_budget {
     double value;
     double photon, read, dark, flat, reference, drift, stray, angle, area, blur;
     double random, systematic;   // as carried by the sample
-    double area_bias, blur_bias; // relative, of the mean over the disc, and over light and aperture; corrected in value
+    double area_bias, blur_bias; // relative, of the mean over the disc, and over light and aperture: what was corrected
 } gonio_budget;
 
 // What the finite light and aperture do: half the angle and the solid angle that each fills, seen from the sample's
