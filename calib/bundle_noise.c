@@ -57,9 +57,9 @@ static double chi_square(const bundle *q, const double *p, int object, int band,
     return total;
 }
 
-// The noise with which a band's chi square is what it should have; it falls with the noise, so halving finds it. The
-// axes' repeatability is in the whitening and must not count twice.
-static double band_noise(const bundle *q, const double *p, int object, int band, double expected) {
+// Logarithm of the noise with which a band's chi square is what it should have; it falls with the noise, so halving
+// finds it. The axes' repeatability is in the whitening and must not count twice.
+static double log_noise(const bundle *q, const double *p, int object, int band, double expected) {
     double low = log(NOISE_MIN_PX), high = log(NOISE_MAX_PX);
     for (int k = 0; k < 24; k++) {
         const double middle = (low + high) / 2;
@@ -69,16 +69,16 @@ static double band_noise(const bundle *q, const double *p, int object, int band,
 }
 
 static void measure_object(bundle *q, const double *p, int object, int all, const int n[BUNDLE_BANDS], int told) {
-    double band[BUNDLE_BANDS] = {0}, mean = 0;
+    double log_of[BUNDLE_BANDS] = {0}, mean = 0;
     for (int b = 0; b < BUNDLE_BANDS; b++) {
         if (n[b] > 0) {
             // Each band tells its share of the parameters.
-            band[b] = band_noise(q, p, object, b, n[b] * (1 - (double)told / all));
-            mean += n[b] * band[b] / all;
+            log_of[b] = log_noise(q, p, object, b, n[b] * (1 - (double)told / all));
+            mean += n[b] * log_of[b] / all;
         }
     }
     for (int b = 0; b < BUNDLE_BANDS; b++) {
-        q->noise_px[object][b] = exp((n[b] * band[b] + MEAN_COUNTS * mean) / (n[b] + MEAN_COUNTS));
+        q->noise_px[object][b] = exp((n[b] * log_of[b] + MEAN_COUNTS * mean) / (n[b] + MEAN_COUNTS));
     }
 }
 
