@@ -1,5 +1,6 @@
 #!/bin/sh
-# Run every test program of a build folder and sum up. Each prints TAP ("ok", "not ok", "ok ... # SKIP").
+# Run every test program of a build folder and sum up. Each prints TAP ("ok", "not ok", "ok ... # SKIP"). Programs run as
+# many at a time as there are processors; the scripts that drive the program, which itself takes all of them, one by one.
 # usage: tests/run.sh BUILD_FOLDER [NAME ...]     only the tests whose path holds one of the names
 # Exit status 1 when anything failed; last line "N passed, N failed, N skipped".
 set -u
@@ -8,17 +9,9 @@ shift
 export GONIO_BUILD=$build GONIO="$PWD/$build/gonio" GONIO_DATA="${GONIO_DATA:-../shared/data}"
 export CMOCKA_MESSAGE_OUTPUT=TAP ASAN_OPTIONS="${ASAN_OPTIONS:-detect_leaks=1}" OMP_WAIT_POLICY=passive
 logs=$build/test-logs
-mkdir -p "$logs"
-passed=0 failed=0 skipped=0
-wanted() {
-    [ $# -eq 1 ] && return 0
-    path=$1
-    shift
-    for name; do case $path in *"$name"*) return 0 ;; esac; done
-    return 1
-}
-for test in $(find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort) $(find tests/system -name '*.sh' ! -name 'lib.sh' | sort); do
-    wanted "$test" "$@" || continue
+# Run one test: its output to a log, its counts beside it, and a line about it.
+one() {
+    test=$1
     log=$logs/$(echo "$test" | tr '/' '_').tap
     start=$(date +%s)
     timeout 600 "$test" >"$log" 2>&1
@@ -30,12 +23,30 @@ for test in $(find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort) $(
     # A program that dies prints no "not ok" of its own.
     [ $status -ne 0 ] && [ "$f" -eq 0 ] && f=1
     [ $status -eq 0 ] && [ $((p + s + f)) -eq 0 ] && f=1
-    passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
-    printf '%-60s %4d passed %3d failed %3d skipped  %4d s\n' "$test" "$p" "$f" "$s" $(($(date +%s) - start))
-    if [ "$f" -gt 0 ]; then
-        grep -vE '^ok ' "$log" | tail -n 60
-    fi
-    grep -iE '^(not )?ok .*# *skip' "$log"
-done
-echo "$passed passed, $failed failed, $skipped skipped" | tee "$logs/summary"
-[ $failed -eq 0 ] && [ $((passed + skipped)) -gt 0 ]
+    echo "$p $f $s" >"${log%.tap}.count"
+    {
+        printf '%-60s %4d passed %3d failed %3d skipped  %4d s\n' "$test" "$p" "$f" "$s" $(($(date +%s) - start))
+        [ "$f" -gt 0 ] && grep -vE '^ok ' "$log" | tail -n 60
+        grep -iE '^(not )?ok .*# *skip' "$log"
+    } >"${log%.tap}.told"
+    cat "${log%.tap}.told" # at once, so that two tests' lines do not mix
+}
+if [ "${1:-}" = --one ]; then
+    one "$2"
+    exit 0
+fi
+wanted() {
+    while read -r test; do
+        [ $# -eq 0 ] && echo "$test"
+        for name; do case $test in *"$name"*) echo "$test" && break ;; esac; done
+    done
+}
+mkdir -p "$logs"
+rm -f "$logs"/*.count
+find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort | wanted "$@" | xargs -r -P "$(nproc)" -n 1 "$0" "$build" --one
+find tests/system -name '*.sh' ! -name 'lib.sh' | sort | wanted "$@" | xargs -r -n 1 "$0" "$build" --one
+cat "$logs"/*.count 2>/dev/null | awk '{ p += $1; f += $2; s += $3 }
+    END { printf "%d passed, %d failed, %d skipped\n", p, f, s; exit f > 0 || p + s == 0 }' >"$logs/summary"
+failed=$?
+cat "$logs/summary"
+exit $failed
