@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "fit/rows.h"
+#include "fit/scatter.h"
 
 void gonio_lsq_places_release(gonio_lsq_places *places) {
     free(places->positions);
@@ -39,7 +40,7 @@ gonio_status gonio_lsq_places_init(gonio_lsq_places *places, const gonio_lsq_dat
                                    gonio_error *error) {
     const size_t n = data->n, d = (size_t)data->dims;
     *places = (gonio_lsq_places){.n = n, .dims = data->dims};
-    places->mirror_axes = form->mirror ? gonio_lsq_mirror_axes(form->coordinates, data->dims) : 0;
+    places->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, data->dims) : 0;
     places->positions = malloc(n * 4 * sizeof *places->positions);
     places->weights = malloc(n * sizeof *places->weights);
     places->sample = malloc(n * sizeof *places->sample);

@@ -21,10 +21,6 @@ void gonio_lsq_data_release(gonio_lsq_data *data) {
     *data = (gonio_lsq_data){0};
 }
 
-unsigned gonio_lsq_mirror_axes(gonio_coordinates coordinates, int dims) {
-    return gonio_scatter_mirror_axes(coordinates, dims);
-}
-
 // Swapping the directions keeps the half vector and turns the difference vector about it by 180 deg.
 unsigned gonio_lsq_swap_axes(gonio_coordinates coordinates, int dims) {
     if (coordinates != GONIO_HALF_VECTOR) {

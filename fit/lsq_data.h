@@ -40,8 +40,7 @@ gonio_status gonio_lsq_data_channels(const gonio_lsq_data *data, const int *whic
                                      gonio_error *error);
 // x[n x dims] in [0, 1].
 void gonio_lsq_data_locate(const gonio_lsq_data *data, gonio_coordinates coordinates, double *x);
-// The lattice axes that phi -> -phi flips, and those that swapping the directions flips (0: swapping is no flip).
-unsigned gonio_lsq_mirror_axes(gonio_coordinates coordinates, int dims);
+// The lattice axes that swapping the directions flips (0: swapping is no flip).
 unsigned gonio_lsq_swap_axes(gonio_coordinates coordinates, int dims);
 
 #endif

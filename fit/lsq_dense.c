@@ -15,6 +15,7 @@
 #include "fit/bspline.h"
 #include "fit/lsq_blas.h"
 #include "fit/lsq_modes.h"
+#include "fit/scatter.h"
 
 gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror) {
     return (gonio_lsq_form){.coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
@@ -264,7 +265,7 @@ gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_for
     dense->n = data->n;
     dense->dims = data->dims;
     dense->m = gonio_bspline_size(form->level);
-    dense->mirror_axes = form->mirror ? gonio_lsq_mirror_axes(form->coordinates, data->dims) : 0;
+    dense->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, data->dims) : 0;
     dense->swap_axes = gonio_lsq_swap_axes(form->coordinates, data->dims);
     gonio_status status = allocate(dense)
                               ? GONIO_OK

@@ -19,6 +19,7 @@
 
 #include "fit/lobe_fit.h"
 #include "fit/lsq_blas.h"
+#include "fit/scatter.h"
 
 #define PARAMETERS_MAX (1 + 3 * GONIO_LOBES_MAX) // diffuse; each lobe's strength, width and f0
 #define BLOCK_WEIGHT 0.5                         // of a block beside a sample left out alone: blocks overlap
@@ -396,7 +397,7 @@ gonio_status gonio_influence_records(const gonio_influence *f, const double *fac
     const gonio_lsq_form *form = gonio_lsq_dense_form(f->dense);
     *records = (gonio_sigma_records){0};
     blocks b = {.f = f, .factor = factor, .root = gonio_lsq_dense_roots(f->dense), .records = records};
-    b.mirror_axes = form->mirror ? gonio_lsq_mirror_axes(form->coordinates, f->data->dims) : 0;
+    b.mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, f->data->dims) : 0;
     b.x = malloc(n * d * sizeof *b.x);
     b.matrix = malloc(((size_t)BLOCK_MAX * BLOCK_MAX + BLOCK_MAX) * sizeof *b.matrix);
     b.member = malloc(BLOCK_MAX * sizeof *b.member);

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/scatter.h"
 #include "fit/uncertainty.h"
 #include "fit/uncertainty_field.h"
 #include "fit/uncertainty_law.h"
@@ -35,7 +36,7 @@ typedef struct places {
 // In half-vector coordinates: projections shrink the angles near the horizon, where BRDFs change most.
 static gonio_status places_init(places *p, const gonio_lsq_data *data, const gonio_lsq_form *form, gonio_error *error) {
     *p = (places){.n = data->n, .d = (size_t)data->dims, .stride = 1 + data->n / SEARCHED};
-    p->mirror_axes = form->mirror ? gonio_lsq_mirror_axes(GONIO_HALF_VECTOR, data->dims) : 0;
+    p->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(GONIO_HALF_VECTOR, data->dims) : 0;
     p->x = malloc(data->n * p->d * sizeof *p->x);
     if (p->x == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty of %zu samples", data->n);
