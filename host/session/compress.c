@@ -29,10 +29,12 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     return status;
 }
 
-static gonio_status compress_step(gonio_session *session, int64_t step, int bits, int64_t *saved, gonio_error *error) {
+static gonio_status compress_step(gonio_session *session, const gonio_step *step, int bits, void *context,
+                                  gonio_error *error) {
+    int64_t *saved = context;
     gonio_exposure *exposures;
     int n, failed = -1;
-    gonio_status status = gonio_session_exposures(session, step, &exposures, &n, error);
+    gonio_status status = gonio_session_exposures(session, step->index, &exposures, &n, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -62,22 +64,6 @@ static gonio_status compress_step(gonio_session *session, int64_t step, int bits
 }
 
 gonio_status gonio_session_compress(gonio_session *session, int64_t *saved_bytes, gonio_error *error) {
-    gonio_step *steps;
-    size_t n;
-    int bits;
     *saved_bytes = 0;
-    gonio_status status = session_frame_bits(session, &bits, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_steps(session, &steps, &n, error);
-    }
-    if (status != GONIO_OK) {
-        return status;
-    }
-    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
-        if (steps[i].done) {
-            status = compress_step(session, steps[i].index, bits, saved_bytes, error);
-        }
-    }
-    free(steps);
-    return status;
+    return session_for_done(session, compress_step, saved_bytes, NULL, error);
 }

@@ -173,8 +173,15 @@ static gonio_status drop_samples(gonio_session *session, int64_t step, gonio_err
     return session_exec(session, sql, error);
 }
 
-static gonio_status check_step(gonio_session *session, const gonio_step *step, int bits, bool repair,
-                               gonio_doctor_report *report, gonio_error *error) {
+typedef struct check {
+    bool repair;
+    gonio_doctor_report *report;
+} check;
+
+static gonio_status check_step(gonio_session *session, const gonio_step *step, int bits, void *context,
+                               gonio_error *error) {
+    const check *c = context;
+    gonio_doctor_report *report = c->report;
     int bad = 0;
     gonio_status status = check_frames(session, step, bits, report, &bad, error);
     report->steps_done++;
@@ -183,7 +190,7 @@ static gonio_status check_step(gonio_session *session, const gonio_step *step, i
     report->frames_bad += bad;
     if (status == GONIO_OK && bad > 0) {
         report->steps_lost++;
-        if (repair) {
+        if (c->repair) {
             status = gonio_session_undo_step(session, step->index, "bad frames", error);
             // All samples stand on the calibration: they are computed anew once it has been measured again.
             if (status == GONIO_OK && step->kind != GONIO_STEP_SAMPLE) {
@@ -192,7 +199,7 @@ static gonio_status check_step(gonio_session *session, const gonio_step *step, i
         }
     } else if (status == GONIO_OK && step->kind == GONIO_STEP_SAMPLE && !samples_sound(session, step, report)) {
         report->samples_bad++;
-        status = repair ? drop_samples(session, step->index, error) : GONIO_OK;
+        status = c->repair ? drop_samples(session, step->index, error) : GONIO_OK;
     }
     return status;
 }
@@ -240,25 +247,10 @@ static void check_model(gonio_session *session, gonio_doctor_report *report) {
 }
 
 static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
-    gonio_step *steps;
-    size_t n;
-    int bits;
-    gonio_status status = session_frame_bits(session, &bits, error);
+    check c = {repair, report};
+    gonio_status status = session_for_done(session, check_step, &c, &report->steps, error);
     if (status == GONIO_OK) {
-        status = gonio_session_steps(session, &steps, &n, error);
-    }
-    if (status != GONIO_OK) {
-        return status;
-    }
-    report->steps = (int64_t)n;
-    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
-        if (steps[i].done) {
-            status = check_step(session, &steps[i], bits, repair, report, error);
-        }
-    }
-    free(steps);
-    report->results_ok = true;
-    if (status == GONIO_OK) {
+        report->results_ok = true;
         check_model(session, report);
         status = check_final(session, repair, report, error);
     }

@@ -68,6 +68,14 @@ gonio_status session_files_keep(gonio_session *session, session_file *files, int
 gonio_status session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
                                   int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error);
 
+// ---- steps.c ----
+// Call for every step that is done, in order, with the bits of the camera's words; the first failure ends it. *steps
+// takes how many steps there are, done or not, before the first call; NULL: not wanted.
+typedef gonio_status (*session_step_fn)(gonio_session *session, const gonio_step *step, int bits, void *context,
+                                        gonio_error *error);
+gonio_status session_for_done(gonio_session *session, session_step_fn call, void *context, int64_t *steps,
+                              gonio_error *error);
+
 // ---- frames.c ----
 enum { SESSION_FRAME_NAME = 48 };
 void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]); // within frames/

@@ -111,6 +111,27 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
     return GONIO_OK;
 }
 
+gonio_status session_for_done(gonio_session *session, session_step_fn call, void *context, int64_t *steps,
+                              gonio_error *error) {
+    gonio_step *list = NULL;
+    size_t n = 0;
+    int bits;
+    gonio_status status = session_frame_bits(session, &bits, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_steps(session, &list, &n, error);
+    }
+    if (status == GONIO_OK && steps != NULL) {
+        *steps = (int64_t)n;
+    }
+    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
+        if (list[i].done) {
+            status = call(session, &list[i], bits, context, error);
+        }
+    }
+    free(list);
+    return status;
+}
+
 static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio_error *error) {
     static const char *const deletions[] = {
         "DELETE FROM frames WHERE step = ?", "DELETE FROM final_samples WHERE step = ?",
