@@ -272,11 +272,7 @@ int calibrate_flat(int argc, char **argv) {
     if (s.frames < 2 || s.frames > 48 || (s.bits != 0 && (s.bits < 8 || s.bits > 16))) {
         return cli_usage(&common, "2 to 48 frames and 8 to 16 bits are possible");
     }
-    s.rig.seed = common.seed;
-    s.rig.threads = common.threads;
-    if ((s.rig.rig == NULL || strcmp(s.rig.rig, "sim") == 0) && s.rig.sample == NULL) {
-        s.rig.sample = "lambert:rho=0.5"; // only the reference is looked at
-    }
+    cli_rig_any_sample(&s.rig, &common);
     gonio_error error = {.line = -1, .byte = -1};
     gonio_window window;
     summary m;

@@ -325,11 +325,7 @@ int calibrate_noise(int argc, char **argv) {
     if (s.steps < 4 || s.steps > 30 || s.frames < 2 || s.frames > 1000) {
         return cli_usage(&common, "4 to 30 steps of 2 to 1000 frames, please");
     }
-    s.rig.seed = common.seed;
-    s.rig.threads = common.threads;
-    if ((s.rig.rig == NULL || strcmp(s.rig.rig, "sim") == 0) && s.rig.sample == NULL) {
-        s.rig.sample = "lambert:rho=0.5"; // only the reference is looked at
-    }
+    cli_rig_any_sample(&s.rig, &common);
     gonio_error error = {.line = -1, .byte = -1};
     gonio_noise_report report;
     if (calibrate(&s, &report, &error) != GONIO_OK) {

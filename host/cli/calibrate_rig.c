@@ -199,9 +199,7 @@ int calibrate_rig(int argc, char **argv) {
         board.charuco = "8x6";
     }
     list = count > 0 ? list : NULL;
-    request.rig.seed = common.seed;
-    request.rig.threads = common.threads;
-    request.rig.sample = request.rig.sample == NULL && request.rig.rig == NULL ? "lambert:rho=0.5" : request.rig.sample;
+    cli_rig_any_sample(&request.rig, &common);
     request.half_window = board.half_window;
     gonio_error error = {.line = -1, .byte = -1};
     calibrate_rig_views views = {0};

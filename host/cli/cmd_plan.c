@@ -140,11 +140,8 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_plan, options, argc, argv, &text, 1, 1, &count, &common)) {
         return 2;
     }
-    rig_options.seed = common.seed;
+    cli_rig_any_sample(&rig_options, &common);
     rig_options.rig = check != NULL ? check : rig_options.rig;
-    if (rig_options.sample == NULL && (rig_options.rig == NULL)) {
-        rig_options.sample = "lambert:rho=0.5"; // a plan does not depend on the sample
-    }
     gonio_error error = {.line = -1, .byte = -1};
     cli_rig rig = {0};
     gonio_setup setup = {0};

@@ -205,11 +205,7 @@ static int run(int argc, char **argv) {
     if (!check_request(&common, words[0], request.n)) {
         return 2;
     }
-    rig_options.seed = common.seed;
-    rig_options.threads = common.threads;
-    if (rig_options.sample == NULL && rig_options.rig == NULL) {
-        rig_options.sample = "lambert:rho=0.5";
-    }
+    cli_rig_any_sample(&rig_options, &common);
     cli_catch_interrupts(); // the first Ctrl-C stops the axes
     gonio_error error = {.line = -1, .byte = -1};
     json_t *answer = NULL;

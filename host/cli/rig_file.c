@@ -120,8 +120,9 @@ static gonio_status new_hardware(builder *b, cli_rig *rig, gonio_error *error) {
 }
 
 // Read the text twice: the driver first, then, with the driver there, everything else.
-static gonio_status build(builder *b, const char *text, const char *name, const char *sample, uint64_t seed,
+static gonio_status build(builder *b, const char *text, const char *name, const cli_rig_options *options,
                           gonio_error *error) {
+    const char *sample = options->sample;
     rig_keys_default(&b->keys);
     gonio_status status = check_lines(text, name, error);
     b->driver_pass = true;
@@ -139,11 +140,13 @@ static gonio_status build(builder *b, const char *text, const char *name, const 
         strcpy(b->keys.sample, sample);
     }
     if (strcmp(b->keys.driver, "sim") == 0) {
-        if (b->keys.sample[0] == 0) {
+        if (b->keys.sample[0] == 0 && options->stand_in != NULL) {
+            snprintf(b->keys.sample, sizeof b->keys.sample, "%s", options->stand_in);
+        } else if (b->keys.sample[0] == 0) {
             return gonio_fail(error, GONIO_E_USAGE,
                               "the simulated rig needs a sample: --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15");
         }
-        status = gonio_sim_new(b->keys.sample, seed, &b->sim, error);
+        status = gonio_sim_new(b->keys.sample, options->seed, &b->sim, error);
     } else if (strcmp(b->keys.driver, "null") != 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, name, -1, "[rig] driver: found '%s', expected sim or null",
                                b->keys.driver);
@@ -286,6 +289,12 @@ static int count_lines(const char *text) {
     return lines;
 }
 
+void cli_rig_any_sample(cli_rig_options *options, const cli_common *common) {
+    options->seed = common->seed;
+    options->threads = common->threads;
+    options->stand_in = "lambert:rho=0.5";
+}
+
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error) {
     *rig = (cli_rig){0};
     const bool is_sim = options->rig == NULL || strcmp(options->rig, "sim") == 0;
@@ -307,7 +316,7 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
     }
     status = new_hardware(&b, rig, error);
     if (status == GONIO_OK) {
-        status = build(&b, rig->text, is_sim ? "--set" : options->rig, options->sample, options->seed, error);
+        status = build(&b, rig->text, is_sim ? "--set" : options->rig, options, error);
     }
     rig->sim = b.sim;
     if (status == GONIO_OK) {
@@ -436,7 +445,7 @@ static gonio_status reopen_file(gonio_session *session, const char *extra, int t
         status = new_hardware(&b, rig, error);
     }
     if (status == GONIO_OK) {
-        status = build(&b, rig->text, "the journalled rig file", NULL, 1, error);
+        status = build(&b, rig->text, "the journalled rig file", &(cli_rig_options){.seed = 1}, error);
     }
     return status == GONIO_OK ? open_devices(&b, threads, rig, error) : status;
 }

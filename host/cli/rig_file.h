@@ -9,10 +9,11 @@
 
 // What the command line says of the rig.
 typedef struct cli_rig_options {
-    const char *rig;    // "sim" or the path of a rig file
-    const char *sample; // SPEC of the simulated sample
-    cli_list with;      // rig-file fragments, after the rig file
-    cli_list set;       // section.key=value, also several behind commas
+    const char *rig;      // "sim" or the path of a rig file
+    const char *sample;   // SPEC of the simulated sample
+    const char *stand_in; // SPEC where neither --sample nor a file names one; NULL: that is an error
+    cli_list with;        // rig-file fragments, after the rig file
+    cli_list set;         // section.key=value, also several behind commas
     const char *operator_name, *sample_id, *notes;
     uint64_t seed;
     int threads;
@@ -39,6 +40,8 @@ typedef struct cli_rig {
     char *text;             // the rig file as read, every override appended; owned
 } cli_rig;
 
+// The seed, the threads and a stand-in for the sample, for a verb whose answer does not depend on it.
+void cli_rig_any_sample(cli_rig_options *options, const cli_common *common);
 // Read and check everything, open the devices. Release with cli_rig_close, also on failure. The rig must stay where it
 // is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);

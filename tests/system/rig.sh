@@ -129,6 +129,9 @@ exits "a plan with a shadowed pose is refused" 1 "$GONIO" plan "$work/shadow.csv
 says "as unmeasurable" "camera shadows the light"
 sed 's/^light_theta = 20 30/light_theta = 70 80/; s/^retro_deg = 5/retro_deg = 0/' "$work/zones.ini" >"$work/elsewhere.ini"
 exits "the same zone elsewhere lets a plan pass" 0 "$GONIO" plan "$work/clear.csv" --check "$work/elsewhere.ini" --sample $sample -o "$work/poses.csv"
+printf '[rig]\ndriver = sim\n' >"$work/any.ini"
+exits "a plan needs no sample, whatever names the simulator" 0 "$GONIO" plan "$work/clear.csv" --rig "$work/any.ini" -o "$work/poses.csv"
+exits "nor does --rig sim" 0 "$GONIO" rig status --rig sim
 exits "a zone of no width is bad input" 3 sh -c "(cat $work/plain.ini; printf '[keep-out post]\nlight_theta = 30 20\n') > $work/bad.ini; $GONIO plan $work/clear.csv --check $work/bad.ini --sample $sample"
 
 # Other arms: the simulated switches stand where the rig file has them.
