@@ -127,6 +127,11 @@ static void bench_check_limits(bench_shared *s) {
     }
 }
 
+static void bench_count_motion(bench_shared *s, int *state) {
+    s->motions += s->machine.core.state == FW_STATE_MOVING && *state != FW_STATE_MOVING;
+    *state = s->machine.core.state;
+}
+
 static void bench_run_machine(bench_shared *s, bool tcp, int fd, double speed) {
     int64_t last = bench_now_us();
     int state = s->machine.core.state;
@@ -144,14 +149,14 @@ static void bench_run_machine(bench_shared *s, bool tcp, int fd, double speed) {
         }
         last = now;
         bench_check_limits(s);
-        s->motions += s->machine.core.state == FW_STATE_MOVING && state != FW_STATE_MOVING;
-        state = s->machine.core.state;
+        bench_count_motion(s, &state);
         if (s->restart || s->machine.restart || s->machine.bitten || s->machine.fault) {
             s->restart = 0;
             machine_start(&s->machine, FW_CAUSE_POWER);
         }
         if (n > 0 && !s->frozen) {
             bench_answer(&s->machine, tcp, client, bytes, n);
+            bench_count_motion(s, &state); // where this process has to wait, the next step may be all of a move
         } else if (n == 0 && tcp) {
             close(client);
             client = -1;
