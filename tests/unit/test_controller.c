@@ -17,6 +17,10 @@
 static const gonio_stamp stamp = {0};
 static bench b;
 static char events[4096];
+static gonio_controller_config config;
+static gonio_stage_modbus_config axes;
+static gonio_controller *controller;
+static void *stage;
 
 static void note(void *context, const char *kind, const char *text) {
     (void)context;
@@ -24,52 +28,65 @@ static void note(void *context, const char *kind, const char *text) {
     snprintf(events + n, sizeof events - n, "%s: %s\n", kind, text);
 }
 
-static gonio_controller_config config(void) {
-    gonio_controller_config c;
-    gonio_controller_defaults(&c);
-    snprintf(c.modbus.port, sizeof c.modbus.port, "%s", b.port);
-    c.modbus.timeout_ms = 200; // a busy machine may take a while
-    c.replug_s = 3;
-    c.deadman_s = 300; // most of these controllers live thirty times as fast as this machine may be busy
-    c.event = note;
-    events[0] = 0;
-    return c;
-}
-
-static gonio_controller *open_controller(const gonio_controller_config *c) {
-    gonio_controller *controller = NULL;
-    gonio_error error = {0};
-    if (gonio_controller_open(c, &controller, &error) != GONIO_OK) {
-        fail_msg("%s", error.message);
-    }
-    return controller;
-}
-
 // Quick axes with limits of a real rig.
-static gonio_stage_modbus_config stage_config(void) {
-    gonio_stage_modbus_config s;
-    gonio_stage_modbus_defaults(&s);
+static void quick_axes(void) {
+    gonio_stage_modbus_defaults(&axes);
     for (int k = 0; k < GONIO_AXES; k++) {
-        s.axes[k].steps_per_deg = 100;
-        s.axes[k].speed_deg_per_s = 400;
-        s.axes[k].acceleration_deg_per_s2 = 4000;
-        s.axes[k].jerk_deg_per_s3 = 80000;
-        s.axes[k].min_deg = k % 2 == 0 ? -95 : -350;
-        s.axes[k].max_deg = k % 2 == 0 ? 95 : 350;
-        s.axes[k].home_deg = -370; // where the machine's switches are
-        s.axes[k].home_fast_deg_per_s = 200;
-        s.axes[k].home_slow_deg_per_s = 10;
+        axes.axes[k].steps_per_deg = 100;
+        axes.axes[k].speed_deg_per_s = 400;
+        axes.axes[k].acceleration_deg_per_s2 = 4000;
+        axes.axes[k].jerk_deg_per_s3 = 80000;
+        axes.axes[k].min_deg = k % 2 == 0 ? -95 : -350;
+        axes.axes[k].max_deg = k % 2 == 0 ? 95 : 350;
+        axes.axes[k].home_deg = -370; // where the machine's switches are
+        axes.axes[k].home_fast_deg_per_s = 200;
+        axes.axes[k].home_slow_deg_per_s = 10;
     }
-    return s;
 }
 
-static void *open_stage(gonio_controller *controller, const gonio_stage_modbus_config *c) {
-    void *stage = NULL;
+// A machine, a line to it, and configurations that the test may change before it opens a driver; `stop` ends all.
+static void start(bool tcp, double speed, uint32_t seed) {
+    bench_start(&b, tcp, speed, seed);
+    gonio_controller_defaults(&config);
+    snprintf(config.modbus.port, sizeof config.modbus.port, "%s", b.port);
+    config.modbus.timeout_ms = 200; // a busy machine may take a while
+    config.replug_s = 3;
+    config.deadman_s = 300; // most of these controllers live thirty times as fast as this machine may be busy
+    config.event = note;
+    events[0] = 0;
+    quick_axes();
+    stage = NULL; // of a test that failed
+    controller = NULL;
+}
+
+static void open_controller(void) {
     gonio_error error = {0};
-    if (gonio_stage_modbus_open(c, controller, &stage, &error) != GONIO_OK) {
+    if (gonio_controller_open(&config, &controller, &error) != GONIO_OK) {
         fail_msg("%s", error.message);
     }
-    return stage;
+}
+
+// And the controller.
+static void open_stage(void) {
+    gonio_error error = {0};
+    open_controller();
+    if (gonio_stage_modbus_open(&axes, controller, &stage, &error) != GONIO_OK) {
+        fail_msg("%s", error.message);
+    }
+}
+
+static void close_drivers(void) {
+    if (stage != NULL) {
+        gonio_stage_modbus.close(stage);
+    }
+    gonio_controller_release(controller);
+    stage = NULL;
+    controller = NULL;
+}
+
+static void stop(void) {
+    close_drivers();
+    bench_stop(&b);
 }
 
 static void must(gonio_status status, const gonio_error *error) {
@@ -86,12 +103,9 @@ static void pose(double deg0, double deg1, double deg2, double deg3, double rad[
 }
 
 static void check_handshake_and_motion(bool tcp) {
-    bench_start(&b, tcp, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
+    start(tcp, 30, 1);
+    open_stage();
     assert_int_equal(gonio_controller_identify(controller)->axes, 4);
-    const gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
     assert_int_equal(b.shared->motions, 0); // nothing moved so far
     gonio_error error = {0};
     double target[GONIO_AXES], at[GONIO_AXES];
@@ -117,9 +131,7 @@ static void check_handshake_and_motion(bool tcp) {
     must(gonio_stage_modbus.home(stage, 30, &error), &error);
     must(gonio_stage_modbus_audit(stage, drift, &error), &error);
     assert_int_equal(gonio_stage_modbus_lost_steps(stage), 0);
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static void test_rtu(void **state) {
@@ -134,13 +146,10 @@ static void test_tcp(void **state) {
 
 static void test_zero_and_sign(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
-    gonio_stage_modbus_config sc = stage_config();
-    sc.axes[0].zero_deg = 2;
-    sc.axes[0].sign = -1;
-    void *stage = open_stage(controller, &sc);
+    start(true, 30, 1);
+    axes.axes[0].zero_deg = 2;
+    axes.axes[0].sign = -1;
+    open_stage();
     gonio_error error = {0};
     double target[GONIO_AXES], at[GONIO_AXES], low, high;
     must(gonio_stage_modbus.home(stage, 30, &error), &error);
@@ -151,19 +160,14 @@ static void test_zero_and_sign(void **state) {
     assert_true(fabs(gonio_degrees(at[0]) - 30) < 1e-9);
     gonio_stage_modbus_limits(stage, 0, &low, &high);
     assert_true(fabs(low + 93) < 1e-9 && fabs(high - 97) < 1e-9);
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 // The nominal duration against the firmware's own: the simulated machine in its own time.
 static void test_duration(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
-    gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
+    start(true, 30, 1);
+    open_stage();
     static const double ways_deg[] = {0.02, 0.3, 1, 3, 10, 60, 180};
     for (size_t i = 0; i < sizeof ways_deg / sizeof *ways_deg; i++) {
         static struct machine m;
@@ -185,16 +189,13 @@ static void test_duration(void **state) {
             fail_msg("%g deg: nominal %g s, the controller takes %g s", ways_deg[i], nominal, real);
         }
     }
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static void test_lamp_and_monitor(void **state) {
     (void)state;
-    bench_start(&b, false, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
+    start(false, 30, 1);
+    open_controller();
     void *lamp = NULL, *meter = NULL;
     gonio_error error = {0};
     must(gonio_lamp_modbus_open(controller, 0, &lamp, &error), &error);
@@ -214,7 +215,7 @@ static void test_lamp_and_monitor(void **state) {
     // The lamp stays as it is when the program goes, and for longer than the dead-man would wait.
     gonio_lamp_modbus.close(lamp);
     gonio_meter_modbus.close(meter);
-    gonio_controller_release(controller);
+    close_drivers();
     usleep(500000); // 10 s of the controller's time
     assert_int_equal(b.shared->machine.lamp, 8000);
     assert_true(b.shared->machine.shutter);
@@ -224,15 +225,12 @@ static void test_lamp_and_monitor(void **state) {
 // A killed host: the controller stops by itself. Here the host is a process that moves and is killed in mid-move.
 static void test_killed_host(void **state) {
     (void)state;
-    bench_start(&b, true, 1, 1);
-    gonio_controller_config c = config();
-    c.deadman_s = 0.5;
+    start(true, 1, 1);
+    config.deadman_s = 0.5;
     const pid_t host = bench_fork();
     if (host == 0) {
-        gonio_controller *controller = open_controller(&c);
-        gonio_stage_modbus_config sc = stage_config();
-        sc.axes[1].speed_deg_per_s = 20;
-        void *stage = open_stage(controller, &sc);
+        axes.axes[1].speed_deg_per_s = 20;
+        open_stage();
         double target[GONIO_AXES];
         b.shared->machine.core.known = 15; // homing would take longer than the test
         pose(0, 340, 0, 0, target);
@@ -251,7 +249,7 @@ static void test_killed_host(void **state) {
     assert_int_equal(b.shared->machine.core.state, FW_STATE_ALARM);
     assert_int_equal(b.shared->machine.core.registers.alarm[0], FW_ALARM_DEADMAN);
     // The next host clears it, and nothing goes on by itself.
-    gonio_controller *controller = open_controller(&c);
+    open_controller();
     gonio_controller_status now;
     gonio_error error = {0};
     must(gonio_controller_read_status(controller, &now, &error), &error);
@@ -261,18 +259,16 @@ static void test_killed_host(void **state) {
     must(gonio_controller_read_status(controller, &now, &error), &error);
     assert_int_equal(now.position[1], position);
     assert_non_null(strstr(events, "DEADMAN"));
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 // The host is busy elsewhere for longer than the dead-man waits: it is fed. Hung for longer than feed_s: it is not.
 static void test_feeding(void **state) {
     (void)state;
-    bench_start(&b, true, 1, 1);
-    gonio_controller_config c = config();
-    c.deadman_s = 0.3;
-    c.feed_s = 1;
-    gonio_controller *controller = open_controller(&c);
+    start(true, 1, 1);
+    config.deadman_s = 0.3;
+    config.feed_s = 1;
+    open_controller();
     usleep(900000);
     assert_int_equal(b.shared->machine.core.state, FW_STATE_IDLE);
     usleep(1500000);
@@ -280,8 +276,7 @@ static void test_feeding(void **state) {
     gonio_controller_counts counts;
     gonio_controller_count(controller, &counts);
     assert_true(counts.feeds >= 4);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static bool stop_now;
@@ -293,17 +288,14 @@ static gonio_status pressed(void *device, gonio_error *error) {
 
 static void test_stops_in_mid_move(void **state) {
     (void)state;
-    bench_start(&b, true, 1, 1);
-    gonio_controller_config c = config();
-    c.cancelled = cancelled;
-    gonio_controller *controller = open_controller(&c);
-    gonio_stage_modbus_config sc = stage_config();
+    start(true, 1, 1);
+    config.cancelled = cancelled;
     const gonio_interlock_ops interlock = {.check = pressed};
     bool door = false;
-    sc.interlock = &interlock;
-    sc.interlock_device = &door;
-    sc.axes[1].speed_deg_per_s = 20;
-    void *stage = open_stage(controller, &sc);
+    axes.interlock = &interlock;
+    axes.interlock_device = &door;
+    axes.axes[1].speed_deg_per_s = 20;
+    open_stage();
     b.shared->machine.core.known = 15;
     gonio_error error = {0};
     double target[GONIO_AXES], at[GONIO_AXES];
@@ -337,16 +329,13 @@ static void test_stops_in_mid_move(void **state) {
     waitpid(presser, NULL, 0);
     assert_int_equal(status, GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "alarm 1 EMERGENCY"));
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static void test_restart_is_noticed(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
+    start(true, 30, 1);
+    open_controller();
     gonio_controller_status now;
     gonio_error error = {0};
     must(gonio_controller_read_status(controller, &now, &error), &error);
@@ -359,22 +348,18 @@ static void test_restart_is_noticed(void **state) {
     // Nothing goes on with the parameters of its start; it is told once.
     assert_int_equal(gonio_controller_read_status(controller, &now, &error), GONIO_E_DEVICE);
     assert_null(strstr(strstr(events, "controller-restart") + 1, "controller-restart"));
-    gonio_controller_release(controller);
-    controller = open_controller(&c);
+    close_drivers();
+    open_controller();
     must(gonio_controller_read_status(controller, &now, &error), &error);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 // A controller that had just been switched on is reset between its set-up and the first move: its clock does not go
 // back, and it would have moved with the parameters, and the limits, of its start.
 static void test_early_restart_is_noticed(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
-    const gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
+    start(true, 30, 1);
+    open_stage();
     gonio_error error = {0};
     b.shared->restart = 1;
     usleep(300000); // of thirty-fold time: more than it had been up before
@@ -382,19 +367,14 @@ static void test_early_restart_is_noticed(void **state) {
     assert_int_equal(gonio_stage_modbus.home(stage, 30, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "restarted"));
     assert_int_equal(b.shared->motions, motions);
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 // An axis slips: an audit finds by how much, once. Where the position was lost in between, nobody can know.
 static void test_audit(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
-    const gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
+    start(true, 30, 1);
+    open_stage();
     gonio_error error = {0};
     double difference[GONIO_AXES];
     must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
@@ -413,19 +393,14 @@ static void test_audit(void **state) {
     b.shared->machine.core.known = 7;
     must(gonio_stage_modbus.audit(stage, 60, difference, &error), &error);
     assert_true(isnan(difference[0]));
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 // The controller counts another position though nothing was asked to move: any exchange that reads it back tells.
 static void test_position_is_read_back(void **state) {
     (void)state;
-    bench_start(&b, true, 30, 1);
-    const gonio_controller_config c = config();
-    gonio_controller *controller = open_controller(&c);
-    const gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
+    start(true, 30, 1);
+    open_stage();
     gonio_error error = {0};
     double target[GONIO_AXES], at[GONIO_AXES];
     pose(10, 20, 30, 40, target);
@@ -437,48 +412,41 @@ static void test_position_is_read_back(void **state) {
     assert_non_null(strstr(error.message, "nothing was asked to move"));
     assert_non_null(strstr(events, "lost-steps: axis 1"));
     must(gonio_stage_modbus.move(stage, target, 2, &stamp, 10, &error), &error); // absolute: it goes there again
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static void test_wrong_partners(void **state) {
     (void)state;
-    bench_start(&b, true, 1, 1);
-    gonio_controller_config c = config();
-    gonio_controller *controller = NULL;
+    start(true, 1, 1);
     gonio_error error = {0};
     b.shared->machine.core.registers.protocol[0] = 9;
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "protocol 9"));
     b.shared->machine.core.registers.magic[0] = 0x1234;
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "0x1234"));
     b.shared->frozen = 1;
-    c.modbus.timeout_ms = 20;
-    const int64_t start = gonio_clock_ms();
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_TIMEOUT);
-    assert_true(gonio_clock_ms() - start < 20000); // bounded; no figure of speed
+    config.modbus.timeout_ms = 20;
+    const int64_t began = gonio_clock_ms();
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_TIMEOUT);
+    assert_true(gonio_clock_ms() - began < 20000); // bounded; no figure of speed
     bench_stop(&b);
-    strcpy(c.modbus.port, "/dev/no-such-port");
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
-    strcpy(c.modbus.port, "tcp:127.0.0.1:1");
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_DEVICE);
-    c.modbus.port[0] = 0;
-    assert_int_equal(gonio_controller_open(&c, &controller, &error), GONIO_E_INPUT);
+    strcpy(config.modbus.port, "/dev/no-such-port");
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_DEVICE);
+    strcpy(config.modbus.port, "tcp:127.0.0.1:1");
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_DEVICE);
+    config.modbus.port[0] = 0;
+    assert_int_equal(gonio_controller_open(&config, &controller, &error), GONIO_E_INPUT);
     assert_null(controller);
 }
 
 // A whole run of moves over a line that mangles 8 % of all frames: every move ends where it was sent, each moved once,
 // and the controller's count agrees with the driver's.
 static void check_bad_line(bool tcp, uint32_t kinds, uint32_t seed) {
-    bench_start(&b, tcp, 30, seed);
-    gonio_controller_config c = config();
-    c.modbus.timeout_ms = 60;
-    c.deadman_s = 120; // of the controller's time, which runs 30 times as fast
-    gonio_controller *controller = open_controller(&c);
-    const gonio_stage_modbus_config sc = stage_config();
-    void *stage = open_stage(controller, &sc);
+    start(tcp, 30, seed);
+    config.modbus.timeout_ms = 60;
+    config.deadman_s = 120; // of the controller's time, which runs 30 times as fast
+    open_stage();
     gonio_error error = {0};
     must(gonio_stage_modbus.home(stage, 30, &error), &error);
     double middle[GONIO_AXES] = {0};
@@ -508,9 +476,7 @@ static void check_bad_line(bool tcp, uint32_t kinds, uint32_t seed) {
     gonio_controller_counts counts;
     gonio_controller_count(controller, &counts);
     assert_true(counts.retries > 0);
-    gonio_stage_modbus.close(stage);
-    gonio_controller_release(controller);
-    bench_stop(&b);
+    stop();
 }
 
 static void test_bad_serial_line(void **state) {
@@ -531,7 +497,7 @@ static void test_replugged_adapter(void **state) {
 
 static void test_record_and_replay(void **state) {
     (void)state;
-    bench_start(&b, false, 30, 3);
+    start(false, 30, 3);
     char path[] = "/tmp/gonio-tape-XXXXXX";
     close(mkstemp(path));
     unlink(path);
@@ -541,12 +507,9 @@ static void test_record_and_replay(void **state) {
     for (int replay = 0; replay < 2; replay++) {
         gonio_tape *tape = NULL;
         assert_int_equal((replay ? gonio_tape_open : gonio_tape_create)(path, &tape, NULL), GONIO_OK);
-        gonio_controller_config c = config();
-        c.tape = tape;
-        c.mode = replay ? GONIO_TAPE_REPLAY : GONIO_TAPE_RECORD;
-        gonio_controller *controller = open_controller(&c);
-        const gonio_stage_modbus_config sc = stage_config();
-        void *stage = open_stage(controller, &sc);
+        config.tape = tape;
+        config.mode = replay ? GONIO_TAPE_REPLAY : GONIO_TAPE_RECORD;
+        open_stage();
         gonio_error error = {0};
         must(gonio_stage_modbus.home(stage, 30, &error), &error);
         b.shared->kinds = 1u << BENCH_FLIP | 1u << BENCH_CUT;
@@ -562,8 +525,7 @@ static void test_record_and_replay(void **state) {
         }
         ends[replay] = gonio_stage_modbus.move(stage, target, 2, &stamp, 20, &error);
         strcpy(told[replay], error.message);
-        gonio_stage_modbus.close(stage);
-        gonio_controller_release(controller);
+        close_drivers();
         gonio_tape_close(tape);
         if (!replay) {
             bench_stop(&b); // the replay has nothing to talk to
