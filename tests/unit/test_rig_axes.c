@@ -11,36 +11,62 @@
 #include "tests/rig_views.h"
 #include "tests/unit/near.h"
 
-static void open_views(rig_views *v) {
-    *v = (rig_views){.camera = rig_camera()};
-    v->corners = calloc(2 * GONIO_RIG_POSES_MAX, sizeof *v->corners);
-    assert_non_null(v->corners);
+// One rig, what is seen of it, and what calibration says.
+typedef struct fixture {
+    rig_views v;
+    rig_errors e;
+    uint64_t random;
+    gonio_rig_options options;
+    gonio_alignment found;
+    gonio_rig_report report;
+    gonio_error error;
+} fixture;
+
+// Axes half a degree askew (k = 1), and noise as rendered frames show it.
+static const rig_errors usual = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
+
+// The test frees v.corners.
+static void open_rig(fixture *f, const rig_errors *e, uint64_t seed) {
+    *f = (fixture){.v.camera = rig_camera(), .e = *e, .random = seed};
+    f->v.corners = calloc(2 * GONIO_RIG_POSES_MAX, sizeof *f->v.corners);
+    assert_non_null(f->v.corners);
+    gonio_rig_options_default(&f->options);
+}
+
+// A rig by chance, and its views of board and ball, without the mirror.
+static void open_views(fixture *f, const rig_errors *e, uint64_t seed) {
+    open_rig(f, e, seed);
+    rig_truth(&f->v, e, &f->random);
+    rig_views_make(&f->v, e, &f->random);
+}
+
+static gonio_status calibrate(fixture *f, int views) {
+    return gonio_rig_calibrate(&f->v.camera, &f->options, views, f->v.view, &f->found, &f->report, &f->error);
+}
+
+// A rig by chance, and all that it does, the mirror too.
+static void calibrate_another(fixture *f) {
+    rig_truth(&f->v, &f->e, &f->random);
+    if (rig_views_calibrate(&f->v, &f->e, &f->random, &f->options, &f->found, &f->report, &f->error) != GONIO_OK) {
+        fail_msg("%s", f->error.message);
+    }
 }
 
 static void test_exact_views_give_the_exact_axes(void **state) {
     (void)state;
     const rig_errors e = {.tilt_deg = 1, .offset_mm = 1, .mount_deg = 0.3, .mount_mm = 3};
-    uint64_t random = 1;
-    rig_views v;
-    gonio_alignment found;
-    gonio_rig_options options;
-    gonio_rig_report report;
-    gonio_error error = {0};
-    open_views(&v);
-    rig_truth(&v, &e, &random);
-    gonio_rig_options_default(&options);
-    options.pointing_random_deg = 0;
-    if (rig_views_calibrate(&v, &e, &random, &options, &found, &report, &error) != GONIO_OK) {
-        fail_msg("%s", error.message);
-    }
+    fixture f;
+    open_rig(&f, &e, 1);
+    f.options.pointing_random_deg = 0;
+    calibrate_another(&f);
     print_message("# worst direction %.2g deg, worst axis %.2g deg; tilts %.3f %.3f %.3f %.3f deg\n",
-                  rig_direction_error_deg(&found, &v.truth), rig_axis_error_deg(&found, &v.truth), report.tilt_deg[0],
-                  report.tilt_deg[1], report.tilt_deg[2], report.tilt_deg[3]);
+                  rig_direction_error_deg(&f.found, &f.v.truth), rig_axis_error_deg(&f.found, &f.v.truth),
+                  f.report.tilt_deg[0], f.report.tilt_deg[1], f.report.tilt_deg[2], f.report.tilt_deg[3]);
     // What is left is the priors' pull.
-    assert_true(rig_direction_error_deg(&found, &v.truth) < 1e-3);
-    assert_int_equal(report.views[GONIO_RIG_BOARD], 32);
-    assert_int_equal(report.views[GONIO_RIG_MIRROR], 72);
-    free(v.corners);
+    assert_true(rig_direction_error_deg(&f.found, &f.v.truth) < 1e-3);
+    assert_int_equal(f.report.views[GONIO_RIG_BOARD], 32);
+    assert_int_equal(f.report.views[GONIO_RIG_MIRROR], 72);
+    free(f.v.corners);
 }
 
 // 8 rigs, axes 1 deg askew (k = 1), corners and highlights as noisy as rendered frames show them: every axis is found
@@ -50,110 +76,77 @@ static void test_exact_views_give_the_exact_axes(void **state) {
 static void test_stated_uncertainties_are_true(void **state) {
     (void)state;
     const rig_errors e = {1, 1, 0.3, 3, 0.007, 0.035, 0.015, 2};
-    uint64_t random = 2;
-    rig_views v;
-    gonio_rig_options options;
+    fixture f;
+    open_rig(&f, &e, 2);
     int within = 0, n = 0;
     double worst_axis = 0;
-    open_views(&v);
-    gonio_rig_options_default(&options);
-    options.pointing_random_deg = e.repeatability_deg;
+    f.options.pointing_random_deg = e.repeatability_deg;
     for (int trial = 0; trial < 8; trial++) {
-        gonio_alignment found;
-        gonio_rig_report report;
-        gonio_error error = {0};
-        rig_truth(&v, &e, &random);
-        if (rig_views_calibrate(&v, &e, &random, &options, &found, &report, &error) != GONIO_OK) {
-            fail_msg("trial %d: %s", trial, error.message);
-        }
-        worst_axis = fmax(worst_axis, rig_axis_error_deg(&found, &v.truth));
+        calibrate_another(&f);
+        worst_axis = fmax(worst_axis, rig_axis_error_deg(&f.found, &f.v.truth));
         // A quarter of the corners are twice as noisy; of 2240 coordinates the mean is known to 2 %.
-        assert_near(report.noise_px[GONIO_RIG_BOARD], 0.035 * sqrt((3 + 4) / 4.0), 0.005);
-        rig_count_within(&found, &v.truth, &within, &n);
+        assert_near(f.report.noise_px[GONIO_RIG_BOARD], 0.035 * sqrt((3 + 4) / 4.0), 0.005);
+        rig_count_within(&f.found, &f.v.truth, &within, &n);
     }
     print_message("# within 2 sigma: %.1f %% of %d; worst axis %.4f deg\n", 100.0 * within / n, n, worst_axis);
     assert_true(within >= 0.80 * n);
     assert_true(worst_axis <= 0.02);
-    free(v.corners);
+    free(f.v.corners);
 }
 
 // Views that are wrong are named and left out; the others still tell the truth.
 static void test_wrong_views_are_left_out(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
-    uint64_t random = 4;
-    rig_views v;
-    gonio_alignment found;
-    gonio_rig_options options;
-    gonio_rig_report report;
-    gonio_error error = {0};
-    open_views(&v);
-    rig_truth(&v, &e, &random);
-    rig_views_make(&v, &e, &random);
-    gonio_rig_options_default(&options);
-    v.view[3].axes.phi_o += gonio_radians(5); // a counter that was written down wrong
-    v.view[40].highlight[0] += 60;            // another lamp's highlight
-    if (gonio_rig_calibrate(&v.camera, &options, v.n, v.view, &found, &report, &error) != GONIO_OK) {
-        fail_msg("%s", error.message);
+    fixture f;
+    open_views(&f, &usual, 4);
+    f.v.view[3].axes.phi_o += gonio_radians(5); // a counter that was written down wrong
+    f.v.view[40].highlight[0] += 60;            // another lamp's highlight
+    if (calibrate(&f, f.v.n) != GONIO_OK) {
+        fail_msg("%s", f.error.message);
     }
-    assert_false(v.view[3].used);
-    assert_false(v.view[40].used);
-    assert_non_null(strstr(v.view[3].reason, "reprojection error"));
-    assert_true(report.views[GONIO_RIG_BOARD] >= 30);
-    assert_true(rig_direction_error_deg(&found, &v.truth) < 0.2); // without the mirror
-    free(v.corners);
+    assert_false(f.v.view[3].used);
+    assert_false(f.v.view[40].used);
+    assert_non_null(strstr(f.v.view[3].reason, "reprojection error"));
+    assert_true(f.report.views[GONIO_RIG_BOARD] >= 30);
+    assert_true(rig_direction_error_deg(&f.found, &f.v.truth) < 0.2); // without the mirror
+    free(f.v.corners);
 }
 
 static void test_refusals_name_the_reason(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
-    uint64_t random = 5;
-    rig_views v;
-    gonio_alignment found;
-    gonio_rig_options options;
-    gonio_rig_report report;
-    gonio_error error = {0};
-    open_views(&v);
-    rig_truth(&v, &e, &random);
-    rig_views_make(&v, &e, &random);
-    gonio_rig_options_default(&options);
+    fixture f;
+    open_views(&f, &usual, 5);
     int boards = 0;
-    while (v.view[boards].object == GONIO_RIG_BOARD) {
+    while (f.v.view[boards].object == GONIO_RIG_BOARD) {
         boards++;
     }
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, boards, v.view, &found, &report, &error), GONIO_E_INPUT);
-    assert_non_null(strstr(error.message, "0 of the ball"));
-    options.board_azimuth_deg = 90;
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, v.n, v.view, &found, &report, &error), GONIO_E_INPUT);
-    assert_non_null(strstr(error.message, "azimuth of about 0 deg, stated were 90 deg"));
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, 0, v.view, &found, &report, &error), GONIO_E_USAGE);
+    assert_int_equal(calibrate(&f, boards), GONIO_E_INPUT);
+    assert_non_null(strstr(f.error.message, "0 of the ball"));
+    f.options.board_azimuth_deg = 90;
+    assert_int_equal(calibrate(&f, f.v.n), GONIO_E_INPUT);
+    assert_non_null(strstr(f.error.message, "azimuth of about 0 deg, stated were 90 deg"));
+    assert_int_equal(calibrate(&f, 0), GONIO_E_USAGE);
     // An arm whose azimuth never moved: its axis stays unknown, and that is stated.
-    options.board_azimuth_deg = 0;
-    for (int i = 0; i < v.n; i++) {
-        v.view[i].used = v.view[i].object != GONIO_RIG_BALL || v.view[i].axes.phi_i == v.view[boards].axes.phi_i;
+    f.options.board_azimuth_deg = 0;
+    for (int i = 0; i < f.v.n; i++) {
+        f.v.view[i].used =
+            f.v.view[i].object != GONIO_RIG_BALL || f.v.view[i].axes.phi_i == f.v.view[boards].axes.phi_i;
     }
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, v.n, v.view, &found, &report, &error), GONIO_OK);
-    assert_true(report.range_deg[GONIO_LIGHT_PHI] == 0);
-    assert_true(report.tilt_sigma_deg[GONIO_LIGHT_PHI] > 1);
-    free(v.corners);
+    assert_int_equal(calibrate(&f, f.v.n), GONIO_OK);
+    assert_true(f.report.range_deg[GONIO_LIGHT_PHI] == 0);
+    assert_true(f.report.tilt_sigma_deg[GONIO_LIGHT_PHI] > 1);
+    free(f.v.corners);
 }
 
 // A chessboard's corners may be counted from its other end in any frame.
 static void test_a_chessboard_may_be_counted_backward(void **state) {
     (void)state;
     const rig_errors e = {0.5, 0.5, 0.3, 3, 0, 0.06, 0.02, 1};
-    uint64_t random = 6;
-    rig_views v;
-    gonio_alignment found;
-    gonio_rig_options options;
-    gonio_rig_report report;
-    open_views(&v);
-    rig_truth(&v, &e, &random);
-    rig_views_make(&v, &e, &random);
-    gonio_rig_options_default(&options);
-    options.reversible = true;
-    for (int i = 0; v.view[i].object == GONIO_RIG_BOARD; i += 2) {
-        gonio_corners *c = &v.corners[i];
+    fixture f;
+    open_views(&f, &e, 6);
+    f.options.reversible = true;
+    for (int i = 0; f.v.view[i].object == GONIO_RIG_BOARD; i += 2) {
+        gonio_corners *c = &f.v.corners[i];
         for (int a = 0, b = c->n - 1; a < b; a++, b--) {
             for (int k = 0; k < 2; k++) {
                 const double kept = c->pixel[a][k];
@@ -162,9 +155,9 @@ static void test_a_chessboard_may_be_counted_backward(void **state) {
             }
         }
     }
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, v.n, v.view, &found, &report, NULL), GONIO_OK);
-    assert_true(rig_direction_error_deg(&found, &v.truth) < 0.2);
-    free(v.corners);
+    assert_int_equal(calibrate(&f, f.v.n), GONIO_OK);
+    assert_true(rig_direction_error_deg(&f.found, &f.v.truth) < 0.2);
+    free(f.v.corners);
 }
 
 static void write_text(const char *path, const char *text) {
@@ -176,42 +169,34 @@ static void write_text(const char *path, const char *text) {
 
 static void test_alignment_files_come_back_exactly(void **state) {
     (void)state;
-    const rig_errors e = {0.5, 0.5, 0.3, 3, 0.007, 0.035, 0.015, 2};
-    uint64_t random = 7;
+    fixture f;
+    open_views(&f, &usual, 7);
     char path[] = "/tmp/gonio-alignment-XXXXXX", text[64];
-    rig_views v;
-    gonio_alignment found, read;
-    gonio_rig_options options;
-    gonio_rig_report report;
-    gonio_error error = {0};
-    open_views(&v);
-    rig_truth(&v, &e, &random);
-    rig_views_make(&v, &e, &random);
-    gonio_rig_options_default(&options);
-    assert_int_equal(gonio_rig_calibrate(&v.camera, &options, v.n, v.view, &found, &report, NULL), GONIO_OK);
+    gonio_alignment read;
+    assert_int_equal(calibrate(&f, f.v.n), GONIO_OK);
     const int file = mkstemp(path);
     assert_true(file >= 0);
     close(file);
-    assert_int_equal(gonio_alignment_write(&found, path, NULL), GONIO_OK);
-    assert_int_equal(gonio_alignment_read(path, &read, &error), GONIO_OK);
+    assert_int_equal(gonio_alignment_write(&f.found, path, NULL), GONIO_OK);
+    assert_int_equal(gonio_alignment_read(path, &read, &f.error), GONIO_OK);
     assert_true(read.known);
-    assert_memory_equal(found.value, read.value, sizeof found.value);
-    assert_memory_equal(found.covariance, read.covariance, sizeof found.covariance);
+    assert_memory_equal(f.found.value, read.value, sizeof f.found.value);
+    assert_memory_equal(f.found.covariance, read.covariance, sizeof f.found.covariance);
     write_text(path, "parameter,value,covariance\ncamera azimuth axis a,0.1,2\n");
-    assert_int_equal(gonio_alignment_read(path, &read, &error), GONIO_E_INPUT);
-    assert_int_equal(error.line, 2);
-    assert_non_null(strstr(error.message, "26 numbers"));
+    assert_int_equal(gonio_alignment_read(path, &read, &f.error), GONIO_E_INPUT);
+    assert_int_equal(f.error.line, 2);
+    assert_non_null(strstr(f.error.message, "26 numbers"));
     write_text(path, "axis,value\n");
-    assert_int_equal(gonio_alignment_read(path, &read, &error), GONIO_E_INPUT);
-    assert_int_equal(error.line, 1);
-    found.covariance[1] = 2 * found.covariance[0] + 1; // no covariance
-    assert_int_equal(gonio_alignment_write(&found, path, NULL), GONIO_OK);
-    assert_int_equal(gonio_alignment_read(path, &read, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_alignment_read(path, &read, &f.error), GONIO_E_INPUT);
+    assert_int_equal(f.error.line, 1);
+    f.found.covariance[1] = 2 * f.found.covariance[0] + 1; // no covariance
+    assert_int_equal(gonio_alignment_write(&f.found, path, NULL), GONIO_OK);
+    assert_int_equal(gonio_alignment_read(path, &read, &f.error), GONIO_E_INPUT);
     assert_false(read.known);
     snprintf(text, sizeof text, "%s-none", path);
-    assert_int_equal(gonio_alignment_read(text, &read, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_alignment_read(text, &read, &f.error), GONIO_E_INPUT);
     unlink(path);
-    free(v.corners);
+    free(f.v.corners);
 }
 
 // A round spot on a dim background, found to a hundredth; nothing, two, and a cut one are named.
