@@ -9,6 +9,7 @@
 
 #include "calib/geometry.h"
 #include "calib/opencv.h"
+#include "tests/unit/near.h"
 
 static const gonio_rig_facts facts = {.light_distance_mm = 700, .camera_distance_mm = 900};
 static const gonio_camera_info camera = {.width = 640,
@@ -22,12 +23,6 @@ static const gonio_camera_info camera = {.width = 640,
                                          .p1 = 1e-3,
                                          .p2 = -2e-3,
                                          .k3 = 0.05};
-
-static void assert_near(double found, double expected, double tolerance) {
-    if (!(fabs(found - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g +- %g", found, expected, tolerance);
-    }
-}
 
 static gonio_pair pose(double ti, double pi, double to, double po) {
     return (gonio_pair){gonio_radians(ti), gonio_radians(pi), gonio_radians(to), gonio_radians(po)};

@@ -12,14 +12,9 @@
 
 #include "gonio/calibrate.h"
 #include "tests/camera_views.h"
+#include "tests/unit/near.h"
 
 static const gonio_board photo_board = {.kind = GONIO_CHESSBOARD, .columns = 9, .rows = 6, .square_mm = 25};
-
-static void assert_near(double found, double expected, double tolerance) {
-    if (!(fabs(found - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g +- %g", found, expected, tolerance);
-    }
-}
 
 static bool data_path(char path[512], const char *name) {
     const char *folder = getenv("GONIO_DATA");

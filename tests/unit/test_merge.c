@@ -8,12 +8,7 @@
 #include <cmocka.h>
 
 #include "tests/pixel.h"
-
-static void assert_near(double found, double expected, double tolerance) {
-    if (!(fabs(found - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g +- %g", found, expected, tolerance);
-    }
-}
+#include "tests/unit/near.h"
 
 static const merge_noise noise = {.dn_per_e = 0.4, .read_variance = 4, .ceiling = 3700};
 

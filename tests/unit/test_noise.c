@@ -10,6 +10,7 @@
 
 #include "gonio/calibrate.h"
 #include "tests/pixel.h"
+#include "tests/unit/near.h"
 
 #define SIDE 96
 #define PIXELS (SIDE * SIDE)
@@ -19,12 +20,6 @@ typedef struct sensor {
     int bits, full;
     uint64_t random;
 } sensor;
-
-static void assert_near(double found, double expected, double tolerance) {
-    if (!(fabs(found - expected) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g +- %g", found, expected, tolerance);
-    }
-}
 
 static double fixed_normal(uint64_t seed) { // the same for every frame
     uint64_t state = seed * 2654435761u;
