@@ -152,6 +152,8 @@ void flat_means(const gonio_calib *calib, double mean[3]);
 
 // Refuse exposures that do not fit this calibration: wrong window, exposure or gain.
 gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
+// Does the pixel see the sample inside the used region?
+bool pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
 // Merge one prepared pixel's exposures into f_r x irradiance.
 void pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures, const double *scale,
                  merge_result *result);
@@ -168,8 +170,6 @@ void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *e
                         double mean[3]);
 // Variance of f_r x irradiance `seen` by the lens' veiling glare, with these surroundings.
 double glare_variance(const gonio_calib *calib, double seen, double surroundings);
-// Does the pixel see the sample inside the used region?
-bool pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
 // Variances that concern the whole pose, relative to the value.
 void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value, uncertainty *u);
 double uncertainty_random(const uncertainty *u);
