@@ -22,6 +22,7 @@ firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command 
 fw-host-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
 fuzz-firmware: deps ## libFuzzer on the Modbus slave, 10 minutes (FUZZ_SECONDS)
 	$(Q)tools/deps.sh clang libclang-rt-14-dev
+	$(call say,CC,$(B)/fuzz/fw_modbus_slave)
 	$(Q)mkdir -p $(B)/fuzz && clang -std=c17 -g -O1 -I. -fsanitize=fuzzer,address,undefined -o $(B)/fuzz/fw_modbus_slave tests/fuzz/fuzz_fw_modbus_slave.c $(fw-host-c)
 	$(Q)$(B)/fuzz/fw_modbus_slave -max_len=300 -max_total_time=$${FUZZ_SECONDS:-600} && echo "ok - fuzzing the slave for $${FUZZ_SECONDS:-600} s"
 firmware-coverage: ## branch coverage of firmware/core by its unit and property tests; fails below 95 %

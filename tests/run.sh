@@ -42,7 +42,7 @@ wanted() {
     done
 }
 mkdir -p "$logs"
-rm -f "$logs"/*.count
+rm -f "$logs"/*.count "$logs"/*.told
 find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort | wanted "$@" | xargs -r -P "$(nproc)" -n 1 "$0" "$build" --one
 find tests/system -name '*.sh' ! -name 'lib.sh' | sort | wanted "$@" | xargs -r -n 1 "$0" "$build" --one
 cat "$logs"/*.count 2>/dev/null | awk '{ p += $1; f += $2; s += $3 }

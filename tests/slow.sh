@@ -7,21 +7,24 @@ build=$1
 logs=$build/test-logs
 mkdir -p "$logs"
 seconds=${FUZZ_SECONDS:-60}
+# What is worth a line while it runs: what is built, what runs, how it ended. libFuzzer's own lines stay in the log.
+telling='^(ok|not ok) |^# |^  [A-Z]+ +[^ ]'
 # One suite of TAP lines; a suite that ends badly without telling of a failure is one.
 suite() {
     log=$logs/slow-$1.tap
-    shift
-    "$@" >"$log" 2>&1
-    status=$?
-    [ $status -eq 0 ] || grep -q '^not ok ' "$log" || echo "not ok - $*: status $status" >>"$log"
-    grep -E '^(ok|not ok) |^# ' "$log"
-    grep -q '^not ok ' "$log" && tail -n 30 "$log" | grep -vE '^(ok|not ok) '
+    echo "$1: $2"
+    shift 2
+    { "$@" 2>&1; echo $? >"$log.status"; } | tee "$log" | grep --line-buffered -E "$telling"
+    status=$(cat "$log.status")
+    rm -f "$log.status"
+    [ "$status" -eq 0 ] || grep -q '^not ok ' "$log" || echo "not ok - $*: status $status" | tee -a "$log"
+    grep -q '^not ok ' "$log" && tail -n 30 "$log" | grep -vE "$telling"
 }
 make="make --no-print-directory B=$build"
-suite fuzz $make fuzz FUZZ_SECONDS="$seconds"
-suite firmware $make fuzz-firmware FUZZ_SECONDS="$seconds"
+suite fuzz "clang builds the targets, then $seconds s each" $make fuzz FUZZ_SECONDS="$seconds"
+suite firmware "clang builds the Modbus slave, then $seconds s" $make fuzz-firmware FUZZ_SECONDS="$seconds"
 # A machine without KVM that others load as well may take minutes.
-suite vm env LIMIT=900 $make test-vm
+suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
 skipped=$(cat "$logs"/slow-*.tap | grep -c '^ok .*# SKIP')
 passed=$(cat "$logs"/slow-*.tap | grep '^ok ' | grep -vc '# SKIP')
 failed=$(cat "$logs"/slow-*.tap | grep -c '^not ok ')

@@ -8,6 +8,7 @@ folder=$1/tests/fuzz seconds=$2
 one() {
     name=$1 found=$folder/corpus/$1 committed=tests/fuzz/corpus/$1 log=$folder/$1.log
     mkdir -p "$found" "$committed"
+    echo "# fuzzing $name for $seconds s"
     case $name in read | model | spec | plan) "$folder/make_seeds" "$name" "$found" ;; esac
     if "$folder/fuzz_$name" -max_total_time="$seconds" -max_len=8192 -timeout=10 -rss_limit_mb=2048 \
         -print_final_stats=1 -artifact_prefix="$folder/$name-" "$found" "$committed" 2>"$log"; then
