@@ -30,6 +30,7 @@ typedef struct entry {
         {"axis " name, "home_deg", REAL, AT(stage.axes[k].home_deg), -720, 720, "modbus", false},                       \
         {"axis " name, "home_fast_deg_per_s", REAL, AT(stage.axes[k].home_fast_deg_per_s), 1e-3, 1e4, "modbus", false}, \
         {"axis " name, "home_slow_deg_per_s", REAL, AT(stage.axes[k].home_slow_deg_per_s), 1e-4, 1e3, "modbus", false}, \
+        {"axis " name, "home_travel_deg", REAL, AT(stage.axes[k].home_travel_deg), 1e-3, 1440, "modbus", false},        \
         {"axis " name, "home_order", WHOLE, AT(stage.axes[k].home_order), 0, 4, "modbus", false},                       \
         {"axis " name, "home_up", WHOLE, AT(stage.axes[k].home_up), 0, 1, "modbus", false},                             \
         {"axis " name, "zero_deg", REAL, AT(stage.axes[k].zero_deg), -720, 720, "modbus", false}, {                     \
@@ -39,6 +40,7 @@ typedef struct entry {
 static const entry entries[] = {
     {"stage", "driver", DRIVER, AT(stage_driver), 0, 0, "modbus none ", false},
     {"stage", "audit_deg", REAL, AT(stage.audit_deg), 0, 10, "modbus", false},
+    {"stage", "home_pressed", WHOLE, AT(stage.home_pressed), 0, 1, "modbus", false},
     AXIS("light_theta", GONIO_LIGHT_THETA),
     AXIS("light_phi", GONIO_LIGHT_PHI),
     AXIS("camera_theta", GONIO_CAMERA_THETA),

@@ -27,9 +27,9 @@ typedef struct stage {
 static const char *const axis_names[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
 
 void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
-    *config = (gonio_stage_modbus_config){.audit_deg = 0.01};
+    *config = (gonio_stage_modbus_config){.audit_deg = 0.01, .home_pressed = -1};
     for (int k = 0; k < GONIO_AXES; k++) {
-        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, 1};
+        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, 1};
     }
 }
 
@@ -108,10 +108,34 @@ static gonio_status set_up_homing(stage *s, int k, gonio_error *error) {
     if (status == GONIO_OK) {
         status = PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused);
     }
+    if (status == GONIO_OK && isfinite(c->home_travel_deg)) { // of no use to the host: not read
+        status = PARAMETER(home_travel, c->home_travel_deg * scale, &unused);
+    }
     if (status == GONIO_OK) {
         status = PARAMETER(home_order, c->home_order < 0 ? (double)NAN : c->home_order, &unused);
     }
     return status == GONIO_OK ? PARAMETER(home_up, c->home_up < 0 ? (double)NAN : c->home_up, &unused) : status;
+}
+
+static gonio_status set_up(stage *s, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        s->axes[k].zero_deg = s->config.axes[k].zero_deg;
+        s->axes[k].sign = s->config.axes[k].sign < 0 ? -1 : 1;
+        status = set_up_motion(s, k, error);
+        if (status == GONIO_OK) {
+            status = set_up_limits(s, k, error);
+        }
+        if (status == GONIO_OK) {
+            status = set_up_homing(s, k, error);
+        }
+    }
+    if (status == GONIO_OK && s->config.home_pressed >= 0) {
+        const int k = 0; // the axes share it
+        double unused;
+        status = PARAMETER(home_pressed, s->config.home_pressed, &unused);
+    }
+    return status;
 }
 
 // ---- operations ----
@@ -357,18 +381,7 @@ gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, go
     }
     s->config = *config;
     s->controller = controller;
-    gonio_status status = GONIO_OK;
-    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
-        s->axes[k].zero_deg = config->axes[k].zero_deg;
-        s->axes[k].sign = config->axes[k].sign < 0 ? -1 : 1;
-        status = set_up_motion(s, k, error);
-        if (status == GONIO_OK) {
-            status = set_up_limits(s, k, error);
-        }
-        if (status == GONIO_OK) {
-            status = set_up_homing(s, k, error);
-        }
-    }
+    const gonio_status status = set_up(s, error);
     if (status != GONIO_OK) {
         free(s);
         return status;

@@ -5,13 +5,14 @@
 #include "gonio/rig.h"
 #include "host/drivers/controller.h"
 
-// One axis. NaN (or -1 for home_order): the controller keeps what it has.
+// One axis. NaN (or -1 for home_order and home_up): the controller keeps what it has.
 typedef struct gonio_axis_config {
     double steps_per_deg, speed_deg_per_s, acceleration_deg_per_s2, jerk_deg_per_s3;
     double min_deg, max_deg; // soft limits, dial coordinates
     double backlash_deg;     // overshoot of the final approach
     double home_deg;         // dial position of the home switch
     double home_fast_deg_per_s, home_slow_deg_per_s;
+    double home_travel_deg; // no switch within this: alarm HOME_MISSING
     int home_order, home_up;
     double zero_deg; // user = sign * (dial - zero); 0
     int sign;        // +1 or -1; user coordinates are what poses are given in
@@ -20,6 +21,7 @@ typedef struct gonio_axis_config {
 typedef struct gonio_stage_modbus_config {
     gonio_axis_config axes[GONIO_AXES];
     double audit_deg; // a larger difference to the last homing is a lost-step event; 0.01
+    int home_pressed; // an axis that stands on its switch: 1 backs off first, 0 raises HOME_PRESSED; -1: as it is
     // Asked all the while the axes move: the interlock. May be NULL.
     const gonio_interlock_ops *interlock;
     void *interlock_device;

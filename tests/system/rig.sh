@@ -78,6 +78,14 @@ exits "a wrong axis is wrong usage" 2 "$GONIO" rig move shoulder=4 --rig "$work/
 exits "no port is a device fault" 1 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set controller.port=/dev/null/x
 exits "an unknown key is bad input" 3 sh -c "printf '[controller]\nport = x\nbauds = 3\n' > $work/bad.ini; $GONIO rig status --rig $work/bad.ini --sample $sample"
 
+exits "a travel of nothing is refused" 2 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.home_travel_deg=0"
+says "with what was expected" "[axis light_theta] home_travel_deg: found '0', expected a number from 0.001 to 1440"
+exits "home_pressed is 0 or 1" 3 sh -c "(cat '$work/tcp.ini'; printf '[stage]\nhome_pressed = 2\n') >'$work/bad.ini'; '$GONIO' rig status --rig '$work/bad.ini' --sample $sample"
+says "with its line" "bad.ini:$(grep -n home_pressed "$work/bad.ini" | cut -d: -f1):"
+says "and what was found" "[stage] home_pressed: found '2', expected a whole number from 0 to 1"
+exits "both are keys of the controller alone" 2 "$GONIO" rig status --sample $sample --set stage.home_pressed=1
+exits "both are taken" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "stage.home_pressed=1,axis light_theta.home_travel_deg=800"
+
 # Equal seeds, equal samples, whichever stage moves.
 measure() {
     "$GONIO" measure --rig "$1" --sample $sample --plan nusselt:6 --seed 3 --json "$2" 2>"$work/measure.err" |

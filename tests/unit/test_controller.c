@@ -163,6 +163,33 @@ static void test_zero_and_sign(void **state) {
     stop();
 }
 
+// How far homing looks for a switch, and what it does with an axis that stands on its switch, go to the controller
+// where they are given and stay what they are where not.
+static void test_homing_parameters(void **state) {
+    (void)state;
+    start(true, 30, 1);
+    const struct fw_registers *r = &b.shared->machine.core.registers;
+    const uint32_t travel = r->home_travel[1];
+    const uint16_t pressed = r->home_pressed[0];
+    open_stage();
+    assert_true(r->home_travel[1] == travel && r->home_pressed[0] == pressed);
+    close_drivers();
+    axes.home_pressed = 1;
+    axes.axes[1].home_travel_deg = 0.05; // 5 steps, and the axis stands further from its switch
+    open_stage();
+    assert_true(r->home_travel[0] == travel && r->home_travel[1] == 5 && r->home_pressed[0] == 1);
+    gonio_error error = {0};
+    assert_int_equal(gonio_stage_modbus.home(stage, 30, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "HOME_MISSING"));
+    close_drivers();
+    axes.home_pressed = 0;
+    axes.axes[1].home_travel_deg = 800;
+    open_stage();
+    assert_true(r->home_travel[1] == 80000 && r->home_pressed[0] == 0);
+    must(gonio_stage_modbus.home(stage, 30, &error), &error);
+    stop();
+}
+
 // The nominal duration against the firmware's own: the simulated machine in its own time.
 static void test_duration(void **state) {
     (void)state;
@@ -545,6 +572,7 @@ int main(void) {
         cmocka_unit_test(test_rtu),
         cmocka_unit_test(test_tcp),
         cmocka_unit_test(test_zero_and_sign),
+        cmocka_unit_test(test_homing_parameters),
         cmocka_unit_test(test_duration),
         cmocka_unit_test(test_lamp_and_monitor),
         cmocka_unit_test(test_killed_host),
