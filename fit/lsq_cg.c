@@ -8,7 +8,10 @@
 // Mirror symmetry: geometries are folded to one side, the vectors stay symmetric, and the scattered sums are averaged
 // with their mirror image, which is the projection of the equations on symmetric lattices.
 //
-// All in double: float normal equations lose the small eigenvalues that interpolation between samples lives on.
+// Without a preconditioner hundreds of iterations carry a smooth correction across a region without samples; the
+// multilevel one (fit/lsq_precondition.h) costs about as much as a product and needs tens.
+//
+// All in double but for that: float normal equations lose the small eigenvalues that interpolation between samples lives on.
 #include "fit/lsq_cg.h"
 
 #include <math.h>
@@ -16,6 +19,8 @@
 #include <string.h>
 
 #include "fit/lsq_apply.h"
+#include "fit/lsq_penalty.h"
+#include "fit/lsq_precondition.h"
 #include "fit/team.h"
 
 struct gonio_lsq_cg {
@@ -57,85 +62,19 @@ gonio_status gonio_lsq_cg_new(const gonio_lsq_data *data, const gonio_lsq_form *
     return GONIO_OK;
 }
 
-// ---- the penalty ----
-
-// One line of D^T D, the second differences' Gram matrix: coefficients of row i of an axis of m points.
-static void gram_row(size_t m, size_t i, double coefficient[5]) {
-    memset(coefficient, 0, 5 * sizeof *coefficient);
-    static const double stencil[3] = {1, -2, 1};
-    for (size_t shift = 0; shift < 3; shift++) {
-        // The difference that begins at i - shift uses point i with stencil[shift].
-        if (i < shift || i - shift + 2 >= m) {
-            continue;
-        }
-        for (size_t k = 0; k < 3; k++) {
-            coefficient[2 + k - shift] += stencil[shift] * stencil[k];
-        }
-    }
-}
-
-// out += factor D^T D in along one axis; inner: points between neighbours on it.
-static void add_axis(const double *in, double *out, size_t m, size_t outer, size_t inner, double factor) {
-    for (size_t o = 0; o < outer; o++) {
-        const double *from = in + o * m * inner;
-        double *to = out + o * m * inner;
-        for (size_t i = 0; i < m; i++) {
-            double row[5];
-            gram_row(m, i, row);
-            for (int k = 0; k < 5; k++) {
-                const double f = factor * row[k];
-                if (f == 0) {
-                    continue;
-                }
-                const double *source = from + (i + (size_t)k - 2) * inner;
-                for (size_t j = 0; j < inner; j++) {
-                    to[i * inner + j] += f * source[j];
-                }
-            }
-        }
-    }
-}
-
-// The last axis, where neighbours are adjacent: out += factor D^T D in.
-static void add_last_axis(const double *in, double *out, size_t m, size_t lines, double factor) {
-    for (size_t l = 0; l < lines; l++) {
-        const double *p = in + l * m;
-        double *q = out + l * m;
-        for (size_t i = 0; i + 2 < m; i++) {
-            const double d = factor * (p[i] - 2 * p[i + 1] + p[i + 2]);
-            q[i] += d;
-            q[i + 1] -= 2 * d;
-            q[i + 2] += d;
-        }
-    }
-}
-
-// out += lambda R in.
-static void add_penalty(const gonio_lsq_cg *cg, int level, double lambda, const double *in, double *out) {
-    const size_t m = gonio_bspline_size(level), count = gonio_lsq_cg_count(cg, level);
-    size_t outer = 1, inner = count / m;
-    for (int d = 0; d < cg->places.dims; d++, outer *= m, inner /= m) {
-        const double factor = lambda * cg->form.stretch[d] * ldexp(1, level);
-        if (inner > 1) {
-            add_axis(in, out, m, outer, inner, factor);
-        } else {
-            add_last_axis(in, out, m, outer, factor);
-        }
-    }
-    for (size_t i = 0; i < count; i++) {
-        out[i] += lambda * GONIO_LSQ_RIDGE * in[i];
-    }
-}
-
-static double penalty_diagonal(const gonio_lsq_cg *cg, int level, double lambda) {
-    double sum = GONIO_LSQ_RIDGE;
-    for (int d = 0; d < cg->places.dims; d++) {
-        sum += 6 * cg->form.stretch[d] * ldexp(1, level); // 1 + 4 + 1 on the diagonal
-    }
-    return lambda * sum;
-}
-
 // ---- conjugate gradients ----
+
+// One solve's vectors. Loops over them run plane by plane; sums are those of the planes, added in order.
+typedef struct solve {
+    const gonio_lsq_cg *cg;
+    gonio_lsq_planes planes;
+    size_t n;
+    double lambda;
+    gonio_lsq_precondition *precondition;
+    double *points, *r, *z, *p, *q;
+    double *sums; // [planes]
+    double step, beta;
+} solve;
 
 static double dot(const double *a, const double *b, size_t n) {
     double sum[4] = {0};
@@ -152,89 +91,154 @@ static double dot(const double *a, const double *b, size_t n) {
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-static void apply(const gonio_lsq_cg *cg, int level, double lambda, const double *in, double *out) {
-    const size_t count = gonio_lsq_cg_count(cg, level);
-    memset(out, 0, count * sizeof *out);
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_NORMAL, NULL, 0, in, out);
-    gonio_lsq_symmetrise(&cg->places, level, out, 0.5);
-    add_penalty(cg, level, lambda, in, out);
+static double run_planes(solve *s, void (*work)(void *, size_t)) {
+    memset(s->sums, 0, s->planes.size * sizeof *s->sums);
+    gonio_team_run(s->cg->team, s->planes.size, work, s);
+    double sum = 0;
+    for (size_t i = 0; i < s->planes.size; i++) {
+        sum += s->sums[i];
+    }
+    return sum;
 }
 
-// The negative gradient, B^T W (t - B phi) - lambda R phi.
-static void residual(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
-                     const double *points, double *out) {
-    const size_t count = gonio_lsq_cg_count(cg, level);
-    memset(out, 0, count * sizeof *out);
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_RESIDUAL, targets, stride, points, out);
-    gonio_lsq_symmetrise(&cg->places, level, out, 0.5);
-    add_penalty(cg, level, -lambda, points, out);
+// q = A p from B^T W B p in q; sum p . q.
+static void finish_product(void *context, size_t plane) {
+    solve *s = context;
+    const size_t at = plane * s->planes.points;
+    gonio_lsq_fold(&s->planes, s->cg->places.mirror_axes, s->q, plane);
+    gonio_lsq_penalise(&s->planes, &s->cg->form, s->lambda, s->p, s->q, plane);
+    s->sums[plane] = dot(s->p + at, s->q + at, s->planes.points);
 }
 
-static void preconditioner(const gonio_lsq_cg *cg, int level, double lambda, double *out) {
-    const size_t count = gonio_lsq_cg_count(cg, level);
-    memset(out, 0, count * sizeof *out);
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, out);
-    gonio_lsq_symmetrise(&cg->places, level, out, 0.5);
-    const double penalty = penalty_diagonal(cg, level, lambda);
-    for (size_t i = 0; i < count; i++) {
-        // Without a penalty, points that no sample touches keep their start.
-        out[i] = out[i] + penalty > 0 ? 1 / (out[i] + penalty) : 0;
+// The negative gradient, B^T W (t - B phi) - lambda R phi, from its first part in r.
+static void finish_residual(void *context, size_t plane) {
+    solve *s = context;
+    gonio_lsq_fold(&s->planes, s->cg->places.mirror_axes, s->r, plane);
+    gonio_lsq_penalise(&s->planes, &s->cg->form, -s->lambda, s->points, s->r, plane);
+}
+
+static void take_step(void *context, size_t plane) {
+    solve *s = context;
+    const size_t end = (plane + 1) * s->planes.points;
+    for (size_t i = plane * s->planes.points; i < end; i++) {
+        s->points[i] += s->step * s->p[i];
+        s->r[i] -= s->step * s->q[i];
     }
 }
 
-// z = D^-1 r, and r . z.
-static double precondition(const double *inverse, const double *r, double *z, size_t n) {
-    for (size_t i = 0; i < n; i++) {
-        z[i] = inverse[i] * r[i];
+// The preconditioner keeps mirror symmetry but for its rounding.
+static void sum_rz(void *context, size_t plane) {
+    solve *s = context;
+    const size_t at = plane * s->planes.points;
+    gonio_lsq_fold(&s->planes, s->cg->places.mirror_axes, s->z, plane);
+    s->sums[plane] = dot(s->r + at, s->z + at, s->planes.points);
+}
+
+// p = z + beta p, and q = 0 for the next product.
+static void turn(void *context, size_t plane) {
+    solve *s = context;
+    const size_t end = (plane + 1) * s->planes.points;
+    for (size_t i = plane * s->planes.points; i < end; i++) {
+        s->p[i] = s->z[i] + s->beta * s->p[i];
+        s->q[i] = 0;
     }
-    return dot(r, z, n);
+}
+
+// z = P^-1 r; r . z.
+static double precondition(solve *s) {
+    gonio_lsq_precondition_apply(s->precondition, s->cg->team, s->r, s->z);
+    return run_planes(s, sum_rz);
+}
+
+static double product(solve *s) {
+    const gonio_lsq_cg *cg = s->cg;
+    gonio_lsq_apply(&cg->places, cg->team, s->planes.level, GONIO_LSQ_NORMAL, NULL, 0, s->p, s->q);
+    return run_planes(s, finish_product);
+}
+
+// Uses p, q and z, which are filled later.
+static gonio_status make_precondition(solve *s, gonio_error *error) {
+    const gonio_lsq_cg *cg = s->cg;
+    const int level = s->planes.level;
+    for (size_t i = 0; i < s->n; i++) {
+        s->p[i] = 1;
+    }
+    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_NORMAL, NULL, 0, s->p, s->q);
+    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, s->z);
+    for (size_t plane = 0; plane < s->planes.size; plane++) {
+        gonio_lsq_fold(&s->planes, cg->places.mirror_axes, s->q, plane);
+        gonio_lsq_fold(&s->planes, cg->places.mirror_axes, s->z, plane);
+    }
+    return gonio_lsq_precondition_new(s->planes.dims, &cg->form, level, s->lambda, s->q, s->z, cg->team,
+                                      &s->precondition, error);
+}
+
+static gonio_status solve_begin(solve *s, const gonio_lsq_cg *cg, int level, double lambda, double *points,
+                                gonio_error *error) {
+    const size_t n = gonio_lsq_cg_count(cg, level);
+    *s = (solve){.cg = cg, .planes = gonio_lsq_planes_of(cg->places.dims, level), .n = n, .lambda = lambda};
+    double *work = calloc(4 * n + s->planes.size, sizeof *work);
+    if (work == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve for %zu control points (%.3g GB)", n,
+                          32e-9 * (double)n);
+    }
+    s->points = points;
+    s->r = work;
+    s->z = s->r + n;
+    s->p = s->z + n;
+    s->q = s->p + n;
+    s->sums = s->q + n;
+    return make_precondition(s, error);
+}
+
+static void solve_end(solve *s) {
+    gonio_lsq_precondition_free(s->precondition);
+    free(s->r);
+}
+
+static gonio_status iterate(solve *s, int iterations, double tolerance, gonio_lsq_cg_report *report,
+                            gonio_error *error) {
+    gonio_lsq_watch *watch = s->cg->watch;
+    double rz = precondition(s), fallen = 0;
+    const double first = rz;
+    run_planes(s, turn);
+    while (report->iterations < iterations && !gonio_lsq_watch_over(watch) && rz > tolerance * tolerance * first &&
+           rz > 0) {
+        const gonio_status status = gonio_lsq_watch_ask(watch, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        const double curvature = product(s);
+        if (!(curvature > 0)) {
+            break; // rounding is all that is left
+        }
+        s->step = rz / curvature;
+        run_planes(s, take_step);
+        fallen += 0.5 * s->step * rz;
+        const double next = precondition(s);
+        s->beta = next / rz;
+        run_planes(s, turn);
+        rz = next;
+        report->iterations++;
+    }
+    report->gradient = first > 0 ? sqrt(fmax(rz, 0) / first) : 0;
+    report->objective = fallen;
+    return GONIO_OK;
 }
 
 gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
                                 int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
                                 gonio_error *error) {
-    const size_t n = gonio_lsq_cg_count(cg, level);
-    double *work = malloc(5 * n * sizeof *work);
-    if (work == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve for %zu control points (%.3g GB)", n,
-                          40e-9 * (double)n);
-    }
-    double *r = work, *z = r + n, *p = z + n, *q = p + n, *inverse = q + n;
-    preconditioner(cg, level, lambda, inverse);
-    residual(cg, targets, stride, level, lambda, points, r);
-    double rz = precondition(inverse, r, z, n);
-    const double first = rz;
-    memcpy(p, z, n * sizeof *p);
     *report = (gonio_lsq_cg_report){.gradient = 1};
-    double fallen = 0;
-    gonio_status status = GONIO_OK;
-    while (report->iterations < iterations && !gonio_lsq_watch_over(cg->watch) && rz > tolerance * tolerance * first &&
-           rz > 0) {
-        status = gonio_lsq_watch_ask(cg->watch, error);
-        if (status != GONIO_OK) {
-            break;
-        }
-        apply(cg, level, lambda, p, q);
-        const double curvature = dot(p, q, n);
-        if (!(curvature > 0)) {
-            break; // rounding is all that is left
-        }
-        const double step = rz / curvature;
-        for (size_t i = 0; i < n; i++) {
-            points[i] += step * p[i];
-            r[i] -= step * q[i];
-        }
-        fallen += 0.5 * step * rz;
-        const double next = precondition(inverse, r, z, n), beta = next / rz;
-        for (size_t i = 0; i < n; i++) {
-            p[i] = z[i] + beta * p[i];
-        }
-        rz = next;
-        report->iterations++;
+    solve s;
+    gonio_status status = solve_begin(&s, cg, level, lambda, points, error);
+    if (status == GONIO_OK) {
+        memset(s.p, 0, s.n * sizeof *s.p);
+        gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_RESIDUAL, targets, stride, points, s.r);
+        run_planes(&s, finish_residual);
+        status = iterate(&s, iterations, tolerance, report, error);
     }
-    report->gradient = first > 0 ? sqrt(rz / first) : 0;
-    report->objective = fallen;
-    free(work);
+    solve_end(&s);
     return status;
 }
 
@@ -266,7 +270,6 @@ static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t 
                           24e-9 * (double)finest);
     }
     gonio_status status = GONIO_OK;
-    const int solved = level - solve + 1;
     for (int h = 0; h <= level && status == GONIO_OK; h++) {
         if (h == 0) {
             memset(points, 0, gonio_lsq_cg_count(cg, 0) * sizeof *points);
@@ -277,7 +280,7 @@ static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t 
         add_mba_step(cg, targets, stride, h, points, work + finest, work + 2 * finest);
         status = gonio_lsq_watch_ask(cg->watch, error);
         if (h >= solve && status == GONIO_OK) {
-            const int share = h == level ? iterations - (solved - 1) * (iterations / solved) : iterations / solved;
+            const int share = h == level ? iterations - (level - solve) * (iterations / 4) : iterations / 4;
             status = gonio_lsq_cg_solve(cg, targets, stride, h, lambda, share, tolerance, points, report, error);
         }
     }
