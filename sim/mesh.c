@@ -230,7 +230,7 @@ gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_er
         return status;
     }
     const struct aiScene *scene;
-    bool normals;
+    bool normals = false;
     status = import(path, &scene, &normals, error);
     if (status != GONIO_OK) {
         return status;
