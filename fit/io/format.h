@@ -41,12 +41,16 @@ typedef struct gonio_sink {
     gonio_negatives policy;
     gonio_samples *samples;
     gonio_read_report report;
-    int negative_channel; // of the first one
-    double negative_value;
+    // What the policy does not accept: how many, and the first one; its sigma is NaN where the file states none.
+    size_t refused;
+    long long refused_line;
+    int refused_channel;
+    double refused_value, refused_sigma;
 } gonio_sink;
 
 gonio_sink gonio_sink_begin(const gonio_text *text, const gonio_read_options *options, const char *format);
-// values may be changed (clamped). The line is the text's current one.
+// values may be changed (clamped). sigma_random and sigma_systematic: both NULL where the file states none. The line is
+// the text's current one.
 gonio_status gonio_sink_add(gonio_sink *sink, const gonio_pair *pair, double *values, const double *sigma_random,
                             const double *sigma_systematic, gonio_error *error);
 // Give the set out, or the error that the policy asks for (the set is freed then). status: how reading went so far.

@@ -18,7 +18,7 @@ static const gonio_format *const formats[] = {&gonio_format_rgl,
 #define KNOWN "a samples CSV (header theta_i,phi_i,theta_o,phi_o,...), Cornell, NIST or CEA text, " KNOWN_TABLES
 
 void gonio_read_options_default(gonio_read_options *options) {
-    *options = (gonio_read_options){.negatives = GONIO_NEGATIVES_REJECT, .mueller = "f_r11", .seed = 1};
+    *options = (gonio_read_options){.negatives = GONIO_NEGATIVES_NOISE, .mueller = "f_r11", .seed = 1};
 }
 
 const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size) {

@@ -156,7 +156,8 @@ static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, 
                 parse_row(text, fields, l, sink->samples->channel_names, &pair, numbers, random, systematic, error);
         }
         if (status == GONIO_OK) {
-            status = gonio_sink_add(sink, &pair, numbers, random, systematic, error);
+            const bool sigma = l->with_sigma;
+            status = gonio_sink_add(sink, &pair, numbers, sigma ? random : NULL, sigma ? systematic : NULL, error);
         }
     }
     free(numbers);

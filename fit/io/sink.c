@@ -41,11 +41,19 @@ gonio_sink gonio_sink_begin(const gonio_text *text, const gonio_read_options *op
     return sink;
 }
 
-static void note_negative(gonio_sink *sink, int channel, double value) {
+static void note_negative(gonio_sink *sink, int channel, double value, double sigma) {
+    const bool noise = -value <= GONIO_NOISE_SIGMAS * sigma;
     if (sink->report.negatives++ == 0) {
         sink->report.first_negative_line = sink->text->line;
-        sink->negative_channel = channel;
-        sink->negative_value = value;
+    }
+    sink->report.noise += noise;
+    const bool accepted = sink->policy == GONIO_NEGATIVES_CLAMP || sink->policy == GONIO_NEGATIVES_KEEP ||
+                          (sink->policy == GONIO_NEGATIVES_NOISE && noise);
+    if (!accepted && sink->refused++ == 0) {
+        sink->refused_line = sink->text->line;
+        sink->refused_channel = channel;
+        sink->refused_value = value;
+        sink->refused_sigma = sigma;
     }
 }
 
@@ -53,7 +61,8 @@ gonio_status gonio_sink_add(gonio_sink *sink, const gonio_pair *pair, double *va
                             const double *sigma_systematic, gonio_error *error) {
     for (int c = 0; c < sink->samples->channels; c++) {
         if (values[c] < 0) {
-            note_negative(sink, c, values[c]);
+            note_negative(sink, c, values[c],
+                          sigma_random != NULL ? hypot(sigma_random[c], sigma_systematic[c]) : (double)NAN);
             if (sink->policy == GONIO_NEGATIVES_CLAMP) {
                 values[c] = 0;
             }
@@ -63,17 +72,26 @@ gonio_status gonio_sink_add(gonio_sink *sink, const gonio_pair *pair, double *va
     return gonio_samples_add(sink->samples, pair, values, sigma_random, sigma_systematic, error);
 }
 
+static gonio_status refuse(const gonio_sink *sink, gonio_error *error) {
+    char beyond[64] = "", sigma[48] = "";
+    if (sink->policy == GONIO_NEGATIVES_NOISE && isfinite(sink->refused_sigma)) {
+        snprintf(beyond, sizeof beyond, " more than %d sigma below 0", GONIO_NOISE_SIGMAS);
+        snprintf(sigma, sizeof sigma, " with sigma %g", sink->refused_sigma);
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, sink->text->path, sink->refused_line,
+                           "%zu negative values%s, the first here: %s = %g%s; `--negatives clamp` raises them to 0, "
+                           "`--negatives keep` takes them as they are",
+                           sink->refused, beyond, sink->samples->channel_names[sink->refused_channel],
+                           sink->refused_value, sigma);
+}
+
 gonio_status gonio_sink_end(gonio_sink *sink, gonio_status status, gonio_samples **out, gonio_read_report *report,
                             gonio_error *error) {
     if (status == GONIO_OK && sink->report.rows == 0) {
         status = gonio_text_fail(sink->text, error, "no samples in it");
     }
-    if (status == GONIO_OK && sink->report.negatives > 0 && sink->policy == GONIO_NEGATIVES_REJECT) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, sink->text->path, sink->report.first_negative_line,
-                                 "%zu negative values, the first here: %s = %g; `--negatives clamp` raises them to 0, "
-                                 "`--negatives keep` takes them as they are",
-                                 sink->report.negatives, sink->samples->channel_names[sink->negative_channel],
-                                 sink->negative_value);
+    if (status == GONIO_OK && sink->refused > 0) {
+        status = refuse(sink, error);
     }
     if (report != NULL) {
         *report = sink->report;

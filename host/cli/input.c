@@ -22,14 +22,15 @@ static gonio_status fill_options(const cli_input *in, const cli_common *common, 
     if (in->negatives == NULL) {
         return GONIO_OK;
     }
-    static const char *const names[] = {"reject", "clamp", "keep"};
-    for (int k = 0; k < 3; k++) {
+    static const char *const names[] = {"reject", "clamp", "keep", "noise"};
+    for (int k = 0; k < 4; k++) {
         if (strcmp(in->negatives, names[k]) == 0) {
             options->negatives = (gonio_negatives)k;
             return GONIO_OK;
         }
     }
-    return gonio_fail(error, GONIO_E_USAGE, "--negatives: expected reject, clamp or keep, found '%s'", in->negatives);
+    return gonio_fail(error, GONIO_E_USAGE, "--negatives: expected noise, reject, clamp or keep, found '%s'",
+                      in->negatives);
 }
 
 // The one channel that the user wants, if any: replaces *samples.
@@ -61,7 +62,10 @@ static gonio_status choose_channel(const char *path, const cli_input *in, gonio_
 static void tell(const char *path, const gonio_read_options *options, const gonio_read_report *report) {
     if (report->negatives > 0) {
         fprintf(stderr, "gonio: %s: %zu negative values %s (first at line %lld)\n", path, report->negatives,
-                options->negatives == GONIO_NEGATIVES_CLAMP ? "raised to 0" : "kept", report->first_negative_line);
+                options->negatives == GONIO_NEGATIVES_CLAMP ? "raised to 0"
+                : report->noise == report->negatives        ? "within 5 sigma of 0 kept, as noise about zero"
+                                                            : "kept",
+                report->first_negative_line);
     }
     if (report->invalid > 0) {
         fprintf(stderr, "gonio: %s: %zu of %zu entries are not valid and left out\n", path, report->invalid,

@@ -14,14 +14,13 @@ typedef struct cli_input {
 
 // The options of every verb that takes INPUT; rows of its table.
 #define CLI_INPUT_OPTIONS(in)                                                                                          \
-    {                                                                                                                  \
-        "negatives",                                                                                                   \
-        0,                                                                                                             \
-        CLI_TEXT,                                                                                                      \
-        &(in).negatives,                                                                                               \
-        NULL,                                                                                                          \
-        "reject|clamp|keep",                                                                                           \
-        "what to do with negative values (reject)"},                                                                   \
+    {"negatives",                                                                                                      \
+     0,                                                                                                                \
+     CLI_TEXT,                                                                                                         \
+     &(in).negatives,                                                                                                  \
+     NULL,                                                                                                             \
+     "noise|reject|clamp|keep",                                                                                        \
+     "negative values (noise: kept within 5 sigma of 0, else refused)"},                                               \
         {"channel", 0, CLI_TEXT, &(in).channel, NULL, "NAME", "only this channel"},                                    \
         {"wavelength", 0, CLI_DOUBLE, &(in).wavelength, NULL, "NM", "only this wavelength"},                           \
         {"mueller", 0, CLI_TEXT, &(in).mueller, NULL, "ELEMENT", "Mueller element of NIST data (f_r11)"}, {            \

@@ -15,7 +15,11 @@ typedef enum gonio_negatives {
     GONIO_NEGATIVES_REJECT = 0, // an error with the count and the first line
     GONIO_NEGATIVES_CLAMP = 1,  // raised to 0, counted
     GONIO_NEGATIVES_KEEP = 2,
+    // The default: kept where the file states sigma and every one lies within GONIO_NOISE_SIGMAS of 0, as a calibrated
+    // measurement of something black scatters; else an error, as GONIO_NEGATIVES_REJECT.
+    GONIO_NEGATIVES_NOISE = 3,
 } gonio_negatives;
+#define GONIO_NOISE_SIGMAS 5 // combined standard uncertainties; noise alone goes beyond once in 3.5 million values
 
 // How to read. gonio_read_options_default() first.
 typedef struct gonio_read_options {
@@ -29,6 +33,7 @@ typedef struct gonio_read_options {
 typedef struct gonio_read_report {
     char format[32]; // "samples" "cornell" "nist" "merl" "rgl" ...
     size_t rows, negatives, invalid;
+    size_t noise;                  // of the negatives: within GONIO_NOISE_SIGMAS of 0
     long long first_negative_line; // -1: none
 } gonio_read_report;
 

@@ -137,6 +137,15 @@ printf '[rig]\ndriver = sim\nnonsense\n' >"$work/bad.ini"
 check "no key = value: with its line" tells 3 "bad.ini:3: " measure --rig "$work/bad.ini" "$work/x"
 printf '[rig]\nnotes = %0400d\n' 0 >"$work/bad.ini"
 check "a line beyond all bounds" tells 3 "bad.ini:2: " measure --rig "$work/bad.ini" "$work/x"
+# ---- something nearly black: its noise goes below zero, and the samples are as good a set as the session ----
+check "measure a black sample" "$GONIO" measure --sample lambert:rho=1e-5 --plan $plan --set $quick --seed 3 "$work/black"
+"$GONIO" samples "$work/black" -o "$work/black.csv" 2>/dev/null
+check "some of its values are below zero" [ "$(cut -d, -f5 "$work/black.csv" | grep -c '^-')" -gt 5 ]
+check "fit takes them as noise and says so" tells 0 "within 5 sigma of 0 kept, as noise about zero" \
+    "$GONIO" fit "$work/black.csv" -o "$work/black.model"
+check "its model is the measure's own" cmp "$work/black.model" "$work/black/model.gonio"
+check "they are refused where that is asked for" tells 3 "negative values, the first here" \
+    "$GONIO" fit "$work/black.csv" --negatives reject -o "$work/black.model"
 check "no rig file" status_is 3 measure --rig "$work/none.ini" "$work/x"
 check "no sample" tells 2 "--sample" "$GONIO" measure --plan $plan "$work/x"
 check "a plan of nothing" status_is 3 "$GONIO" measure --sample $ward --plan "$work/none.csv" "$work/x"

@@ -200,6 +200,40 @@ static void negatives_follow_the_policy(void **state) {
     gonio_samples_free(s);
 }
 
+// Noise about zero passes by default, where sigma says that it is noise.
+static void negative_noise_is_kept(void **state) {
+    (void)state;
+    const char *noise = HEADER "r,sigma_r\n1,0,1,0,1,0.1\n1,0,2,0,-0.4,0.1\n1,0,3,0,-0.5,0.1\n";
+    const char *beyond = HEADER "r,sigma_r\n1,0,1,0,1,0.1\n1,0,2,0,-0.4,0.1\n1,0,3,0,-0.6,0.1\n1,0,4,0,-1,0.1\n";
+    const char *parts = HEADER "r,sigma_r,sigma_random_r,sigma_systematic_r\n1,0,1,0,-0.6,0.125,0.1,0.075\n";
+    const char *none = HEADER "r\n1,0,1,0,-1e-9\n";
+    const char *exact = HEADER "r,sigma_r\n1,0,1,0,-1e-9,0\n";
+    gonio_samples *s;
+    gonio_read_report report;
+    gonio_read_options options;
+    gonio_error error = {0};
+    gonio_read_options_default(&options);
+    assert_int_equal(options.negatives, GONIO_NEGATIVES_NOISE);
+    assert_int_equal(read_text(noise, strlen(noise), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_OK);
+    assert_true(report.negatives == 2 && report.noise == 2 && report.first_negative_line == 3);
+    assert_true(s->values[1] == -0.4 && s->values[2] == -0.5);
+    gonio_samples_free(s);
+    assert_int_equal(read_text(noise, strlen(noise), GONIO_NEGATIVES_REJECT, &s, &report, &error), GONIO_E_INPUT);
+    assert_non_null(strstr(error.message, "2 negative values, the first here: r = -0.4;"));
+    assert_int_equal(read_text(beyond, strlen(beyond), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(error.line, 4);
+    assert_non_null(
+        strstr(error.message, "2 negative values more than 5 sigma below 0, the first here: r = -0.6 with"));
+    assert_int_equal(read_text(beyond, strlen(beyond), GONIO_NEGATIVES_KEEP, &s, &report, &error), GONIO_OK);
+    assert_true(report.negatives == 3 && report.noise == 1);
+    gonio_samples_free(s);
+    assert_int_equal(read_text(parts, strlen(parts), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_OK);
+    gonio_samples_free(s);
+    assert_int_equal(read_text(none, strlen(none), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+    assert_non_null(strstr(error.message, "1 negative values, the first here: r = -1e-09;"));
+    assert_int_equal(read_text(exact, strlen(exact), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+}
+
 static void refused(const char *text, long long line, const char *expected) {
     gonio_samples *s;
     gonio_error error = {.line = -1, .byte = -1};
@@ -355,11 +389,17 @@ static void missing_files(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_double_comes_back),        cmocka_unit_test(degrees_are_as_short_as_they_were),
-        cmocka_unit_test(a_comma_locale_changes_nothing), cmocka_unit_test(what_people_write_is_read),
-        cmocka_unit_test(negatives_follow_the_policy),    cmocka_unit_test(bad_samples),
-        cmocka_unit_test(bad_files_of_other_formats),     cmocka_unit_test(bad_tables),
-        cmocka_unit_test(a_zero_byte_ends_nothing),       cmocka_unit_test(missing_files),
+        cmocka_unit_test(every_double_comes_back),
+        cmocka_unit_test(degrees_are_as_short_as_they_were),
+        cmocka_unit_test(a_comma_locale_changes_nothing),
+        cmocka_unit_test(what_people_write_is_read),
+        cmocka_unit_test(negatives_follow_the_policy),
+        cmocka_unit_test(negative_noise_is_kept),
+        cmocka_unit_test(bad_samples),
+        cmocka_unit_test(bad_files_of_other_formats),
+        cmocka_unit_test(bad_tables),
+        cmocka_unit_test(a_zero_byte_ends_nothing),
+        cmocka_unit_test(missing_files),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
