@@ -3,18 +3,26 @@
 // nusselt      Kameya 2002: projections of the two directions on the surface, kappa = (x + 1)/2, lambda = (y + 1)/2.
 // half-vector  r = asinh(tan(theta_h) / 0.1) spreads the lobe's peak evenly over the lattice, whatever its width down
 //              to about 0.1 (DESIGN section 8). Reciprocity is a point reflection in the (x, y) plane there, mirror
-//              symmetry y -> -y.
+//              symmetry y -> -y. -narrow and -wide have 0.03 and 0.4 in its place: more of the lattice for a sharp
+//              peak, or for what lies about a broad one.
 // reflected    offset of the outgoing from the mirror direction, in the same stretch.
 #include "gonio/direction.h"
 
 #include <math.h>
 #include <string.h>
 
-#define STRETCH 0.1 // half-width of the region that asinh leaves linear
+#define STRETCH 0.1 // half-width of the region that asinh leaves linear: the reflected coordinates'
 
 // theta_h is at most 90 deg, where tan diverges, but only for retro-reflection at the very horizon. tan = 20 (87 deg)
 // bounds the lattice; beyond it the radius is held.
-#define RADIUS_MAX 5.991470797049389  // asinh(20 / STRETCH)
+static const struct {
+    double stretch, limit; // limit: asinh(20 / stretch)
+} half_vectors[] = {
+    [GONIO_HALF_VECTOR] = {0.1, 5.991470797049389},
+    [GONIO_HALF_VECTOR_NARROW] = {0.03, 7.195437913933444},
+    [GONIO_HALF_VECTOR_WIDE] = {0.4, 4.605270170991424},
+};
+
 #define OFFSET_MAX 3.6895038689889055 // asinh(2 / STRETCH): two projections lie at most 2 apart
 
 static double unit_interval(double x) { return fmin(fmax(x, 0), 1); }
@@ -53,7 +61,12 @@ static gonio_vec3 difference_vector(gonio_vec3 wi, gonio_vec3 h) {
     return (gonio_vec3){wi.x - h.x * (wi.z + k), wi.y - h.y * (wi.z + k), wi.x * h.x + wi.y * h.y + wi.z * h.z};
 }
 
-static void half_vector_isotropic(gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
+// The radius that tan(theta_h) = sin_h / h.z takes in a system's plane.
+static double half_vector_radius(gonio_coordinates system, double sin_h, double cos_h) {
+    return cos_h > 0 ? asinh(sin_h / cos_h / half_vectors[system].stretch) : half_vectors[system].limit;
+}
+
+static void half_vector_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
     const gonio_vec3 h = half_vector(wi, wo);
     const gonio_vec3 d = difference_vector(wi, h);
     const double sin_h = hypot(h.x, h.y), sin_d = hypot(d.x, d.y);
@@ -63,15 +76,15 @@ static void half_vector_isotropic(gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
         c = (d.x * h.x + d.y * h.y) / (sin_h * sin_d);
         s = (d.y * h.x - d.x * h.y) / (sin_h * sin_d);
     }
-    stretched(c, s, 1, h.z > 0 ? asinh(sin_h / h.z / STRETCH) : RADIUS_MAX, RADIUS_MAX, x);
+    stretched(c, s, 1, half_vector_radius(system, sin_h, h.z), half_vectors[system].limit, x);
     x[2] = unit_interval(atan2(sin_d, d.z) * (2 / GONIO_PI));
 }
 
 void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
     double sin_i;
     gonio_vec3 o;
-    if (system == GONIO_HALF_VECTOR) {
-        half_vector_isotropic(wi, wo, x);
+    if (gonio_coordinates_are_half_vector(system)) {
+        half_vector_isotropic(system, wi, wo, x);
         return;
     }
     turn_to_incidence(wi, wo, &sin_i, &o);
@@ -86,11 +99,11 @@ void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_
 }
 
 void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
-    if (system == GONIO_HALF_VECTOR) {
+    if (gonio_coordinates_are_half_vector(system)) {
         const gonio_vec3 h = half_vector(wi, wo);
         const gonio_vec3 d = difference_vector(wi, h);
         const double sin_h = hypot(h.x, h.y);
-        stretched(h.x, h.y, sin_h, h.z > 0 ? asinh(sin_h / h.z / STRETCH) : RADIUS_MAX, RADIUS_MAX, x);
+        stretched(h.x, h.y, sin_h, half_vector_radius(system, sin_h, h.z), half_vectors[system].limit, x);
         x[2] = unit_interval((d.x + 1) / 2);
         x[3] = unit_interval((d.y + 1) / 2);
         return;
@@ -106,12 +119,13 @@ void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, goni
     stretched(u, v, length, asinh(length / STRETCH), OFFSET_MAX, x + 2);
 }
 
-static const char *const names[] = {"nusselt", "half-vector", "reflected"};
+static const char *const names[GONIO_COORDINATES] = {"nusselt", "half-vector", "reflected", "half-vector-narrow",
+                                                     "half-vector-wide"};
 
 const char *gonio_coordinates_name(gonio_coordinates system) { return names[system]; }
 
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system) {
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < GONIO_COORDINATES; i++) {
         if (strcmp(name, names[i]) == 0) {
             *system = (gonio_coordinates)i;
             return true;

@@ -197,7 +197,7 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     if (about == NULL || !mapped->isotropic || about->diffuse_level > 9 || about->specular_level > 9 ||
-        about->coordinates > GONIO_REFLECTED || about->kind > GONIO_TRANSFORM_ASINH ||
+        about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
         about->storage > GONIO_STORAGE_HASH) {
         return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
     }

@@ -189,7 +189,7 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     if (about == NULL) {
         return gonio_mapped_fail(mapped, 0, "the lattice's description is cut short", error);
     }
-    if (about->dims != (mapped->isotropic ? 3u : 4u) || about->level > 9 || about->coordinates > GONIO_REFLECTED ||
+    if (about->dims != (mapped->isotropic ? 3u : 4u) || about->level > 9 || about->coordinates >= GONIO_COORDINATES ||
         about->kind > GONIO_TRANSFORM_ASINH) {
         return gonio_mapped_fail(mapped, 0, "a lattice of impossible dimensions, level, coordinates or domain", error);
     }

@@ -218,7 +218,7 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
-        !level_possible(about->sigma_level) || about->coordinates > GONIO_REFLECTED || about->link > GONIO_LINK_ASINH ||
+        !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > GONIO_LINK_ASINH ||
         about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->ranges > 1 ||
         about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);

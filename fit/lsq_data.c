@@ -23,7 +23,7 @@ void gonio_lsq_data_release(gonio_lsq_data *data) {
 
 // Swapping the directions keeps the half vector and turns the difference vector about it by 180 deg.
 unsigned gonio_lsq_swap_axes(gonio_coordinates coordinates, int dims) {
-    if (coordinates != GONIO_HALF_VECTOR) {
+    if (!gonio_coordinates_are_half_vector(coordinates)) {
         return 0;
     }
     return dims == 4 ? 1u << 2 | 1u << 3 : 1u << 0 | 1u << 1;

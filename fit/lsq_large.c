@@ -328,14 +328,14 @@ static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *opt
 
 // The axes along which BRDFs vary slowly: the difference angle, or the incidence.
 static void stiffen(gonio_lsq_form *form, int dims, double factor) {
-    const int count = dims == 3 ? 1 : 2, first = form->coordinates == GONIO_HALF_VECTOR ? dims - count : 0;
+    const int count = dims == 3 ? 1 : 2, first = gonio_coordinates_are_half_vector(form->coordinates) ? dims - count : 0;
     for (int d = first; d < first + count; d++) {
         form->stretch[d] *= factor;
     }
 }
 
 static double stiffness(const gonio_lsq_form *form, int dims) {
-    return form->stretch[form->coordinates == GONIO_HALF_VECTOR ? dims - 1 : 0];
+    return form->stretch[gonio_coordinates_are_half_vector(form->coordinates) ? dims - 1 : 0];
 }
 
 // Score a form, and keep it where it is better than *before.

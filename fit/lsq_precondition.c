@@ -332,7 +332,7 @@ gonio_status gonio_lsq_precondition_new(int dims, const gonio_lsq_form *form, in
     p->dims = dims;
     p->level = level;
     // The stiff axes by themselves: the incidence, or the difference angle (fit/lsq_large.c).
-    p->split = dims == 4 || form->coordinates == GONIO_HALF_VECTOR ? 2 : 1;
+    p->split = dims == 4 || gonio_coordinates_are_half_vector(form->coordinates) ? 2 : 1;
     lay_out(p);
     const size_t finest = power(gonio_bspline_size(level), p->split);
     const size_t inverse = p->row_blocks * p->cells[LEVELS] * LANES;

@@ -40,7 +40,7 @@ unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims) {
     if (dims == 4) {
         return 1u << 1 | 1u << 3;
     }
-    return coordinates == GONIO_HALF_VECTOR ? 1u << 1 : 1u << 2;
+    return gonio_coordinates_are_half_vector(coordinates) ? 1u << 1 : 1u << 2;
 }
 
 // A power of two near the channel's largest |value|; 1 for a channel of zeros.

@@ -42,7 +42,7 @@ static void append(gonio_tradeoff_form *forms, size_t limit, size_t *n, gonio_tr
 
 size_t gonio_tradeoff_forms(gonio_tradeoff_form *forms, size_t limit) {
     size_t n = 0;
-    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+    for (int c = 0; c < GONIO_COORDINATES; c++) {
         for (int d = GONIO_LINEAR; d <= GONIO_LOG; d++) {
             for (int level = 0; level <= MULTILEVEL_MAX; level++) {
                 append(forms, limit, &n, (gonio_tradeoff_form){"mba", level, c, d});

@@ -60,8 +60,10 @@ static bool fill_options(const cli_common *common, fit_arguments *a) {
     if (a->coordinates != NULL && strcmp(a->coordinates, "auto") != 0) {
         o->coordinates_set = true;
         if (!gonio_coordinates_parse(a->coordinates, &o->coordinates)) {
-            cli_usage(common, "fit: --coordinates: expected auto, nusselt, half-vector or reflected, found '%s'",
-                      a->coordinates);
+            cli_usage(
+                common,
+                "fit: --coordinates: expected auto, nusselt, half-vector (-narrow, -wide) or reflected, found '%s'",
+                a->coordinates);
             return false;
         }
     }
@@ -146,7 +148,8 @@ static int run(int argc, char **argv) {
         {"method", 0, CLI_TEXT, &o->method, NULL, "NAME", "mba, cbmba, lsq, auto ...; an unknown name lists them"},
         {"level", 0, CLI_TEXT, &a.level, NULL, "N|auto", "lattice level (auto: by held-out error)"},
         {"tolerance", 0, CLI_DOUBLE, &o->tolerance, NULL, "RMSE", "the smallest level that meets it"},
-        {"coordinates", 0, CLI_TEXT, &a.coordinates, NULL, "NAME", "nusselt, half-vector, reflected or auto"},
+        {"coordinates", 0, CLI_TEXT, &a.coordinates, NULL, "NAME",
+         "nusselt, half-vector (-narrow, -wide), reflected or auto"},
         {"domain", 0, CLI_TEXT, &a.domain, NULL, "NAME", "linear, log or auto"},
         {"symmetry", 0, CLI_TEXT, &a.symmetry, NULL, "LIST", "mirror,reciprocity; none; auto"},
         {"thesis", 0, CLI_FLAG, &o->thesis, NULL, NULL, "exactly Kameya's form: Nusselt, linear, no offset"},

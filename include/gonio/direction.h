@@ -39,17 +39,24 @@ double gonio_angle_canonical(double rad);
 
 // Coordinate systems of a fit's domain; every coordinate lies in [0, 1].
 typedef enum gonio_coordinates {
-    GONIO_NUSSELT = 0,     // isotropic: (kappa_i, kappa_o, lambda_o) with phi_i = 0; Kameya 2002
-    GONIO_HALF_VECTOR = 1, // (r cos phi_d, r sin phi_d, theta_d), r = asinh(tan theta_h / 0.1): DESIGN section 8
-    GONIO_REFLECTED = 2,   // Nusselt coordinates of the outgoing direction about the mirror direction
+    GONIO_NUSSELT = 0,            // isotropic: (kappa_i, kappa_o, lambda_o) with phi_i = 0; Kameya 2002
+    GONIO_HALF_VECTOR = 1,        // (r cos phi_d, r sin phi_d, theta_d), r = asinh(tan theta_h / 0.1): DESIGN section 8
+    GONIO_REFLECTED = 2,          // Nusselt coordinates of the outgoing direction about the mirror direction
+    GONIO_HALF_VECTOR_NARROW = 3, // as half-vector, 0.03 instead of 0.1
+    GONIO_HALF_VECTOR_WIDE = 4,   // 0.4
 } gonio_coordinates;
+#define GONIO_COORDINATES 5 // how many there are
+
+static inline bool gonio_coordinates_are_half_vector(gonio_coordinates system) {
+    return system == GONIO_HALF_VECTOR || system == GONIO_HALF_VECTOR_NARROW || system == GONIO_HALF_VECTOR_WIDE;
+}
 
 // The isotropic (3-D) coordinates of a pair: x[3] in [0, 1]. Defined for every pair with both thetas in [0, pi/2].
 void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]);
 // The anisotropic (4-D) coordinates: x[4] in [0, 1].
 void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[4]);
 
-const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half-vector" "reflected"
+const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half-vector" ...
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system);
 
 #ifdef __cplusplus
