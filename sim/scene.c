@@ -166,20 +166,33 @@ static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 nor
     return fmax(0, sum / scene->lights);
 }
 
-// Rays a side of one pixel that average the picture: its edges lie within pixels.
-#define TEXTURE_RAYS 4
+// Rays that average the picture over one pixel, since its edges lie within pixels: Hammersley's points. No two share a
+// column or a row, so that an edge along the pixels' sides, as an upright board has them, moves the mean in steps of a
+// 32nd. On a grid of 4 x 4 it moves in quarters, and the corners that are found between such edges are up to 0.3 px
+// off. Of all angles and places of an edge, the share of the pixel beyond it is wrong by 0.023 rms (grid: 0.029; 16
+// points: 0.037), within 3 deg of the sides by 0.010 (0.055; 0.017).
+#define TEXTURE_BITS 5
+#define TEXTURE_RAYS (1 << TEXTURE_BITS)
 
 static gonio_vec3 ray_of(const sim_scene *scene, double x, double y) {
     return add(add(scene->forward, x, scene->right), -y, scene->up);
+}
+
+// The bits of k in reverse order: van der Corput's sequence times TEXTURE_RAYS.
+static int reversed(int k) {
+    int r = 0;
+    for (int bit = 0; bit < TEXTURE_BITS; bit++) {
+        r = r << 1 | (k >> bit & 1);
+    }
+    return r;
 }
 
 // The picture's mean reflectance over the pixel about (x, y).
 static double picture(const sim_scene *scene, double x, double y) {
     const sim_texture *t = scene->texture;
     double sum = 0;
-    for (int k = 0; k < TEXTURE_RAYS * TEXTURE_RAYS && t != NULL && t->pixels != NULL; k++) {
-        const double dx = (k % TEXTURE_RAYS + 0.5) / TEXTURE_RAYS - 0.5;
-        const double dy = (k / TEXTURE_RAYS + 0.5) / TEXTURE_RAYS - 0.5;
+    for (int k = 0; k < TEXTURE_RAYS && t != NULL && t->pixels != NULL; k++) {
+        const double dx = (k + 0.5) / TEXTURE_RAYS - 0.5, dy = (reversed(k) + 0.5) / TEXTURE_RAYS - 0.5;
         gonio_vec3 point;
         if (hit_plane(scene, ray_of(scene, x + dx * scene->pixel, y + dy * scene->pixel), INFINITY, &point)) {
             const double column = floor(point.x / t->mm_per_px + t->width / 2.0);
@@ -188,7 +201,7 @@ static double picture(const sim_scene *scene, double x, double y) {
             sum += inside ? (double)t->pixels[(size_t)row * (size_t)t->width + (size_t)column] : 0;
         }
     }
-    return sum / (TEXTURE_RAYS * TEXTURE_RAYS);
+    return sum / TEXTURE_RAYS;
 }
 
 // A sphere's point and normal: the sample's or the ball's.
