@@ -53,17 +53,18 @@ static double middle_of(const double *values, size_t n, double *work) {
 static gonio_status fill_probes(const gonio_influence *f, const gonio_sigma_law *law, const double *factor,
                                 gonio_lsq_data *probes, gonio_error *error) {
     const size_t m = probes->n, d = (size_t)probes->dims;
-    double *noise = malloc((2 + d) * m * sizeof *noise), *work = malloc(4 * (law->records->n + 1) * sizeof *work);
+    double *noise = malloc((1 + GONIO_SIGMA_SIGNS + d) * m * sizeof *noise),
+           *work = malloc(4 * (law->records->n + 1) * sizeof *work);
     gonio_status status =
         noise != NULL && work != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK) {
-        double *unknown = noise + m, *x = unknown + m;
+        double *signs = noise + m, *x = signs + GONIO_SIGMA_SIGNS * m;
         gonio_lsq_data_locate(probes, gonio_lsq_dense_form(f->dense)->coordinates, x);
-        status = gonio_influence_at(f, m, probes->pairs, x, noise, unknown, error);
+        status = gonio_influence_at(f, factor, m, probes->pairs, x, noise, signs, error);
         for (size_t i = 0; i < m && status == GONIO_OK; i++) {
             double place[2];
             gonio_sigma_place(&probes->pairs[i], place);
-            const double learnt = gonio_sigma_law_variance(law, place, noise[i], unknown[i], work);
+            const double learnt = gonio_sigma_law_variance(law, place, noise[i], signs + GONIO_SIGMA_SIGNS * i, work);
             probes->targets[i] = learnt + gonio_sigma_held_back(f->data, &f->base->lobes, factor, &probes->pairs[i]);
         }
     }

@@ -7,8 +7,7 @@
 //
 // A base of lobes was fitted to the same samples, robustly and beforehand, and stays as it is where a block is left
 // out: the residuals are then those of the very predictor that the model is. Elsewhere its parameters count as
-// regressors with a wide prior (Rasmussen & Williams 2006, section 2.7), so that what they leave open is part of the
-// variance.
+// regressors with a wide prior (Rasmussen & Williams 2006, section 2.7), so that the noise in them is part of N.
 #include "fit/uncertainty_blocks.h"
 
 #include <cblas.h>
@@ -171,20 +170,29 @@ typedef struct blocks {
     unsigned mirror_axes; // of x
 } blocks;
 
-// A prediction of `centre` with variance `total` in units of the noise's, of which `noise` is the samples'; its
-// weighted residual of channel k is at residual[k * stride].
-static gonio_status add_record(const blocks *b, size_t centre, double weight, double total, double noise,
-                               const double *residual, size_t stride, gonio_error *error) {
+// A prediction of a left-out sample. total: its variance in units of the noise's, of which `noise` is the samples'.
+// residual, target: of each channel; target is what the base leaves to the spline; slope: what the spline misses of the
+// base's slopes; all three times root weight.
+typedef struct prediction {
+    double total, noise, residual[GONIO_CHANNELS_MAX], target[GONIO_CHANNELS_MAX], slope[PARAMETERS_MAX];
+} prediction;
+
+static gonio_status add_record(const blocks *b, size_t centre, double weight, const prediction *p, gonio_error *error) {
     const size_t c = (size_t)b->f->data->channels;
-    const double root = b->root[centre];
-    gonio_sigma_record r = {.noise = noise / (root * root),
-                            .unknown = fmax(total - noise, 0) / (root * root),
-                            .weight = weight,
-                            .centre = centre};
+    const double root = b->root[centre], square = root * root;
+    double correction = 0, slopes = 0;
+    gonio_sigma_record r = {.noise = p->noise / square, .weight = weight, .centre = centre};
     for (size_t k = 0; k < c; k++) {
-        const double e = residual[k * stride] / (root * b->factor[k]);
-        r.square += e * e / (double)c;
+        const double unit = root * b->factor[k], spline = (p->target[k] - p->residual[k]) / unit;
+        r.square += p->residual[k] * p->residual[k] / (unit * unit * (double)c);
+        correction += spline * spline / (double)c;
     }
+    for (size_t k = 0; k < b->f->p; k++) {
+        slopes += p->slope[k] * p->slope[k];
+    }
+    r.signs[GONIO_SIGMA_UNKNOWN] = fmax(p->total - p->noise, 0) / square;
+    r.signs[GONIO_SIGMA_CORRECTION] = correction;
+    r.signs[GONIO_SIGMA_SLOPES] = slopes / square;
     gonio_sigma_place(&b->f->data->pairs[centre], r.x);
     return gonio_sigma_records_add(b->records, &r, error);
 }
@@ -204,22 +212,24 @@ static gonio_status leave_out(const blocks *b, size_t size, double weight, gonio
     if (LAPACKE_dposv_work(LAPACK_COL_MAJOR, 'L', s, 1, b->matrix, s, b->row, s) != 0) {
         return GONIO_OK; // rounding: samples so near each other that a gap among them tells nothing
     }
-    double noise = 0;
+    prediction p = {.total = b->row[0]};
     for (size_t j = 0; j < size; j++) {
         double sum = 0;
         for (size_t i = 0; i < size; i++) {
             sum += f->square[b->member[j] * n + b->member[i]] * b->row[i];
         }
-        noise += sum * b->row[j];
-    }
-    double e[GONIO_CHANNELS_MAX];
-    for (size_t k = 0; k < c; k++) {
-        e[k] = 0;
-        for (size_t i = 0; i < size; i++) {
-            e[k] += b->row[i] * f->residual[k * n + b->member[i]];
+        p.noise += sum * b->row[j];
+        for (size_t k = 0; k < c; k++) {
+            p.residual[k] += b->row[j] * f->residual[k * n + b->member[j]];
+        }
+        for (size_t k = 0; k < f->p; k++) {
+            p.slope[k] += b->row[j] * f->pulled[k * n + b->member[j]];
         }
     }
-    return add_record(b, centre, weight, b->row[0], noise, e, 1, error);
+    for (size_t k = 0; k < c; k++) {
+        p.target[k] = b->root[centre] * f->base->rest[centre * c + k];
+    }
+    return add_record(b, centre, weight, &p, error);
 }
 
 typedef struct ranked {
@@ -327,11 +337,19 @@ static gonio_status predict_members(const blocks *b, size_t size, const double *
     cblas_dsymm(CblasColMajor, CblasLeft, CblasLower, s, s, 1, inverse, s, square, s, 0, both, s);
     gonio_status status = GONIO_OK;
     for (size_t i = 0; i < size && status == GONIO_OK; i++) {
-        double noise = 0;
+        prediction p = {.total = inverse[i * size + i]};
         for (size_t j = 0; j < size; j++) {
-            noise += both[j * size + i] * inverse[i < j ? i * size + j : j * size + i];
+            const double weight = inverse[i < j ? i * size + j : j * size + i];
+            p.noise += both[j * size + i] * weight;
+            for (size_t k = 0; k < f->p; k++) {
+                p.slope[k] += weight * f->pulled[k * n + b->member[j]];
+            }
         }
-        status = add_record(b, b->member[i], BLOCK_WEIGHT, inverse[i * size + i], noise, residual + i, size, error);
+        for (size_t k = 0; k < c; k++) {
+            p.residual[k] = residual[k * size + i];
+            p.target[k] = rest[k * n + b->member[i]];
+        }
+        status = add_record(b, b->member[i], BLOCK_WEIGHT, &p, error);
     }
     return status;
 }
@@ -422,17 +440,15 @@ gonio_status gonio_influence_records(const gonio_influence *f, const double *fac
 
 // ---- elsewhere ----
 
-// Let the base's parameters take part: weights and variance of m predictions.
+// Let the base's parameters take part in the weights of m predictions; tell what the spline misses of the slopes.
 static gonio_status add_base(const gonio_influence *f, size_t m, const gonio_pair *pairs, double *weights,
-                             double *variance, gonio_error *error) {
+                             double *signs, gonio_error *error) {
     const blasint n = (blasint)f->n, p = (blasint)f->p, k = (blasint)m;
-    double *gap = malloc(2 * m * f->p * sizeof *gap), *pull = gap != NULL ? gap + m * f->p : NULL;
-    double *transposed = malloc(m * f->p * sizeof *transposed);
-    if (gap == NULL || transposed == NULL) {
-        free(gap);
-        free(transposed);
+    double *gap = malloc(3 * m * f->p * sizeof *gap);
+    if (gap == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }
+    double *pull = gap + m * f->p, *transposed = pull + m * f->p;
     base_slopes(f->base, f->data, m, pairs, transposed);
     for (size_t i = 0; i < m; i++) {
         for (size_t l = 0; l < f->p; l++) {
@@ -444,27 +460,62 @@ static gonio_status add_base(const gonio_influence *f, size_t m, const gonio_pai
     cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, p, k, p, 1, f->inverse, p, gap, p, 0, pull, p);
     cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, n, k, p, 1, f->pulled, n, pull, p, 1, weights, n);
     for (size_t i = 0; i < m; i++) {
-        variance[i] += cblas_ddot(p, gap + i * f->p, 1, pull + i * f->p, 1);
+        signs[i * GONIO_SIGMA_SIGNS + GONIO_SIGMA_SLOPES] = cblas_ddot(p, gap + i * f->p, 1, gap + i * f->p, 1);
     }
     free(gap);
-    free(transposed);
     return GONIO_OK;
 }
 
-gonio_status gonio_influence_at(const gonio_influence *f, size_t m, const gonio_pair *pairs, const double *x,
-                                double *noise, double *unknown, gonio_error *error) {
+// The spline's mean square over channels, in the channels' factors.
+static gonio_status square_spline(const gonio_influence *f, const double *factor, size_t m, const double *weights,
+                                  double *signs, gonio_error *error) {
+    const size_t n = f->n, c = (size_t)f->data->channels;
+    const double *root = gonio_lsq_dense_roots(f->dense);
+    double *target = malloc((n + m) * c * sizeof *target), *spline = target + n * c;
+    if (target == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < c; k++) {
+            target[k * n + i] = root[i] * f->base->rest[i * c + k] / factor[k];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)m, (blasint)c, (blasint)n, 1, weights, (blasint)n,
+                target, (blasint)n, 0, spline, (blasint)m);
+    for (size_t i = 0; i < m; i++) {
+        double sum = 0;
+        for (size_t k = 0; k < c; k++) {
+            sum += spline[k * m + i] * spline[k * m + i] / (double)c;
+        }
+        signs[i * GONIO_SIGMA_SIGNS + GONIO_SIGMA_CORRECTION] = sum;
+    }
+    free(target);
+    return GONIO_OK;
+}
+
+static double squared_length(const double *weights, size_t n) { return cblas_ddot((blasint)n, weights, 1, weights, 1); }
+
+gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, size_t m, const gonio_pair *pairs,
+                                const double *x, double *noise, double *signs, gonio_error *error) {
     double *weights = malloc(f->n * m * sizeof *weights);
     if (weights == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }
-    gonio_status status = gonio_lsq_dense_spread(f->dense, f->lambda, m, x, weights, unknown, error);
+    gonio_status status = gonio_lsq_dense_spread(f->dense, f->lambda, m, x, weights, noise, error);
     gonio_lsq_blas_begin();
+    for (size_t i = 0; i < m && status == GONIO_OK; i++) {
+        double *at = signs + i * GONIO_SIGMA_SIGNS;
+        at[GONIO_SIGMA_UNKNOWN] = fmax(noise[i] - squared_length(weights + i * f->n, f->n), 0);
+        at[GONIO_SIGMA_SLOPES] = 0;
+    }
+    if (status == GONIO_OK) {
+        status = square_spline(f, factor, m, weights, signs, error);
+    }
     if (status == GONIO_OK && f->p > 0) {
-        status = add_base(f, m, pairs, weights, unknown, error);
+        status = add_base(f, m, pairs, weights, signs, error);
     }
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
-        noise[i] = cblas_ddot((blasint)f->n, weights + i * f->n, 1, weights + i * f->n, 1);
-        unknown[i] = fmax(unknown[i] - noise[i], 0);
+        noise[i] = squared_length(weights + i * f->n, f->n);
     }
     gonio_lsq_blas_end();
     free(weights);

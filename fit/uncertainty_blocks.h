@@ -27,8 +27,9 @@ void gonio_influence_release(gonio_influence *f);
 // Residuals divided by factor[channel], and what each is expected to be made of.
 gonio_status gonio_influence_records(const gonio_influence *f, const double *factor, gonio_sigma_records *records,
                                      gonio_error *error);
-// At m points: the variances N and U of the model's error, as in the records (own noise left out).
-gonio_status gonio_influence_at(const gonio_influence *f, size_t m, const gonio_pair *pairs, const double *x,
-                                double *noise, double *unknown, gonio_error *error);
+// At m points: N and the signs of the model's error as in the records (own noise left out). N counts what the samples'
+// noise does to the base's parameters too. signs: m x GONIO_SIGMA_SIGNS.
+gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, size_t m, const gonio_pair *pairs,
+                                const double *x, double *noise, double *signs, gonio_error *error);
 
 #endif

@@ -10,9 +10,10 @@
 
 #define SIGMA_LEVEL_3D 4
 #define SIGMA_LEVEL_4D 2
-#define SIGMA_LAMBDA 1e-3 // smooths what one probe says against its neighbours
-#define PROBES 1000
+#define SIGMA_LAMBDA 1e-4 // smooths what one probe says against its neighbours
+#define PROBES 2000
 #define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
+#define HELD_BACK 1.75
 #define MEDIAN_OF_NORMAL 0.6744897501960817
 
 // Steele, Lea and Flood (2014): SplitMix64.
@@ -54,7 +55,9 @@ double gonio_sigma_told(const gonio_lsq_data *data, const double *factor) {
 
 // Beyond the samples' angles the lobes are held at the values that they have there (fit/lobe_model.h). Nobody knows
 // whether the material follows the lobes instead, or goes twice as far: the mean square of a step uniform from none to
-// twice the lobes' own is 4/3 of its square. Added to the variance, mean over channels.
+// twice the lobes' own is 4/3 of its square, but materials of the lobes' own family go just that step, and as the
+// median of a normal error that is 2.2 of its square. HELD_BACK lies between. Added to the variance, mean over
+// channels.
 double gonio_sigma_held_back(const gonio_lsq_data *data, const gonio_lobe_base *held, const double *factor,
                              const gonio_pair *pair) {
     if (held == NULL || held->lobes == 0) {
@@ -70,7 +73,7 @@ double gonio_sigma_held_back(const gonio_lsq_data *data, const gonio_lobe_base *
         const double *strength = held->strength + (ptrdiff_t)k * (1 + GONIO_LOBES_MAX);
         const double step = gonio_lobe_base_link(&free, strength, units[1], data->kind, &data->links[k]) -
                             gonio_lobe_base_link(held, strength, units[0], data->kind, &data->links[k]);
-        sum += 4.0 / 3 * step * step / (factor[k] * factor[k]) / data->channels;
+        sum += HELD_BACK * step * step / (factor[k] * factor[k]) / data->channels;
     }
     return sum;
 }

@@ -17,7 +17,7 @@
 #define SCATTERED 10    // one of so many is left out
 #define BEYOND 12       // one of so many, of the largest theta_o and theta_i each
 #define RECORDS 700     // of each kind
-#define SEARCHED 200000 // samples among which the nearest are sought
+#define SEARCHED 100000 // samples among which the nearest are sought
 #define HOLES 27        // balls: nine of each radius, over all 27 some per cent of the domain
 static const double radii[] = {0.03, 0.06, 0.12};
 
@@ -253,7 +253,7 @@ static gonio_status add_records(const evidence *e, const double *factor, gonio_s
                 continue;
             }
             gonio_sigma_record r = {.noise = 1 / held->weights[i] + noise_at(e, e->gap[i]),
-                                    .unknown = e->gap[i],
+                                    .signs = {[GONIO_SIGMA_UNKNOWN] = e->gap[i]},
                                     .weight = others ? 0.5 : 1,
                                     .centre = i};
             for (size_t k = 0; k < c; k++) {
@@ -282,9 +282,10 @@ static gonio_status fill_probes(const evidence *e, const gonio_sigma_law *law, c
     }
     for (size_t i = 0; i < probes->n && status == GONIO_OK; i++) {
         const double gap = gap2(&all, at.x + i * at.d);
+        const double signs[GONIO_SIGMA_SIGNS] = {[GONIO_SIGMA_UNKNOWN] = gap};
         double place[2];
         gonio_sigma_place(&probes->pairs[i], place);
-        probes->targets[i] = gonio_sigma_law_variance(law, place, noise_at(e, gap), gap, work) +
+        probes->targets[i] = gonio_sigma_law_variance(law, place, noise_at(e, gap), signs, work) +
                              gonio_sigma_held_back(data, choice->lobes, factor, &probes->pairs[i]);
     }
     free(all.x);

@@ -73,7 +73,9 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
         assert_near(sqrt(records.rows[first + i].square), fabs(e), 1e-4);
         // A prediction without noise would leave the sample's own.
         assert_true(records.rows[first + i].noise >= 1 / data.weights[centre] - 1e-9);
-        assert_true(records.rows[first + i].unknown > 0);
+        assert_true(records.rows[first + i].signs[GONIO_SIGMA_UNKNOWN] > 0);
+        assert_near(records.rows[first + i].signs[GONIO_SIGMA_CORRECTION], predicted * predicted, 1e-3);
+        assert_true(records.rows[first + i].signs[GONIO_SIGMA_SLOPES] == 0); // no base
     }
     gonio_lattice_release(&lattice);
     gonio_lsq_dense_free(without);
@@ -87,8 +89,9 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
     gonio_lsq_data_release(&data);
 }
 
-// Residuals drawn from a law whose roughness differs by a factor of 5 over the domain: the answer is within a factor of
-// 1.6 of the true sigma at nine of ten places. 2,000 residuals, 16 in a window: their scale is known to 20 %.
+// Residuals drawn from a law whose roughness differs by a factor of 5 over the domain, and that grows with what the
+// spline adds: the answer is within a factor of 1.6 of the true sigma at nine of ten places. 2,000 residuals, 16 in a
+// window: their scale is known to 20 %.
 static void test_the_law_is_found(void **state) {
     (void)state;
     uint64_t seed = 7;
@@ -97,9 +100,11 @@ static void test_the_law_is_found(void **state) {
     for (size_t i = 0; i < 2000; i++) {
         gonio_sigma_record r = {.x = {3 * simulate_uniform(&seed), simulate_uniform(&seed)}, .weight = 1, .centre = i};
         r.noise = 1 + 0.2 * simulate_uniform(&seed);
-        r.unknown = exp(6 * simulate_uniform(&seed) - 3);
+        const double unknown = exp(6 * simulate_uniform(&seed) - 3), spline = exp(4 * simulate_uniform(&seed) - 2);
         const double rough = r.x[0] < 1.5 ? 0.3 : 1.5;
-        const double e = sqrt(noise * r.noise + rough * rough * pow(r.unknown, 1.5)) * sigma_normal(&seed);
+        const double e = sqrt(noise * r.noise + rough * rough * pow(unknown, 1.5) * spline) * sigma_normal(&seed);
+        r.signs[GONIO_SIGMA_UNKNOWN] = unknown;
+        r.signs[GONIO_SIGMA_CORRECTION] = spline;
         r.square = e * e;
         assert_int_equal(gonio_sigma_records_add(&records, &r, NULL), GONIO_OK);
     }
@@ -112,9 +117,11 @@ static void test_the_law_is_found(void **state) {
         for (int k = 0; k < 200; k++) {
             const double x[2] = {k % 2 == 0 ? 1.2 * simulate_uniform(&seed) : 1.8 + 1.2 * simulate_uniform(&seed),
                                  simulate_uniform(&seed)};
-            const double unknown = exp(4 * simulate_uniform(&seed) - 2), rough = k % 2 == 0 ? 0.3 : 1.5;
-            const double truth = sqrt(0.1 * noise + rough * rough * pow(unknown, 1.5));
-            const double found = sqrt(gonio_sigma_law_variance(&law, x, 0.1, unknown, work));
+            const double unknown = exp(4 * simulate_uniform(&seed) - 2), spline = exp(2 * simulate_uniform(&seed) - 1);
+            const double rough = k % 2 == 0 ? 0.3 : 1.5;
+            const double truth = sqrt(0.1 * noise + rough * rough * pow(unknown, 1.5) * spline);
+            const double signs[GONIO_SIGMA_SIGNS] = {unknown, spline, 0};
+            const double found = sqrt(gonio_sigma_law_variance(&law, x, 0.1, signs, work));
             good += fabs(log(found / truth)) < log(1.6);
         }
         assert_true(good >= 180);
