@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/lobe_fit.h"
 #include "fit/scatter.h"
 #include "fit/uncertainty.h"
 #include "fit/uncertainty_field.h"
@@ -242,8 +243,45 @@ static gonio_status evidence_init(evidence *e, const gonio_lsq_large_choice *cho
     return status;
 }
 
-static gonio_status add_records(const evidence *e, const double *factor, gonio_sigma_records *records,
-                                gonio_error *error) {
+// square[n]: of n x c spline values less their channel's median, mean over channels in their factors. work: [n].
+static void square_about_median(size_t n, size_t c, const double *spline, const double *factor, double *square,
+                                double *work) {
+    memset(square, 0, n * sizeof *square);
+    for (size_t k = 0; k < c; k++) {
+        for (size_t i = 0; i < n; i++) {
+            work[i] = spline[i * c + k];
+        }
+        qsort(work, n, sizeof *work, by_value);
+        const double middle = work[n / 2];
+        for (size_t i = 0; i < n; i++) {
+            const double x = (spline[i * c + k] - middle) / factor[k];
+            square[i] += x * x / (double)c;
+        }
+    }
+}
+
+// correction[held n]: S of the left-out predictions.
+static gonio_status held_corrections(const evidence *e, const gonio_lobe_base *lobes, const double *factor,
+                                     double *correction, gonio_error *error) {
+    const gonio_lsq_data *held = &e->left.held;
+    const size_t n = held->n, c = (size_t)held->channels;
+    double *spline = calloc(n * c + n, sizeof *spline);
+    if (spline == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    if (lobes != NULL && lobes->lobes > 0) {
+        gonio_lobe_targets(lobes, held, spline);
+    }
+    for (size_t i = 0; i < n * c; i++) {
+        spline[i] = held->targets[i] - spline[i] - e->left.residuals[i];
+    }
+    square_about_median(n, c, spline, factor, correction, spline + n * c);
+    free(spline);
+    return GONIO_OK;
+}
+
+static gonio_status add_records(const evidence *e, const double *factor, const double *correction,
+                                gonio_sigma_records *records, gonio_error *error) {
     const gonio_lsq_data *held = &e->left.held;
     const size_t c = (size_t)held->channels;
     gonio_status status = GONIO_OK;
@@ -252,10 +290,11 @@ static gonio_status add_records(const evidence *e, const double *factor, gonio_s
             if (e->gap[i] < 0 || (e->why[i] != ALONE) != (others == 1)) {
                 continue;
             }
-            gonio_sigma_record r = {.noise = 1 / held->weights[i] + noise_at(e, e->gap[i]),
-                                    .signs = {[GONIO_SIGMA_UNKNOWN] = e->gap[i]},
-                                    .weight = others ? 0.5 : 1,
-                                    .centre = i};
+            gonio_sigma_record r = {
+                .noise = 1 / held->weights[i] + noise_at(e, e->gap[i]),
+                .signs = {[GONIO_SIGMA_UNKNOWN] = e->gap[i], [GONIO_SIGMA_CORRECTION] = correction[i]},
+                .weight = others ? 0.5 : 1,
+                .centre = i};
             for (size_t k = 0; k < c; k++) {
                 const double x = e->left.residuals[i * c + k] / factor[k];
                 r.square += x * x / (double)c;
@@ -270,10 +309,61 @@ static gonio_status add_records(const evidence *e, const double *factor, gonio_s
 
 // ---- the field ----
 
+// correction[probes n]: S of the model's spline.
+static gonio_status probe_corrections(const gonio_lobe_model_parts *parts, const double *factor,
+                                      const gonio_lsq_data *probes, double *correction, gonio_error *error) {
+    const size_t n = probes->n, c = (size_t)parts->channels, d = (size_t)probes->dims;
+    double *spline = malloc(n * (c + 1 + d) * sizeof *spline), *x = spline + n * (c + 1);
+    if (spline == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    gonio_lsq_data_locate(probes, parts->coordinates, x);
+    for (size_t i = 0; i < n; i++) {
+        gonio_lattice_eval(&parts->lattice, x + i * d, spline + i * c);
+    }
+    square_about_median(n, c, spline, factor, correction, spline + n * c);
+    free(spline);
+    return GONIO_OK;
+}
+
+// The larger theta of all samples.
+static double widest(const gonio_lsq_data *data) {
+    double theta = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        theta = fmax(theta, fmax(data->pairs[i].theta_i, data->pairs[i].theta_o));
+    }
+    return theta;
+}
+
+// Beyond the samples' angles the spline goes on alone, and nobody knows whether the material does: the square of how
+// far it goes from where the samples end is added to the variance, mean over channels.
+static double gone_on(const gonio_lobe_model_parts *parts, const double *factor, double theta, const gonio_pair *pair) {
+    const gonio_pair edge = {fmin(pair->theta_i, theta), pair->phi_i, fmin(pair->theta_o, theta), pair->phi_o};
+    const gonio_pair *at[2] = {pair, &edge};
+    double value[2][GONIO_CHANNELS_MAX], x[4], sum = 0;
+    for (int s = 0; s < 2; s++) {
+        const gonio_vec3 wi = gonio_direction(at[s]->theta_i, at[s]->phi_i);
+        const gonio_vec3 wo = gonio_direction(at[s]->theta_o, at[s]->phi_o);
+        if (parts->dims == 3) {
+            gonio_coordinates_isotropic(parts->coordinates, wi, wo, x);
+        } else {
+            gonio_coordinates_anisotropic(parts->coordinates, wi, wo, x);
+        }
+        gonio_lattice_eval(&parts->lattice, x, value[s]);
+    }
+    for (int k = 0; k < parts->channels; k++) {
+        const double step = (value[0][k] - value[1][k]) / factor[k];
+        sum += step * step / parts->channels;
+    }
+    return sum;
+}
+
+// In: probes->targets are their S; out: their variances.
 static gonio_status fill_probes(const evidence *e, const gonio_sigma_law *law, const gonio_lsq_data *data,
-                                const gonio_lsq_large_choice *choice, const double *factor, gonio_lsq_data *probes,
-                                gonio_error *error) {
+                                const gonio_lsq_large_choice *choice, const gonio_lobe_model_parts *parts,
+                                const double *factor, gonio_lsq_data *probes, gonio_error *error) {
     places all = {0}, at = {0};
+    const double theta = widest(data);
     double *work = malloc(4 * (law->records->n + 1) * sizeof *work);
     gonio_status status = work != NULL ? places_init(&all, data, &choice->form, error)
                                        : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
@@ -282,11 +372,13 @@ static gonio_status fill_probes(const evidence *e, const gonio_sigma_law *law, c
     }
     for (size_t i = 0; i < probes->n && status == GONIO_OK; i++) {
         const double gap = gap2(&all, at.x + i * at.d);
-        const double signs[GONIO_SIGMA_SIGNS] = {[GONIO_SIGMA_UNKNOWN] = gap};
+        const double signs[GONIO_SIGMA_SIGNS] = {
+            [GONIO_SIGMA_UNKNOWN] = gap, [GONIO_SIGMA_CORRECTION] = probes->targets[i]};
         double place[2];
         gonio_sigma_place(&probes->pairs[i], place);
         probes->targets[i] = gonio_sigma_law_variance(law, place, noise_at(e, gap), signs, work) +
-                             gonio_sigma_held_back(data, choice->lobes, factor, &probes->pairs[i]);
+                             gonio_sigma_held_back(data, choice->lobes, factor, &probes->pairs[i]) +
+                             gone_on(parts, factor, theta, &probes->pairs[i]);
     }
     free(all.x);
     free(at.x);
@@ -301,10 +393,12 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
         return GONIO_OK;
     }
     evidence e;
-    gonio_sigma_records records = {0};
+    // U is a distance here: its exponent is the method's order, and the samples' to tell.
+    gonio_sigma_records records = {.power = {1.5, 0.6, 0.3}, .spread = {1, 0.25, 0.25}};
     gonio_sigma_law law;
     gonio_lsq_data probes = {0};
-    double some[8], *work = malloc(data->n * sizeof *work), *factor = malloc(c * sizeof *factor);
+    double some[8], *work = malloc(2 * data->n * sizeof *work), *factor = malloc(c * sizeof *factor);
+    double *correction = work + data->n;
     gonio_status status = evidence_init(&e, choice, data, watch, error);
     if (status == GONIO_OK && (work == NULL || factor == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
@@ -315,7 +409,10 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
         for (size_t k = 0; k < c; k++) {
             factor[k] = some[(2 * k + 1) * tried / (2 * c)]; // of the nearest channel that was tried
         }
-        status = add_records(&e, some, &records, error);
+        status = held_corrections(&e, choice->lobes, some, correction, error);
+    }
+    if (status == GONIO_OK) {
+        status = add_records(&e, some, correction, &records, error);
     }
     if (status == GONIO_OK) {
         status = gonio_sigma_law_fit(&records, gonio_sigma_told(&e.left.held, some), &law, error);
@@ -324,7 +421,10 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
         status = gonio_sigma_probes(&probes, data, error);
     }
     if (status == GONIO_OK) {
-        status = fill_probes(&e, &law, data, choice, factor, &probes, error);
+        status = probe_corrections(parts, factor, &probes, probes.targets, error);
+    }
+    if (status == GONIO_OK) {
+        status = fill_probes(&e, &law, data, choice, parts, factor, &probes, error);
     }
     if (status == GONIO_OK) {
         status = gonio_sigma_attach(&probes, factor, parts, error);

@@ -20,17 +20,12 @@
 #define NEARNESS_MIN (-4.5) // ln of the weight: farther records count for a hundredth
 #define TILT_SCALE 6.0      // a lobe of alpha 0.15 is as wide as half the range of theta_d then
 #define VARIANCE_MIN 1e-14
-#define POWER_PRIOR 0.25 // standard deviation of an exponent about its usual value
-#define POWER_MAX 3.0
+#define POWER_MAX 5.0
 #define CORRECTION_FLOOR 0.01 // of the residuals' median square: a tenth of the typical residual
 #define SLOPES_FLOOR 1e-5     // parameters known to 0.3 %
 // Coordinates, base, level and lambda were chosen on the same samples, which makes left-out residuals a little too
 // good: by 10 % in simulated sets (tests/bench/fit_coverage).
 #define SELECTION 1.21
-
-// Exponents where little tells them. Fits of ln error^2 at new directions over simulated materials gave 0.4 to 0.7 for
-// U and S, left-out samples the same, and 0.3 to 0.4 for G.
-static const double usual_power[GONIO_SIGMA_SIGNS] = {0.6, 0.6, 0.3};
 
 void gonio_sigma_records_release(gonio_sigma_records *records) {
     free(records->rows);
@@ -86,7 +81,7 @@ static double total_surprise(const gonio_sigma_law *law, const double *ln, const
     const gonio_sigma_records *r = law->records;
     double sum = 0;
     for (int k = 0; k < GONIO_SIGMA_SIGNS; k++) {
-        const double off = (law->power[k] - usual_power[k]) / POWER_PRIOR;
+        const double off = (law->power[k] - r->power[k]) / r->spread[k];
         sum += 0.5 * off * off;
     }
     for (size_t i = 0; i < r->n; i++) {
@@ -237,7 +232,7 @@ static gonio_sigma_law first_law(const gonio_sigma_records *records, double nois
                        : k == GONIO_SIGMA_CORRECTION ? CORRECTION_FLOOR * square
                                                      : SLOPES_FLOOR;
         law.unit[k] = middle + law.floor[k];
-        law.power[k] = usual_power[k];
+        law.power[k] = records->power[k];
     }
     return law;
 }

@@ -32,6 +32,8 @@ typedef struct gonio_sigma_record {
 typedef struct gonio_sigma_records {
     gonio_sigma_record *rows;
     size_t n, capacity;
+    // What is expected of the exponents of U, S, G, and the standard deviation about that.
+    double power[GONIO_SIGMA_SIGNS], spread[GONIO_SIGMA_SIGNS];
     size_t near; // the first so many leave out least: the distances between them tell how densely samples lie
 } gonio_sigma_records;
 

@@ -95,7 +95,7 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
 static void test_the_law_is_found(void **state) {
     (void)state;
     uint64_t seed = 7;
-    gonio_sigma_records records = {0};
+    gonio_sigma_records records = {.power = {1, 0.6, 0.3}, .spread = {0.5, 0.25, 0.25}};
     const double noise = 0.04;
     for (size_t i = 0; i < 2000; i++) {
         gonio_sigma_record r = {.x = {3 * simulate_uniform(&seed), simulate_uniform(&seed)}, .weight = 1, .centre = i};
