@@ -4,6 +4,7 @@
 // those of the largest angles. What is left unknown at a place is measured by the squared distance to the fourth
 // nearest sample; the noise that the fit passes on, by fitting a draw of noise once (a replicate), and grows with the
 // volume to that sample. The law that holds them against the residuals is that of small sets (fit/uncertainty_law.c).
+// What the spline adds to the base (S) is taken about its median: without a base its mean value is no error's sign.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -309,6 +310,14 @@ static gonio_status add_records(const evidence *e, const double *factor, const d
 
 // ---- the field ----
 
+// The model's spline at a place, held in its range as in fit/lobe_model.c.
+static void spline_at(const gonio_lobe_model_parts *parts, const double *x, double *value) {
+    gonio_lattice_eval(&parts->lattice, x, value);
+    for (int k = 0; k < parts->channels && parts->range != NULL; k++) {
+        value[k] = fmin(fmax(value[k], parts->range[2 * k]), parts->range[2 * k + 1]);
+    }
+}
+
 // correction[probes n]: S of the model's spline.
 static gonio_status probe_corrections(const gonio_lobe_model_parts *parts, const double *factor,
                                       const gonio_lsq_data *probes, double *correction, gonio_error *error) {
@@ -319,7 +328,7 @@ static gonio_status probe_corrections(const gonio_lobe_model_parts *parts, const
     }
     gonio_lsq_data_locate(probes, parts->coordinates, x);
     for (size_t i = 0; i < n; i++) {
-        gonio_lattice_eval(&parts->lattice, x + i * d, spline + i * c);
+        spline_at(parts, x + i * d, spline + i * c);
     }
     square_about_median(n, c, spline, factor, correction, spline + n * c);
     free(spline);
@@ -349,7 +358,7 @@ static double gone_on(const gonio_lobe_model_parts *parts, const double *factor,
         } else {
             gonio_coordinates_anisotropic(parts->coordinates, wi, wo, x);
         }
-        gonio_lattice_eval(&parts->lattice, x, value[s]);
+        spline_at(parts, x, value[s]);
     }
     for (int k = 0; k < parts->channels; k++) {
         const double step = (value[0][k] - value[1][k]) / factor[k];
@@ -397,8 +406,7 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
     gonio_sigma_records records = {.power = {1.5, 0.6, 0.3}, .spread = {1, 0.25, 0.25}};
     gonio_sigma_law law;
     gonio_lsq_data probes = {0};
-    double some[8], *work = malloc(2 * data->n * sizeof *work), *factor = malloc(c * sizeof *factor);
-    double *correction = work + data->n;
+    double some[8], *work = malloc(data->n * sizeof *work), *factor = malloc(c * sizeof *factor);
     gonio_status status = evidence_init(&e, choice, data, watch, error);
     if (status == GONIO_OK && (work == NULL || factor == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
@@ -409,10 +417,10 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
         for (size_t k = 0; k < c; k++) {
             factor[k] = some[(2 * k + 1) * tried / (2 * c)]; // of the nearest channel that was tried
         }
-        status = held_corrections(&e, choice->lobes, some, correction, error);
+        status = held_corrections(&e, choice->lobes, some, work, error);
     }
     if (status == GONIO_OK) {
-        status = add_records(&e, some, correction, &records, error);
+        status = add_records(&e, some, work, &records, error);
     }
     if (status == GONIO_OK) {
         status = gonio_sigma_law_fit(&records, gonio_sigma_told(&e.left.held, some), &law, error);

@@ -199,8 +199,7 @@ static int by_value(const void *left, const void *right) {
 }
 
 // Factor by which sigmas of the unknown must grow for the normal's median, 0.6745, or for 95 % of the residuals within
-// 2 sigma, whichever asks for more. The normal's own 95.4 % would make sigmas far too large for the typical residual
-// where tails are heavy, as those of exact samples are.
+// 2 sigma, whichever asks for more.
 static double calibration(const gonio_sigma_law *law, const double *roughness, double *work) {
     const gonio_sigma_records *r = law->records;
     for (size_t i = 0; i < r->n; i++) {

@@ -167,10 +167,10 @@ static void count_errors(const char *method, size_t n, double noise, uint64_t fi
 }
 
 // Errors within one set are alike, so what varies is the share of a whole set. Over 20 other seeds the shares within
-// 2 sigma had means of 0.87 to 0.94 and standard deviations of 0.05 to 0.10 with noise. The mean of four lies 4
-// standard deviations below, at 0.67, less often than 1e-4; asked is 0.62. Without noise the empty region has a mean of
-// 0.82 and a standard deviation of 0.17: 0.48. Sigmas a third as large leave about 0.5 with noise; three times as large
-// put more than 0.9 below the normal's median.
+// 2 sigma had means of 0.91, 0.93 and 0.97 and standard deviations of 0.06, 0.04 and 0.04 with noise. The mean of four
+// lies 4 standard deviations below, at 0.78 or more, less often than 1e-4. Without noise: means 0.95, 0.92 and 0.85,
+// standard deviations 0.03, 0.07 and 0.19, so 0.78 and, in the empty region, 0.47. Three times as large sigmas put more
+// than 0.9 below the normal's median.
 static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
     (void)state;
     static const char *const regions[] = {"dense", "sparse", "empty"};
@@ -181,13 +181,14 @@ static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
             const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
             print_message("# noise %s, %s: %.3f within 2 sigma, %.3f below the median\n", k == 0 ? "3 %" : "none",
                           regions[r], within, below);
-            assert_true(within >= (k == 0 ? 0.62 : 0.48));
+            assert_true(within >= (k == 1 && r == 2 ? 0.47 : 0.78));
             assert_true(below <= 0.9);
         }
     }
 }
 
-// The iterative solver's sigma, on a set that it makes up itself by left-out geometries; the same bounds.
+// The iterative solver's sigma, on a set that it makes up itself by left-out geometries. Over 8 other seeds the shares
+// had means of 0.94, 0.83 and 0.69 and standard deviations of 0.03, 0.07 and 0.06: 4 of them below.
 static void test_sigma_of_large_sets(void **state) {
     (void)state;
     tally t[3] = {0};
@@ -195,7 +196,7 @@ static void test_sigma_of_large_sets(void **state) {
     for (int r = 0; r < 3; r++) {
         const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
         print_message("# large, region %d: %.3f within 2 sigma, %.3f below the median\n", r, within, below);
-        assert_true(r == 2 || within >= 0.62); // beyond the samples the spline alone goes on: printed
+        assert_true(within >= (r == 2 ? 0.44 : 0.53));
         assert_true(below <= 0.9);
     }
 }
