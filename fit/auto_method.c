@@ -49,23 +49,37 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
     return status;
 }
 
+// Without lobes: no base, and the grazing factors (NULL: none are allowed).
+static int bare_candidates(const gonio_lsq_form *form, const gonio_lobe_base *grazing,
+                           gonio_lsq_candidate *candidates) {
+    int n = 0;
+    candidates[n++] = (gonio_lsq_candidate){*form, NULL, 0};
+    for (int k = 0; k < GONIO_LSQ_GRAZING && grazing != NULL; k++) {
+        candidates[n++] = (gonio_lsq_candidate){*form, &grazing[k], 0};
+    }
+    return n;
+}
+
 // The best trial of each coordinates, with its base and without: a small part of a set does not always tell which suits
 // all of it.
-static int large_candidates(const gonio_auto_choice *choice, gonio_lsq_candidate *candidates) {
+static int large_candidates(const gonio_auto_choice *choice, const gonio_lobe_base *grazing,
+                            gonio_lsq_candidate *candidates) {
     const gonio_auto_trial *t = choice->trials;
+    static const gonio_coordinates order[GONIO_COORDINATES] = {GONIO_HALF_VECTOR, GONIO_HALF_VECTOR_NARROW,
+                                                               GONIO_HALF_VECTOR_WIDE, GONIO_NUSSELT, GONIO_REFLECTED};
     int n = 0;
-    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+    for (int c = 0; c < GONIO_COORDINATES; c++) {
         int best = -1;
         for (int k = 0; k < choice->trials_n; k++) {
-            if ((int)t[k].form.coordinates == c && (best < 0 || t[k].score.score < t[best].score.score)) {
+            if (t[k].form.coordinates == order[c] && (best < 0 || t[k].score.score < t[best].score.score)) {
                 best = k;
             }
         }
         if (best >= 0) {
             const gonio_lobe_base *lobes = &choice->bases[t[best].base].lobes;
-            candidates[n++] = (gonio_lsq_candidate){t[best].form, NULL};
+            n += bare_candidates(&t[best].form, grazing, candidates + n);
             if (lobes->lobes > 0) {
-                candidates[n++] = (gonio_lsq_candidate){t[best].form, lobes};
+                candidates[n++] = (gonio_lsq_candidate){t[best].form, lobes, 0};
             }
         }
     }
@@ -73,7 +87,7 @@ static int large_candidates(const gonio_auto_choice *choice, gonio_lsq_candidate
 }
 
 static const char *lobes_name(const gonio_lobe_base *lobes) {
-    return lobes == NULL ? "none" : lobes->family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
+    return lobes == NULL || lobes->lobes == 0 ? "none" : lobes->family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
 }
 
 // The best of the trials that are cheaper, or simply better, than what was chosen.
@@ -93,7 +107,7 @@ static void describe_neighbour(const gonio_lsq_large_choice *choice, const gonio
         snprintf(report->note + used, size, "; %s: none was found", label);
         return;
     }
-    const double unit = data->kind == GONIO_LINK_LINEAR ? 1.5 : 2;
+    const double unit = data->kind == GONIO_LINK_LINEAR ? 1.5 : 2.25;
     const size_t bytes = gonio_lattice_count(data->dims, best->level) * (size_t)data->channels * sizeof(float);
     snprintf(report->note + used, size, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
              gonio_coordinates_name(best->coordinates), best->level, lobes_name(best->lobes),
@@ -105,16 +119,23 @@ static void describe_large(const gonio_lsq_large_choice *choice, const gonio_lsq
     const char *base = lobes_name(choice->lobes);
     report->level = choice->form.level;
     report->coordinates = choice->form.coordinates;
-    snprintf(report->options, sizeof report->options, "base=%s lambda=%.2g iterations=%d gradient=%.1e", base,
-             choice->lambda, choice->iterations, choice->gradient);
+    char grazing[32] = "";
+    if (choice->lobes != NULL && choice->lobes->grazing > 0) {
+        snprintf(grazing, sizeof grazing, " grazing=%.2g", (double)choice->lobes->grazing);
+    }
+    const double *stretch = choice->form.stretch;
+    snprintf(report->options, sizeof report->options,
+             "base=%s%s lambda=%.2g stiffness=%g:%g:%g iterations=%d gradient=%.1e", base, grazing, choice->lambda,
+             stretch[0], stretch[1], stretch[2], choice->iterations, choice->gradient);
     char cost[48] = "";
     if (choice->ns > 0) {
         snprintf(cost, sizeof cost, "; an evaluation takes %.0f ns", choice->ns);
     }
-    snprintf(report->note, sizeof report->note,
-             "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
-             100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2)),
-             choice->start_only ? ", so that is the answer" : "", cost);
+    snprintf(
+        report->note, sizeof report->note,
+        "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
+        100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2.25)),
+        choice->start_only ? ", so that is the answer" : "", cost);
     if (max_error > 0) {
         const size_t used = strlen(report->note);
         snprintf(report->note + used, sizeof report->note - used, "; held-out rmse %.3g%s", choice->score.rmse,
@@ -154,9 +175,9 @@ static gonio_status keep_one(const gonio_lsq_data *data, gonio_lsq_watch *watch,
     }
     gonio_lsq_large_choice choice;
     gonio_lsq_watch_step(watch, 0.4);
-    status = gonio_lsq_large_choose(&part, watch, candidates, *n, &choice, error);
+    status = gonio_lsq_large_choose(&part, watch, candidates, *n, true, &choice, error);
     if (status == GONIO_OK) {
-        candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes};
+        candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes, choice.lambda};
         *n = 1;
     }
     gonio_lsq_data_release(&part);
@@ -168,20 +189,23 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
     const gonio_fit_options *options = watch->options;
     gonio_auto_choice small = {0};
     gonio_lsq_large_choice choice = {0};
-    gonio_lsq_candidate candidates[6];
-    int n = 1;
-    candidates[0] = (gonio_lsq_candidate){gonio_lsq_form_default(options->coordinates, 0, data->mirror), NULL};
+    gonio_lsq_candidate candidates[GONIO_LSQ_CANDIDATES];
+    gonio_lobe_base bases[GONIO_LSQ_GRAZING];
+    gonio_lsq_grazing_bases(data, bases);
+    const gonio_lobe_base *grazing = data->kind == GONIO_LINK_POSITIVE ? bases : NULL;
+    const gonio_lsq_form form = gonio_lsq_form_default(options->coordinates, 0, data->mirror);
+    int n = bare_candidates(&form, grazing, candidates);
     gonio_status status = GONIO_OK;
     if (lobes || !options->coordinates_set) {
         status = choose_on_part(data, watch, lobes, &small, error);
-        n = status == GONIO_OK ? large_candidates(&small, candidates) : 0;
+        n = status == GONIO_OK ? large_candidates(&small, grazing, candidates) : 0;
     }
     if (status == GONIO_OK && n > 1 && data->n > 2 * COMPARED) {
         status = keep_one(data, watch, candidates, &n, error);
     }
     if (status == GONIO_OK) {
         gonio_lsq_watch_step(watch, 0.6);
-        status = gonio_lsq_large_choose(data, watch, candidates, n, &choice, error);
+        status = gonio_lsq_large_choose(data, watch, candidates, n, false, &choice, error);
     }
     gonio_lobe_model_parts parts = {0};
     if (status == GONIO_OK) {

@@ -283,6 +283,14 @@ static void fit_strengths(const gonio_lsq_data *data, const workspace *w, proble
     }
 }
 
+float gonio_lobe_cosine_min(const gonio_lsq_data *data) {
+    double theta = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        theta = fmax(theta, fmax(data->pairs[i].theta_i, data->pairs[i].theta_o));
+    }
+    return (float)cos(fmin(theta, 1.57)); // 89.95 deg
+}
+
 gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family, int lobes, gonio_lobe_base *base,
                             gonio_error *error) {
     *base = (gonio_lobe_base){.lobes = lobes, .family = family};
@@ -293,11 +301,7 @@ gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family
         return gonio_fail(error, GONIO_E_INPUT, "%zu geometries; %d lobes need at least %d", data->n, lobes,
                           3 * lobes + 1);
     }
-    double theta = 0;
-    for (size_t i = 0; i < data->n; i++) {
-        theta = fmax(theta, fmax(data->pairs[i].theta_i, data->pairs[i].theta_o));
-    }
-    base->cosine_min = (float)cos(fmin(theta, 1.57)); // 89.95 deg
+    base->cosine_min = gonio_lobe_cosine_min(data);
     workspace w;
     gonio_status status = workspace_init(&w, data, error);
     if (status != GONIO_OK) {
@@ -335,8 +339,8 @@ void gonio_lobe_targets(const gonio_lobe_base *base, const gonio_lsq_data *data,
         double unit[1 + GONIO_LOBES_MAX] = {0};
         gonio_lobe_base_units(base, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), unit);
         for (size_t k = 0; k < c; k++) {
-            targets[i * c + k] = gonio_lobe_base_link(base, base->strength + k * (1 + GONIO_LOBES_MAX), unit,
-                                                      data->kind, &data->links[k]);
+            const double *strength = base->lobes > 0 ? base->strength + k * (1 + GONIO_LOBES_MAX) : NULL;
+            targets[i * c + k] = gonio_lobe_base_link(base, strength, unit, data->kind, &data->links[k]);
         }
     }
 }

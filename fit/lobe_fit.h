@@ -9,6 +9,8 @@
 // caller's to free. GONIO_E_CONVERGENCE where no start leads anywhere; GONIO_E_INPUT for signed data.
 gonio_status gonio_lobe_fit(const gonio_lsq_data *data, gonio_lobe_family family, int lobes, gonio_lobe_base *base,
                             gonio_error *error);
+// The smallest cosine of either direction among the geometries.
+float gonio_lobe_cosine_min(const gonio_lsq_data *data);
 // The base's link values at the data's geometries, n x channels.
 void gonio_lobe_targets(const gonio_lobe_base *base, const gonio_lsq_data *data, double *targets);
 

@@ -20,13 +20,16 @@ typedef struct lobe_model {
 } lobe_model;
 
 #define NO_LEVEL UINT32_MAX
+#define LINK_GRAZING (GONIO_LINK_ASINH + 1u) // the positive link with a grazing factor: older readers refuse it
+#define GRAZING_MAX 2.0F
 
 typedef struct description {
     uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
     float cosine_min;           // 0: none, as in files that are older than it
     uint32_t ranges;            // 1: with a spline its range follows; 0 in older files, which hold it nowhere
     uint32_t sigma_coordinates; // 0: the model's, as in older files; 1: half-vector
-    uint32_t reserved[6];
+    float grazing;              // with LINK_GRAZING
+    uint32_t reserved[5];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
@@ -42,6 +45,8 @@ static gonio_vec3 lifted(gonio_vec3 w, double z) {
 void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]) {
     out[0] = 1;
     if (base->lobes == 0) {
+        const double least = (double)base->cosine_min;
+        out[0] = base->grazing > 0 ? -(double)base->grazing * log(fmax(wi.z, least) * fmax(wo.z, least)) : 0;
         return;
     }
     const gonio_lobe_geometry g = gonio_lobe_geometry_of(lifted(wi, base->cosine_min), lifted(wo, base->cosine_min));
@@ -62,6 +67,9 @@ static void locate(const gonio_lobe_model_parts *p, gonio_coordinates system, go
 
 double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
                             gonio_link_kind kind, const gonio_link *link) {
+    if (base->lobes == 0) {
+        return units[0];
+    }
     double sum = strength[0];
     for (int j = 0; j < base->lobes; j++) {
         sum += strength[1 + j] * units[1 + j];
@@ -69,11 +77,16 @@ double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength,
     return gonio_link_apply(kind, link, fmin(sum, GONIO_LOBE_CEILING * link->scale));
 }
 
+static double held(const gonio_lobe_model_parts *p, int c, double t) {
+    return p->range != NULL ? fmin(fmax(t, p->range[2 * c]), p->range[2 * c + 1]) : t;
+}
+
 // Spline value -> link value of channel c.
-static double add_base(const gonio_lobe_model_parts *p, const double *units, int c, double spline) {
+static double add_base(const gonio_lobe_model_parts *p, const double *units, int c, double value) {
     if (p->base.lobes == 0) {
-        return spline;
+        return held(p, c, value + units[0]);
     }
+    const double spline = held(p, c, value);
     const double *strength = p->base.strength + (ptrdiff_t)c * (1 + GONIO_LOBES_MAX);
     const double base = gonio_lobe_base_link(&p->base, strength, units, p->kind, &p->links[c]);
     return fmin(base + spline, fmax(base, gonio_link_apply(p->kind, &p->links[c], p->links[c].scale)));
@@ -92,9 +105,7 @@ static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, dou
         memset(values, 0, (size_t)model->channels * sizeof *values);
     }
     for (int c = 0; c < model->channels; c++) {
-        const double spline =
-            p->range != NULL ? fmin(fmax(values[c], p->range[2 * c]), p->range[2 * c + 1]) : values[c];
-        const double t = add_base(p, units, c, spline);
+        const double t = add_base(p, units, c, values[c]);
         values[c] = gonio_link_invert(p->kind, &p->links[c], t, slopes != NULL ? &slopes[c] : NULL);
     }
 }
@@ -132,7 +143,8 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     const description about = {.dims = (uint32_t)p->dims,
                                .level = p->lattice.points != NULL ? (uint32_t)p->lattice.level : NO_LEVEL,
                                .coordinates = (uint32_t)p->coordinates,
-                               .link = (uint32_t)p->kind,
+                               .link = p->base.grazing > 0 ? LINK_GRAZING : (uint32_t)p->kind,
+                               .grazing = p->base.grazing,
                                .lobes = (uint32_t)p->base.lobes,
                                .family = (uint32_t)p->base.family,
                                .cosine_min = p->base.cosine_min,
@@ -213,14 +225,21 @@ const gonio_lobe_model_parts *gonio_lobe_model_about(const gonio_model *model) {
 
 static bool level_possible(uint32_t level) { return level == NO_LEVEL || level <= 9; }
 
+static bool grazing_possible(const description *about) {
+    return about->link == LINK_GRAZING
+               ? about->lobes == 0 && about->cosine_min > 0 && about->grazing > 0 && about->grazing <= GRAZING_MAX
+               : about->grazing == 0;
+}
+
 static gonio_status check_description(const gonio_mapped *mapped, const description *about, gonio_error *error) {
     if (about == NULL) {
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
-        !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > GONIO_LINK_ASINH ||
+        !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > LINK_GRAZING ||
         about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->ranges > 1 ||
-        about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1)) {
+        about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1) ||
+        !grazing_possible(about)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;
@@ -260,10 +279,12 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
     gonio_lobe_model_parts p = {.channels = mapped->channels,
                                 .dims = dims,
                                 .coordinates = (gonio_coordinates)about->coordinates,
-                                .kind = (gonio_link_kind)about->link,
+                                .kind =
+                                    about->link == LINK_GRAZING ? GONIO_LINK_POSITIVE : (gonio_link_kind)about->link,
                                 .base = {.lobes = (int)about->lobes,
                                          .family = (gonio_lobe_family)about->family,
-                                         .cosine_min = about->cosine_min},
+                                         .cosine_min = about->cosine_min,
+                                         .grazing = about->grazing},
                                 .sigma_half_vector = about->sigma_coordinates == 1,
                                 .channel_names = mapped->names};
     p.links = take(mapped, &at, c, sizeof *p.links, &complete);

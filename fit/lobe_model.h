@@ -20,12 +20,15 @@ typedef enum gonio_lobe_family {
 
 // The lobes' shapes are shared by the channels: roughness is geometry, only strengths depend on the wavelength.
 typedef struct gonio_lobe_base {
-    int lobes; // 0: no base
+    int lobes; // 0: no lobes
     gonio_lobe_family family;
     double alpha[GONIO_LOBES_MAX], f0[GONIO_LOBES_MAX];
     // The smallest cosine (of either direction) among the samples. Lobe formulae divide by cosines: beyond the samples
     // they are evaluated there, not at the horizon, where nobody measured and they reach 1e12.
     float cosine_min;
+    // Without lobes, positive link: exponent p of a factor (cos theta_i cos theta_o)^-p of y + eps, so that the spline
+    // need not follow the steep rise at grazing angles that most materials have; 0: none.
+    float grazing;
     double *strength; // [channels][3]: the diffuse f_r, then the lobes' strengths
 } gonio_lobe_base;
 
@@ -33,9 +36,10 @@ typedef struct gonio_lobe_base {
 // samples' spacing may tower over them, but a strength that no sample holds down must not.
 #define GONIO_LOBE_CEILING 32.0
 
-// Unit-strength values of the lobes: out[0] = 1 (diffuse), out[1..lobes].
+// Unit-strength values of the lobes: out[0] = 1 (diffuse), out[1..lobes]; without lobes out[0] is the grazing factor's
+// link value.
 void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec3 wo, double out[1 + GONIO_LOBES_MAX]);
-// The link value of the base of one channel (strength: its row) from those; base->lobes > 0.
+// The link value of the base of one channel (strength: its row, NULL without lobes) from those.
 double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
                             gonio_link_kind kind, const gonio_link *link);
 
@@ -47,7 +51,7 @@ typedef struct gonio_lobe_model_parts {
     gonio_link *links; // [channels]
     gonio_lobe_base base;
     gonio_lattice lattice;           // points NULL: no spline
-    double *range;                   // [channels][2], with a spline: between which its value is held
+    double *range;                   // [channels][2], with a spline: between which its value is held (with a grazing factor: the sum)
     gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
     double *sigma_factor;            // [channels]
     bool sigma_half_vector;          // sigma's lattice lies in half-vector coordinates, whatever the spline's are

@@ -188,16 +188,19 @@ GONIO_CLONES static void run_residual(const job *j, size_t begin, size_t end) {
     }
 }
 
-// Once a solve or level: not worth a clone each.
-static void run_other(const job *j, size_t begin, size_t end) {
-    if (j->places->dims == 3 && j->pass == GONIO_LSQ_MBA) {
-        run(j, begin, end, 3, GONIO_LSQ_MBA);
-    } else if (j->places->dims == 3) {
+GONIO_CLONES static void run_diagonal(const job *j, size_t begin, size_t end) {
+    if (j->places->dims == 3) {
         run(j, begin, end, 3, GONIO_LSQ_DIAGONAL);
-    } else if (j->pass == GONIO_LSQ_MBA) {
-        run(j, begin, end, 4, GONIO_LSQ_MBA);
     } else {
         run(j, begin, end, 4, GONIO_LSQ_DIAGONAL);
+    }
+}
+
+GONIO_CLONES static void run_mba(const job *j, size_t begin, size_t end) {
+    if (j->places->dims == 3) {
+        run(j, begin, end, 3, GONIO_LSQ_MBA);
+    } else {
+        run(j, begin, end, 4, GONIO_LSQ_MBA);
     }
 }
 
@@ -239,8 +242,10 @@ static void run_slab(void *context, size_t item) {
         run_normal(j, j->begin[slab], j->begin[slab + 1]);
     } else if (j->pass == GONIO_LSQ_RESIDUAL) {
         run_residual(j, j->begin[slab], j->begin[slab + 1]);
+    } else if (j->pass == GONIO_LSQ_MBA) {
+        run_mba(j, j->begin[slab], j->begin[slab + 1]);
     } else {
-        run_other(j, j->begin[slab], j->begin[slab + 1]);
+        run_diagonal(j, j->begin[slab], j->begin[slab + 1]);
     }
 }
 

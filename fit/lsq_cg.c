@@ -11,7 +11,8 @@
 // Without a preconditioner hundreds of iterations carry a smooth correction across a region without samples; the
 // multilevel one (fit/lsq_precondition.h) costs about as much as a product and needs tens.
 //
-// All in double but for that: float normal equations lose the small eigenvalues that interpolation between samples lives on.
+// All in double but for that: float normal equations lose the small eigenvalues that interpolation between samples
+// lives on.
 #include "fit/lsq_cg.h"
 
 #include <math.h>
@@ -23,21 +24,31 @@
 #include "fit/lsq_precondition.h"
 #include "fit/team.h"
 
+#define LEVELS 10 // 0 to 9
+
 struct gonio_lsq_cg {
     const gonio_lsq_data *data;
     gonio_lsq_form form;
     gonio_lsq_places places;
     gonio_team *team;
     gonio_lsq_watch *watch; // NULL: none
+    // Of each level that was solved on, by need: B^T W 1 and the diagonal of B^T W B, before folding.
+    double *lumped[LEVELS], *diagonal[LEVELS];
 };
 
 void gonio_lsq_cg_watch(gonio_lsq_cg *cg, gonio_lsq_watch *watch) { cg->watch = watch; }
+
+void gonio_lsq_cg_reform(gonio_lsq_cg *cg, const gonio_lsq_form *form) { cg->form = *form; }
 
 size_t gonio_lsq_cg_count(const gonio_lsq_cg *cg, int level) { return gonio_lattice_count(cg->places.dims, level); }
 
 void gonio_lsq_cg_free(gonio_lsq_cg *cg) {
     if (cg == NULL) {
         return;
+    }
+    for (int h = 0; h < LEVELS; h++) {
+        free(cg->lumped[h]);
+        free(cg->diagonal[h]);
     }
     gonio_team_free(cg->team);
     gonio_lsq_places_release(&cg->places);
@@ -59,6 +70,31 @@ gonio_status gonio_lsq_cg_new(const gonio_lsq_data *data, const gonio_lsq_form *
         return status;
     }
     cg->team = gonio_team_new(threads);
+    return GONIO_OK;
+}
+
+// ---- what depends on the samples' places alone ----
+
+static gonio_status sum_places(gonio_lsq_cg *cg, int level, gonio_error *error) {
+    const size_t n = gonio_lsq_cg_count(cg, level);
+    if (cg->diagonal[level] != NULL) {
+        return GONIO_OK;
+    }
+    double *lumped = calloc(n, sizeof *lumped), *diagonal = calloc(n, sizeof *diagonal);
+    if (lumped == NULL || diagonal == NULL) {
+        free(lumped);
+        free(diagonal);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu control points (%.3g GB)", n, 16e-9 * (double)n);
+    }
+    // Diagonal first: it ends as B^T W B's, and serves as the ones' place before.
+    for (size_t i = 0; i < n; i++) {
+        diagonal[i] = 1;
+    }
+    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_NORMAL, NULL, 0, diagonal, lumped);
+    memset(diagonal, 0, n * sizeof *diagonal);
+    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, diagonal);
+    cg->lumped[level] = lumped;
+    cg->diagonal[level] = diagonal;
     return GONIO_OK;
 }
 
@@ -156,21 +192,19 @@ static double product(solve *s) {
     return run_planes(s, finish_product);
 }
 
-// Uses p, q and z, which are filled later.
 static gonio_status make_precondition(solve *s, gonio_error *error) {
     const gonio_lsq_cg *cg = s->cg;
     const int level = s->planes.level;
-    for (size_t i = 0; i < s->n; i++) {
-        s->p[i] = 1;
-    }
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_NORMAL, NULL, 0, s->p, s->q);
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, s->z);
+    memcpy(s->q, cg->lumped[level], s->n * sizeof *s->q);
+    memcpy(s->z, cg->diagonal[level], s->n * sizeof *s->z);
     for (size_t plane = 0; plane < s->planes.size; plane++) {
         gonio_lsq_fold(&s->planes, cg->places.mirror_axes, s->q, plane);
         gonio_lsq_fold(&s->planes, cg->places.mirror_axes, s->z, plane);
     }
-    return gonio_lsq_precondition_new(s->planes.dims, &cg->form, level, s->lambda, s->q, s->z, cg->team,
-                                      &s->precondition, error);
+    const gonio_status status = gonio_lsq_precondition_new(s->planes.dims, &cg->form, level, s->lambda, s->q, s->z,
+                                                           cg->team, &s->precondition, error);
+    memset(s->q, 0, s->n * sizeof *s->q);
+    return status;
 }
 
 static gonio_status solve_begin(solve *s, const gonio_lsq_cg *cg, int level, double lambda, double *points,
@@ -226,14 +260,16 @@ static gonio_status iterate(solve *s, int iterations, double tolerance, gonio_ls
     return GONIO_OK;
 }
 
-gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
+gonio_status gonio_lsq_cg_solve(gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
                                 int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
                                 gonio_error *error) {
     *report = (gonio_lsq_cg_report){.gradient = 1};
-    solve s;
-    gonio_status status = solve_begin(&s, cg, level, lambda, points, error);
+    solve s = {0};
+    gonio_status status = sum_places(cg, level, error);
     if (status == GONIO_OK) {
-        memset(s.p, 0, s.n * sizeof *s.p);
+        status = solve_begin(&s, cg, level, lambda, points, error);
+    }
+    if (status == GONIO_OK) {
         gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_RESIDUAL, targets, stride, points, s.r);
         run_planes(&s, finish_residual);
         status = iterate(&s, iterations, tolerance, report, error);
@@ -249,9 +285,13 @@ static void add_mba_step(const gonio_lsq_cg *cg, const double *targets, size_t s
                          double *numerator, double *denominator) {
     const size_t n = gonio_lsq_cg_count(cg, level);
     memset(numerator, 0, n * sizeof *numerator);
-    memset(denominator, 0, n * sizeof *denominator);
     gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_MBA, targets, stride, points, numerator);
-    gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, denominator);
+    if (cg->diagonal[level] != NULL) {
+        memcpy(denominator, cg->diagonal[level], n * sizeof *denominator);
+    } else {
+        memset(denominator, 0, n * sizeof *denominator);
+        gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, denominator);
+    }
     gonio_lsq_symmetrise(&cg->places, level, numerator, 1);
     gonio_lsq_symmetrise(&cg->places, level, denominator, 1);
     for (size_t i = 0; i < n; i++) {
@@ -260,8 +300,8 @@ static void add_mba_step(const gonio_lsq_cg *cg, const double *targets, size_t s
 }
 
 // Level by level up to `level`; from level `solve` on with conjugate gradients. work: 3 times the finest level.
-static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, int solve,
-                          double lambda, int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
+static gonio_status climb(gonio_lsq_cg *cg, const double *targets, size_t stride, int level, int solve, double lambda,
+                          int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
                           gonio_error *error) {
     const size_t finest = gonio_lsq_cg_count(cg, level);
     double *work = malloc(3 * finest * sizeof *work);
@@ -277,6 +317,10 @@ static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t 
             memcpy(work, points, gonio_lsq_cg_count(cg, h - 1) * sizeof *work);
             gonio_lsq_refine(cg->places.dims, h - 1, work, points, work + finest);
         }
+        status = h >= solve ? sum_places(cg, h, error) : GONIO_OK;
+        if (status != GONIO_OK) {
+            break;
+        }
         add_mba_step(cg, targets, stride, h, points, work + finest, work + 2 * finest);
         status = gonio_lsq_watch_ask(cg->watch, error);
         if (h >= solve && status == GONIO_OK) {
@@ -288,15 +332,14 @@ static gonio_status climb(const gonio_lsq_cg *cg, const double *targets, size_t 
     return status;
 }
 
-void gonio_lsq_cg_start(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double *points) {
+void gonio_lsq_cg_start(gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double *points) {
     gonio_lsq_cg_report unused;
     memset(points, 0, gonio_lsq_cg_count(cg, level) * sizeof *points);
     climb(cg, targets, stride, level, level + 1, 0, 0, 0, points, &unused, NULL);
 }
 
-gonio_status gonio_lsq_cg_cascade(const gonio_lsq_cg *cg, const double *targets, size_t stride, double lambda,
-                                  int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
-                                  gonio_error *error) {
+gonio_status gonio_lsq_cg_cascade(gonio_lsq_cg *cg, const double *targets, size_t stride, double lambda, int iterations,
+                                  double tolerance, double *points, gonio_lsq_cg_report *report, gonio_error *error) {
     const int level = cg->form.level;
     *report = (gonio_lsq_cg_report){.gradient = 1};
     return climb(cg, targets, stride, level, level > 2 ? level - 2 : 0, lambda, iterations, tolerance, points, report,

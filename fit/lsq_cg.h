@@ -19,6 +19,8 @@ typedef struct gonio_lsq_cg_report {
 // is not used. threads 0: all; they change no bit.
 gonio_status gonio_lsq_cg_new(const gonio_lsq_data *data, const gonio_lsq_form *form, int threads, gonio_lsq_cg **out,
                               gonio_error *error);
+// Another form in the same coordinates, of a level up to that of gonio_lsq_cg_new.
+void gonio_lsq_cg_reform(gonio_lsq_cg *cg, const gonio_lsq_form *form);
 void gonio_lsq_cg_free(gonio_lsq_cg *cg); // NULL is allowed
 // Solves ask it at every iteration: past its time they end where they are, as a smaller number of iterations would;
 // interrupted ones return GONIO_E_INTERRUPTED. Borrowed; NULL: nobody watches.
@@ -27,16 +29,15 @@ void gonio_lsq_cg_watch(gonio_lsq_cg *cg, gonio_lsq_watch *watch);
 // Control points a channel at a level: the length of `points` below.
 size_t gonio_lsq_cg_count(const gonio_lsq_cg *cg, int level);
 // Fit one channel of targets[i * stride] by multilevel B-spline approximation, levels 0 to `level`; points is filled.
-void gonio_lsq_cg_start(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double *points);
+void gonio_lsq_cg_start(gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double *points);
 // Go from points (any start) toward the least-squares solution; stops after `iterations`, or when the gradient has
 // fallen to `tolerance` of the start's. GONIO_E_MEMORY leaves points alone.
-gonio_status gonio_lsq_cg_solve(const gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
+gonio_status gonio_lsq_cg_solve(gonio_lsq_cg *cg, const double *targets, size_t stride, int level, double lambda,
                                 int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
                                 gonio_error *error);
 // The start and the solve from two levels below on, the iterations shared between the levels.
-gonio_status gonio_lsq_cg_cascade(const gonio_lsq_cg *cg, const double *targets, size_t stride, double lambda,
-                                  int iterations, double tolerance, double *points, gonio_lsq_cg_report *report,
-                                  gonio_error *error);
+gonio_status gonio_lsq_cg_cascade(gonio_lsq_cg *cg, const double *targets, size_t stride, double lambda, int iterations,
+                                  double tolerance, double *points, gonio_lsq_cg_report *report, gonio_error *error);
 // points of level -> of level + 1, the same function. fine must not overlap coarse.
 void gonio_lsq_refine(int dims, int level, const double *coarse, double *fine, double *work);
 // The spline at any geometries (not only the solver's), out[i * stride].

@@ -10,7 +10,14 @@
 typedef struct gonio_lsq_candidate {
     gonio_lsq_form form;          // its level is where the search begins
     const gonio_lobe_base *lobes; // NULL: none; borrowed
+    double lambda;                // where it begins; 0: not known
 } gonio_lsq_candidate;
+
+#define GONIO_LSQ_GRAZING 2 // grazing factors that are tried beside none
+#define GONIO_LSQ_CANDIDATES (GONIO_COORDINATES * (2 + GONIO_LSQ_GRAZING))
+// Bases of a grazing factor alone, exponents 1/2 and 1 (fit/lobe_model.h). Candidates without lobes stand in the order
+// of the exponent.
+void gonio_lsq_grazing_bases(const gonio_lsq_data *data, gonio_lobe_base bases[GONIO_LSQ_GRAZING]);
 
 // One that was scored: the best lambda tried of a form and base.
 typedef struct gonio_lsq_large_trial {
@@ -20,7 +27,7 @@ typedef struct gonio_lsq_large_trial {
     gonio_lsq_score score;
 } gonio_lsq_large_trial;
 
-#define GONIO_LSQ_LARGE_TRIALS 60 // six candidates at all levels
+#define GONIO_LSQ_LARGE_TRIALS (10 * GONIO_LSQ_CANDIDATES) // each at all levels
 
 typedef struct gonio_lsq_large_choice {
     gonio_lsq_large_trial trials[GONIO_LSQ_LARGE_TRIALS];
@@ -35,10 +42,11 @@ typedef struct gonio_lsq_large_choice {
     double gradient;                    // how far its gradient fell, the worst of any channel
 } gonio_lsq_large_choice;
 
-// Choose among the candidates; every fifth geometry is held out.
+// Choose among the candidates; every fifth geometry is held out. compare_only: the level is searched
+// roughly, for a choice that goes on with more samples.
 gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch,
-                                    const gonio_lsq_candidate *candidates, int n, gonio_lsq_large_choice *choice,
-                                    gonio_error *error);
+                                    const gonio_lsq_candidate *candidates, int n, bool compare_only,
+                                    gonio_lsq_large_choice *choice, gonio_error *error);
 // Fit the choice to all geometries.
 gonio_status gonio_lsq_large_parts(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_large_choice *choice,
                                    gonio_lobe_model_parts *parts, gonio_error *error);

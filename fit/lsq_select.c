@@ -32,8 +32,11 @@ static void set_range(const gonio_lsq_data *data, gonio_lsq_base *base, size_t c
     const size_t c = (size_t)data->channels;
     double low = INFINITY, high = -INFINITY;
     for (size_t i = 0; i < data->n; i++) {
-        low = fmin(low, base->rest[i * c + channel]);
-        high = fmax(high, base->rest[i * c + channel]);
+        // With a grazing factor what is held is the sum.
+        const double t =
+            base->lobes.lobes > 0 ? base->rest[i * c + channel] : data->targets[i * c + channel] - base->mean[channel];
+        low = fmin(low, t);
+        high = fmax(high, t);
     }
     const double quarter = 0.25 * (high - low);
     const double margin = data->kind == GONIO_LINK_LINEAR ? quarter : fmin(quarter, log(4));
@@ -205,6 +208,8 @@ gonio_status gonio_lsq_parts_init(gonio_lobe_model_parts *parts, const gonio_lsq
     if (lobes != NULL && lobes->lobes > 0) {
         parts->base = *lobes;
         parts->base.strength = malloc(strengths * sizeof(double));
+    } else if (lobes != NULL) {
+        parts->base = (gonio_lobe_base){.cosine_min = lobes->cosine_min, .grazing = lobes->grazing};
     }
     if (parts->links == NULL || (parts->base.lobes > 0 && parts->base.strength == NULL)) {
         gonio_lobe_model_parts_release(parts);

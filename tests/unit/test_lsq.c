@@ -412,10 +412,10 @@ static void test_never_worse_than_the_multilevel_start(void **state) {
         if (seed == 12) {
             o.lambda = 1e6; // all but forbids the spline to bend: the start must win
         }
-        const gonio_lsq_candidate candidate = {gonio_lsq_form_default(GONIO_NUSSELT, 3, true), NULL};
+        const gonio_lsq_candidate candidate = {gonio_lsq_form_default(GONIO_NUSSELT, 3, true), NULL, 0};
         gonio_lsq_large_choice choice;
         gonio_lsq_watch watch = gonio_lsq_watch_begin(&o);
-        assert_int_equal(gonio_lsq_large_choose(&data, &watch, &candidate, 1, &choice, NULL), GONIO_OK);
+        assert_int_equal(gonio_lsq_large_choose(&data, &watch, &candidate, 1, false, &choice, NULL), GONIO_OK);
         assert_true(choice.start_only == (choice.start_score.score < choice.score.score));
         assert_true(seed != 12 || choice.start_only);
         assert_true(seed != 10 || !choice.start_only);
