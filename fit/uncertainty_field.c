@@ -11,7 +11,7 @@
 #define SIGMA_LEVEL_3D 4
 #define SIGMA_LEVEL_4D 2
 #define SIGMA_LAMBDA 1e-4 // smooths what one probe says against its neighbours
-#define PROBES 2000
+#define PROBES 2500
 #define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
 #define HELD_BACK 1.75
 #define MEDIAN_OF_NORMAL 0.6744897501960817
@@ -86,8 +86,9 @@ static gonio_pair probe_pair(uint64_t *state, bool isotropic, bool mirror) {
     if (!mirror) {
         return p;
     }
-    // The half vector's tan(theta_h) = sinh(r)/10, even in r: as half-vector coordinates see it.
-    const double tilt = atan(0.1 * sinh(4 * uniform(state)));
+    // The half vector's tan(theta_h) = sinh(r)/10, as half-vector coordinates see it, but denser toward the peak: there
+    // sigma changes over less than a cell of theirs.
+    const double u = uniform(state), tilt = atan(0.1 * sinh(4 * u * sqrt(u)));
     const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i), h = gonio_direction(tilt, 2 * GONIO_PI * uniform(state));
     const double twice = 2 * (i.x * h.x + i.y * h.y + i.z * h.z);
     const gonio_vec3 o = {twice * h.x - i.x, twice * h.y - i.y, twice * h.z - i.z};
