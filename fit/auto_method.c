@@ -166,8 +166,28 @@ static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_lsq_w
 
 #define COMPARED 20000 // geometries that tell which candidate suits a larger set; lambda and level are its own
 
-static gonio_status keep_one(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_candidate *candidates,
-                             int *n, gonio_error *error) {
+#define SECOND 1.0 // in the score: other coordinates that come so close go on beside the best
+
+// The best of the candidates in other coordinates than the chosen ones; -1 where none is close.
+static int second_best(const gonio_lsq_large_choice *choice, const gonio_lsq_candidate *candidates, int n) {
+    const gonio_lsq_large_trial *best = NULL;
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_lsq_large_trial *trial = &choice->trials[t];
+        if (trial->coordinates != choice->form.coordinates && trial->score.score < choice->score.score + SECOND &&
+            (best == NULL || trial->score.score < best->score.score)) {
+            best = trial;
+        }
+    }
+    for (int k = 0; k < n && best != NULL; k++) {
+        if (candidates[k].form.coordinates == best->coordinates && candidates[k].lobes == best->lobes) {
+            return k;
+        }
+    }
+    return -1;
+}
+
+static gonio_status keep_best(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_candidate *candidates,
+                              int *n, gonio_error *error) {
     gonio_lsq_data part;
     gonio_status status = gonio_lsq_data_thin(data, COMPARED, watch->options->seed, &part, error);
     if (status != GONIO_OK) {
@@ -177,8 +197,11 @@ static gonio_status keep_one(const gonio_lsq_data *data, gonio_lsq_watch *watch,
     gonio_lsq_watch_step(watch, 0.4);
     status = gonio_lsq_large_choose(&part, watch, candidates, *n, true, &choice, error);
     if (status == GONIO_OK) {
-        candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes, choice.lambda};
-        *n = 1;
+        const int second = second_best(&choice, candidates, *n);
+        const gonio_lsq_candidate first = {choice.form, choice.lobes, choice.lambda};
+        candidates[1] = candidates[second < 0 ? 0 : second];
+        candidates[0] = first;
+        *n = second < 0 ? 1 : 2;
     }
     gonio_lsq_data_release(&part);
     return status;
@@ -201,7 +224,7 @@ static gonio_status fit_large(const gonio_lsq_data *data, const gonio_samples *s
         n = status == GONIO_OK ? large_candidates(&small, grazing, candidates) : 0;
     }
     if (status == GONIO_OK && n > 1 && data->n > 2 * COMPARED) {
-        status = keep_one(data, watch, candidates, &n, error);
+        status = keep_best(data, watch, candidates, &n, error);
     }
     if (status == GONIO_OK) {
         gonio_lsq_watch_step(watch, 0.6);

@@ -11,10 +11,45 @@
 
 #include "fit/lobe_fit.h"
 #include "fit/lsq_cg.h"
+#include "fit/lsq_precondition.h"
 #include "fit/lsq_search.h"
 
 #define FINAL_ITERATIONS 200
 #define TOLERANCE 1e-3 // the gradient's fall that ends a solve: below what the held-out error can tell
+
+// ---- memory ----
+
+// Of the choice and of the fit at a level, whichever takes more, beside the samples: the sets and what a base leaves of
+// them, the samples' places, and the solver's vectors.
+static double memory_at(const gonio_lsq_data *data, int level) {
+    const gonio_lsq_form form = gonio_lsq_form_default(GONIO_NUSSELT, level, data->mirror);
+    const double n = (double)data->n, c = data->channels, tried = fmin(c, GONIO_LSQ_CHANNELS_TRIED);
+    const double set = n * (sizeof(gonio_pair) + 8 * (2 * c + 1)),
+                 part = n * (sizeof(gonio_pair) + 8 * (2 * tried + 1));
+    const double places = n * (32 + 24 + 8 * data->dims);
+    const double count = (double)gonio_lattice_count(data->dims, level);
+    // Of a solve 4, of the start and the levels before 3, sums of the places 2 a level.
+    const double vectors = 8 * count * (7 + 2.3 + tried);
+    return set + fmax(2 * part + n * 8 * tried, n * 8 * c) + places + vectors + 4 * count * c +
+           gonio_lsq_precondition_memory(data->dims, &form, level);
+}
+
+// Bytes for that under --max-memory; the process itself and the samples are in it.
+static double memory_limit(const gonio_lsq_data *data, const gonio_fit_options *options) {
+    const double samples = (double)data->n * (sizeof(gonio_pair) + 8.0 * data->channels);
+    return options->max_memory > 0 ? (double)options->max_memory - 20e6 - samples : INFINITY;
+}
+
+static gonio_status check_memory(const gonio_lsq_data *data, const gonio_fit_options *options, int level,
+                                 gonio_error *error) {
+    const double limit = memory_limit(data, options), needed = memory_at(data, level);
+    return needed <= limit
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY,
+                            "least squares on %zu geometries of %d channels at level %d need %.3g GB beside "
+                            "the samples; there are %.3g GB",
+                            data->n, data->channels, level, needed / 1e9, fmax(limit, 0) / 1e9);
+}
 
 static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *options) {
     const int dims = data->dims, cap = dims == 3 ? (data->n >= 1000000 ? 7 : 6) : (data->n >= 100000 ? 5 : 4);
@@ -24,6 +59,9 @@ static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *opt
     }
     while (options->max_bytes > 0 && level > 0 &&
            gonio_lattice_count(dims, level) * (size_t)data->channels * sizeof(float) > options->max_bytes) {
+        level--;
+    }
+    while (level > 0 && memory_at(data, level) > memory_limit(data, options)) {
         level--;
     }
     return level;
@@ -140,12 +178,15 @@ gonio_status gonio_lsq_large_choose(const gonio_lsq_data *data, gonio_lsq_watch 
     *choice = (gonio_lsq_large_choice){.score.score = INFINITY};
     gonio_lsq_inner in;
     standing stands[GONIO_LSQ_CANDIDATES];
-    gonio_status status = gonio_lsq_inner_init(&in, data, NULL, error);
+    const bool open = watch->options->level == GONIO_LEVEL_AUTO;
+    const int finest = open ? finest_level(data, watch->options) : watch->options->level;
+    gonio_status status = check_memory(data, watch->options, finest, error);
+    if (status == GONIO_OK) {
+        status = gonio_lsq_inner_init(&in, data, NULL, error);
+    }
     if (status != GONIO_OK) {
         return status;
     }
-    const bool open = watch->options->level == GONIO_LEVEL_AUTO;
-    const int finest = open ? finest_level(data, watch->options) : watch->options->level;
     const comparison c = {data, &in, watch, choice, finest, open, compare_only};
     status = compare(&c, candidates, n, stands, error);
     if (status == GONIO_OK && !compare_only) {

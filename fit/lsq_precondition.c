@@ -295,7 +295,15 @@ static void fill_inverse(gonio_lsq_precondition *p, const gonio_lsq_form *form, 
 
 // ---- making one ----
 
-static void lay_out(gonio_lsq_precondition *p) {
+typedef struct sizes {
+    size_t first, between, second, inverse; // floats
+} sizes;
+
+static sizes lay_out(gonio_lsq_precondition *p, int dims, const gonio_lsq_form *form, int level) {
+    p->dims = dims;
+    p->level = level;
+    // The stiff axes by themselves: the incidence, or the difference angle (fit/lsq_search.c).
+    p->split = dims == 4 || gonio_coordinates_are_half_vector(form->coordinates) ? 2 : 1;
     const size_t finest = gonio_bspline_size(p->level);
     size_t rows = 0, cells = 0;
     for (int h = p->level; h >= 0; h--) {
@@ -310,6 +318,20 @@ static void lay_out(gonio_lsq_precondition *p) {
     p->blocks = (p->columns + LANES - 1) / LANES;
     p->row_blocks = (rows + LANES - 1) / LANES;
     p->stride = cells + (second_axes(p) == 2 ? p->columns : 0);
+    return (sizes){.first = rows * p->blocks * LANES,
+                   .between = power(finest, p->split) * p->blocks * LANES,
+                   .second = p->row_blocks * p->stride * LANES,
+                   .inverse = p->row_blocks * cells * LANES};
+}
+
+static double bytes_of(const sizes *s) {
+    return sizeof(float) * (double)(s->first + s->between + s->second + s->inverse);
+}
+
+double gonio_lsq_precondition_memory(int dims, const gonio_lsq_form *form, int level) {
+    gonio_lsq_precondition unused = {0};
+    const sizes s = lay_out(&unused, dims, form, level);
+    return bytes_of(&s);
 }
 
 void gonio_lsq_precondition_free(gonio_lsq_precondition *p) {
@@ -329,24 +351,16 @@ gonio_status gonio_lsq_precondition_new(int dims, const gonio_lsq_form *form, in
     if (p == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a preconditioner");
     }
-    p->dims = dims;
-    p->level = level;
-    // The stiff axes by themselves: the incidence, or the difference angle (fit/lsq_large.c).
-    p->split = dims == 4 || gonio_coordinates_are_half_vector(form->coordinates) ? 2 : 1;
-    lay_out(p);
-    const size_t finest = power(gonio_bspline_size(level), p->split);
-    const size_t inverse = p->row_blocks * p->cells[LEVELS] * LANES;
-    const size_t sizes[3] = {p->rows[LEVELS] * p->blocks * LANES, finest * p->blocks * LANES,
-                             p->row_blocks * p->stride * LANES};
-    p->first = malloc(sizes[0] * sizeof(float));
-    p->between = malloc(sizes[1] * sizeof(float));
-    p->second = malloc(sizes[2] * sizeof(float));
-    p->inverse = calloc(inverse, sizeof(float));
+    const sizes s = lay_out(p, dims, form, level);
+    p->first = malloc(s.first * sizeof(float));
+    p->between = malloc(s.between * sizeof(float));
+    p->second = malloc(s.second * sizeof(float));
+    p->inverse = calloc(s.inverse, sizeof(float));
     if (p->first == NULL || p->between == NULL || p->second == NULL || p->inverse == NULL) {
         gonio_lsq_precondition_free(p);
         *out = NULL;
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a preconditioner of level %d (%.3g GB)", level,
-                          4e-9 * (double)(sizes[0] + sizes[1] + sizes[2] + inverse));
+                          1e-9 * bytes_of(&s));
     }
     p->from = lumped;
     gonio_team_run(team, p->blocks, down_columns, p);

@@ -12,6 +12,8 @@ typedef struct gonio_lsq_precondition gonio_lsq_precondition;
 gonio_status gonio_lsq_precondition_new(int dims, const gonio_lsq_form *form, int level, double lambda,
                                         const double *lumped, const double *diagonal, gonio_team *team,
                                         gonio_lsq_precondition **out, gonio_error *error);
+// Bytes of one.
+double gonio_lsq_precondition_memory(int dims, const gonio_lsq_form *form, int level);
 void gonio_lsq_precondition_free(gonio_lsq_precondition *p); // NULL is allowed
 // z = P^-1 r, P symmetric and positive definite. By one thread (and its team) at a time; the team changes no bit.
 void gonio_lsq_precondition_apply(gonio_lsq_precondition *p, gonio_team *team, const double *r, double *z);

@@ -276,8 +276,34 @@ static void test_impossible_grazing_is_refused(void **state) {
     }
 }
 
+// ---- memory ----
+
+// A limit lowers the level that is chosen, and refuses one that is given, with figures; nothing is fitted then.
+static void test_memory_limits_the_level(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples("lambert:rho=0.5", 2600, 1, 6);
+    gonio_fit_options o;
+    gonio_fit_report report;
+    gonio_model *model = NULL;
+    gonio_error error = {0};
+    gonio_fit_options_default(&o);
+    o.method = "lsq";
+    o.hold_out = 0;
+    o.coordinates_set = true;
+    o.max_memory = 23000000; // the program's 20 MB, the samples and a small lattice
+    assert_int_equal(gonio_fit(samples, &o, &model, &report, &error), GONIO_OK);
+    assert_true(report.level >= 1 && report.level <= 3);
+    gonio_model_free(model);
+    o.level = 6;
+    assert_int_equal(gonio_fit(samples, &o, &model, &report, &error), GONIO_E_MEMORY);
+    assert_non_null(strstr(error.message, "level 6"));
+    assert_non_null(strstr(error.message, "GB"));
+    gonio_samples_free(samples);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_memory_limits_the_level),
         cmocka_unit_test(test_penalty_is_its_formula),
         cmocka_unit_test(test_folding_is_a_projection),
         cmocka_unit_test(test_preconditioner_is_symmetric_and_positive),
