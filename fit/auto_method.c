@@ -96,7 +96,8 @@ static void describe_neighbour(const gonio_lsq_large_choice *choice, const gonio
     const gonio_lsq_large_trial *best = NULL;
     for (int t = 0; t < choice->trials_n; t++) {
         const gonio_lsq_large_trial *trial = &choice->trials[t];
-        const bool candidate = cheaper ? trial->level < choice->form.level : trial->score.score < choice->score.score;
+        const bool candidate =
+            cheaper ? trial->form.level < choice->form.level : trial->score.score < choice->score.score;
         if (candidate && (best == NULL || trial->score.score < best->score.score)) {
             best = trial;
         }
@@ -108,9 +109,9 @@ static void describe_neighbour(const gonio_lsq_large_choice *choice, const gonio
         return;
     }
     const double unit = data->kind == GONIO_LINK_LINEAR ? 1.5 : 2.25;
-    const size_t bytes = gonio_lattice_count(data->dims, best->level) * (size_t)data->channels * sizeof(float);
+    const size_t bytes = gonio_lattice_count(data->dims, best->form.level) * (size_t)data->channels * sizeof(float);
     snprintf(report->note + used, size, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
-             gonio_coordinates_name(best->coordinates), best->level, lobes_name(best->lobes),
+             gonio_coordinates_name(best->form.coordinates), best->form.level, lobes_name(best->lobes),
              100 * (exp((best->score.score - choice->score.score) / unit) - 1), (bytes + 512) / 1024);
 }
 
@@ -168,22 +169,17 @@ static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_lsq_w
 
 #define SECOND 1.0 // in the score: other coordinates that come so close go on beside the best
 
-// The best of the candidates in other coordinates than the chosen ones; -1 where none is close.
-static int second_best(const gonio_lsq_large_choice *choice, const gonio_lsq_candidate *candidates, int n) {
+// The best trial in other coordinates than the chosen ones; NULL where none is close.
+static const gonio_lsq_large_trial *second_best(const gonio_lsq_large_choice *choice) {
     const gonio_lsq_large_trial *best = NULL;
     for (int t = 0; t < choice->trials_n; t++) {
         const gonio_lsq_large_trial *trial = &choice->trials[t];
-        if (trial->coordinates != choice->form.coordinates && trial->score.score < choice->score.score + SECOND &&
+        if (trial->form.coordinates != choice->form.coordinates && trial->score.score < choice->score.score + SECOND &&
             (best == NULL || trial->score.score < best->score.score)) {
             best = trial;
         }
     }
-    for (int k = 0; k < n && best != NULL; k++) {
-        if (candidates[k].form.coordinates == best->coordinates && candidates[k].lobes == best->lobes) {
-            return k;
-        }
-    }
-    return -1;
+    return best;
 }
 
 static gonio_status keep_best(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_lsq_candidate *candidates,
@@ -197,11 +193,12 @@ static gonio_status keep_best(const gonio_lsq_data *data, gonio_lsq_watch *watch
     gonio_lsq_watch_step(watch, 0.4);
     status = gonio_lsq_large_choose(&part, watch, candidates, *n, true, &choice, error);
     if (status == GONIO_OK) {
-        const int second = second_best(&choice, candidates, *n);
-        const gonio_lsq_candidate first = {choice.form, choice.lobes, choice.lambda};
-        candidates[1] = candidates[second < 0 ? 0 : second];
-        candidates[0] = first;
-        *n = second < 0 ? 1 : 2;
+        const gonio_lsq_large_trial *second = second_best(&choice);
+        candidates[0] = (gonio_lsq_candidate){choice.form, choice.lobes, choice.lambda};
+        if (second != NULL) {
+            candidates[1] = (gonio_lsq_candidate){second->form, second->lobes, second->lambda};
+        }
+        *n = second != NULL ? 2 : 1;
     }
     gonio_lsq_data_release(&part);
     return status;

@@ -71,6 +71,8 @@ static int finest_level(const gonio_lsq_data *data, const gonio_fit_options *opt
 
 #define CLOSE 0.5 // in the score, errors up to a fourth larger: level and stiffness may turn the order
 
+#define HOPELESS 2.0 // a worse score than the best by more than that is not made good by stiffness
+
 typedef struct comparison {
     const gonio_lsq_data *data;
     const gonio_lsq_inner *in;
@@ -98,7 +100,8 @@ static gonio_status try_candidate(const comparison *c, const gonio_lsq_candidate
     if (status == GONIO_OK && levels) {
         status = gonio_lsq_search_levels(&s, c->brief, error);
     } else if (status == GONIO_OK) {
-        status = gonio_lsq_search_first(&s, &stands->form, stands->lambda, error);
+        status =
+            gonio_lsq_search_first(&s, &stands->form, stands->lambda, candidate->lambda > 0 ? CLOSE : HOPELESS, error);
     }
     *stands = (standing){s.best, s.lambda, s.score};
     gonio_lsq_search_release(&s);
@@ -143,7 +146,10 @@ static gonio_status compare(const comparison *c, const gonio_lsq_candidate *cand
             promising(candidates, stands, k, best)) {
             // What suits similar candidates is where to begin.
             const int before = grazes(&candidates[k]) ? sibling(candidates, k) : -1;
-            stands[k].lambda = before >= 0 ? stands[before].lambda : k > 0 ? choice->lambda : candidates[k].lambda;
+            stands[k].lambda = before >= 0                ? stands[before].lambda
+                               : candidates[k].lambda > 0 ? candidates[k].lambda
+                               : k > 0                    ? choice->lambda
+                                                          : 0;
             stands[k].form = before >= 0 ? stands[before].form : stands[k].form;
             status = try_candidate(c, &candidates[k], false, &stands[k], error);
             best = fmin(best, stands[k].score);

@@ -10,7 +10,7 @@
 typedef struct gonio_lsq_candidate {
     gonio_lsq_form form;          // its level is where the search begins
     const gonio_lobe_base *lobes; // NULL: none; borrowed
-    double lambda;                // where it begins; 0: not known
+    double lambda;                // with the form where it begins; 0: not known
 } gonio_lsq_candidate;
 
 #define GONIO_LSQ_GRAZING 2 // grazing factors that are tried beside none
@@ -19,10 +19,10 @@ typedef struct gonio_lsq_candidate {
 // of the exponent.
 void gonio_lsq_grazing_bases(const gonio_lsq_data *data, gonio_lobe_base bases[GONIO_LSQ_GRAZING]);
 
-// One that was scored: the best lambda tried of a form and base.
+// The best that was scored of a base in some coordinates at a level.
 typedef struct gonio_lsq_large_trial {
-    gonio_coordinates coordinates;
-    int level;
+    gonio_lsq_form form;
+    double lambda;
     const gonio_lobe_base *lobes; // borrowed
     gonio_lsq_score score;
 } gonio_lsq_large_trial;

@@ -126,12 +126,13 @@ static int trial_iterations(const gonio_lsq_search *s) {
     return (int)fmin(fmax(affordable, TRIAL_ITERATIONS_MIN), TRIAL_ITERATIONS_MAX);
 }
 
-static void keep_trial(const gonio_lsq_search *s, gonio_lsq_score score) {
+static void keep_trial(const gonio_lsq_search *s, double lambda, gonio_lsq_score score) {
     gonio_lsq_large_choice *choice = s->choice;
-    const gonio_lsq_large_trial trial = {s->form.coordinates, s->form.level, s->lobes, score};
+    const gonio_lsq_large_trial trial = {s->form, lambda, s->lobes, score};
     for (int t = 0; t < choice->trials_n; t++) {
         gonio_lsq_large_trial *other = &choice->trials[t];
-        if (other->coordinates == trial.coordinates && other->level == trial.level && other->lobes == trial.lobes) {
+        if (other->form.coordinates == s->form.coordinates && other->form.level == s->form.level &&
+            other->lobes == s->lobes) {
             *other = score.score < other->score.score ? trial : *other;
             return;
         }
@@ -160,7 +161,7 @@ gonio_status gonio_lsq_search_solve(gonio_lsq_search *s, double lambda, bool war
         status = score_points(s, score, error);
     }
     if (status == GONIO_OK && s->choice != NULL) {
-        keep_trial(s, *score);
+        keep_trial(s, lambda, *score);
     }
     return status;
 }
@@ -279,11 +280,11 @@ static gonio_status search_lambda(gonio_lsq_search *s, gonio_error *error) {
 
 #define STIFFNESS_MIN 1e-2
 #define STIFFNESS_MAX 1e5
-#define HOPELESS 2.0 // a worse score than the best by more than that is not made good by stiffness
 
 // The axes along which BRDFs vary slowly: the difference angle, or the incidence.
 static void stiffen(gonio_lsq_form *form, int dims, double factor) {
-    const int count = dims == 3 ? 1 : 2, first = gonio_coordinates_are_half_vector(form->coordinates) ? dims - count : 0;
+    const int count = dims == 3 ? 1 : 2,
+              first = gonio_coordinates_are_half_vector(form->coordinates) ? dims - count : 0;
     for (int d = first; d < first + count; d++) {
         form->stretch[d] *= factor;
     }
@@ -335,7 +336,7 @@ static gonio_status settle_lambda(gonio_lsq_search *s, gonio_error *error) {
     return status;
 }
 
-gonio_status gonio_lsq_search_first(gonio_lsq_search *s, const gonio_lsq_form *form, double lambda,
+gonio_status gonio_lsq_search_first(gonio_lsq_search *s, const gonio_lsq_form *form, double lambda, double hopeless,
                                     gonio_error *error) {
     gonio_status status = gonio_lsq_search_set(s, form, error);
     bool better;
@@ -347,7 +348,7 @@ gonio_status gonio_lsq_search_first(gonio_lsq_search *s, const gonio_lsq_form *f
     } else if (status == GONIO_OK) {
         status = search_lambda(s, error);
     }
-    if (status != GONIO_OK || s->score > s->choice->score.score + HOPELESS) {
+    if (status != GONIO_OK || s->score > s->choice->score.score + hopeless) {
         return status;
     }
     status = search_stiffness(s, false, error);

@@ -39,8 +39,10 @@ gonio_status gonio_lsq_search_start(gonio_lsq_search *s, gonio_lsq_score *score,
 gonio_status gonio_lsq_search_replicate(gonio_lsq_search *s, const double *targets,
                                         const gonio_lsq_large_choice *choice, double *out, gonio_error *error);
 
-// Lambda and stiffness at the form's level, from `lambda` on where it is known (> 0). Sets s->best, lambda, score.
-gonio_status gonio_lsq_search_first(gonio_lsq_search *s, const gonio_lsq_form *form, double lambda, gonio_error *error);
+// Lambda and stiffness at the form's level, from `lambda` on where it is known (> 0). Sets s->best, lambda, score. No
+// stiffness is tried where lambda alone leaves the score worse than the best of all by `hopeless`.
+gonio_status gonio_lsq_search_first(gonio_lsq_search *s, const gonio_lsq_form *form, double lambda, double hopeless,
+                                    gonio_error *error);
 // Other levels up to s->finest, and stiffness and lambda there, from s->best on; brief: one solve at the next finer
 // level.
 gonio_status gonio_lsq_search_levels(gonio_lsq_search *s, bool brief, gonio_error *error);
