@@ -50,11 +50,12 @@ typedef struct gonio_lobe_model_parts {
     gonio_link_kind kind;
     gonio_link *links; // [channels]
     gonio_lobe_base base;
-    gonio_lattice lattice;           // points NULL: no spline
-    double *range;                   // [channels][2], with a spline: between which its value is held (with a grazing factor: the sum)
-    gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
-    double *sigma_factor;            // [channels]
-    bool sigma_half_vector;          // sigma's lattice lies in half-vector coordinates, whatever the spline's are
+    gonio_lattice lattice;  // points NULL: no spline
+    double *range;          // [channels][2], with a spline: between which it (with a grazing factor: the sum) is
+                            // held
+    gonio_lattice sigma;    // one channel: ln sigma of the link value; points NULL: no uncertainty
+    double *sigma_factor;   // [channels]
+    bool sigma_half_vector; // sigma's lattice lies in half-vector coordinates, whatever the spline's are
     const char (*channel_names)[32]; // copied
 } gonio_lobe_model_parts;
 

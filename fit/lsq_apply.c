@@ -259,7 +259,7 @@ void gonio_lsq_apply(const gonio_lsq_places *places, gonio_team *team, int level
     }
 }
 
-void gonio_lsq_symmetrise(const gonio_lsq_places *places, int level, double *out, double factor) {
+void gonio_lsq_symmetrise(const gonio_lsq_places *places, int level, double *out) {
     if (places->mirror_axes == 0) {
         return;
     }
@@ -271,7 +271,7 @@ void gonio_lsq_symmetrise(const gonio_lsq_places *places, int level, double *out
             image = image * m + ((places->mirror_axes >> d & 1u) != 0 ? m - 1 - at[d] : at[d]);
         }
         if (image >= i) {
-            out[i] = out[image] = factor * (out[i] + out[image]);
+            out[i] = out[image] = out[i] + out[image];
         }
         for (int d = places->dims - 1; d >= 0 && ++at[d] == m; d--) {
             at[d] = 0;

@@ -30,8 +30,8 @@ typedef enum gonio_lsq_pass {
 // Add the pass to out; t = targets[sample * stride]. team may be NULL.
 void gonio_lsq_apply(const gonio_lsq_places *places, gonio_team *team, int level, gonio_lsq_pass pass,
                      const double *targets, size_t stride, const double *in, double *out);
-// out = factor (out + its mirror image); without mirror symmetry out is left alone.
-void gonio_lsq_symmetrise(const gonio_lsq_places *places, int level, double *out, double factor);
+// out += its mirror image; without mirror symmetry out is left alone.
+void gonio_lsq_symmetrise(const gonio_lsq_places *places, int level, double *out);
 // values[sample * stride] = the spline at each position.
 void gonio_lsq_places_eval(const gonio_lsq_places *places, int level, const double *in, double *values, size_t stride);
 

@@ -86,7 +86,7 @@ static gonio_status sum_places(gonio_lsq_cg *cg, int level, gonio_error *error) 
         free(diagonal);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu control points (%.3g GB)", n, 16e-9 * (double)n);
     }
-    // Diagonal first: it ends as B^T W B's, and serves as the ones' place before.
+    // The diagonal's place holds the ones until then.
     for (size_t i = 0; i < n; i++) {
         diagonal[i] = 1;
     }
@@ -292,8 +292,8 @@ static void add_mba_step(const gonio_lsq_cg *cg, const double *targets, size_t s
         memset(denominator, 0, n * sizeof *denominator);
         gonio_lsq_apply(&cg->places, cg->team, level, GONIO_LSQ_DIAGONAL, NULL, 0, NULL, denominator);
     }
-    gonio_lsq_symmetrise(&cg->places, level, numerator, 1);
-    gonio_lsq_symmetrise(&cg->places, level, denominator, 1);
+    gonio_lsq_symmetrise(&cg->places, level, numerator);
+    gonio_lsq_symmetrise(&cg->places, level, denominator);
     for (size_t i = 0; i < n; i++) {
         points[i] += denominator[i] > 0 ? numerator[i] / denominator[i] : 0;
     }
