@@ -119,6 +119,16 @@ void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, goni
     stretched(u, v, length, asinh(length / STRETCH), OFFSET_MAX, x + 2);
 }
 
+double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]) {
+    const double u = 2 * x[0] - 1, v = 2 * x[1] - 1, r = fmin(sqrt(u * u + v * v), 1);
+    if (system == GONIO_HALF_VECTOR_NARROW) {
+        return r;
+    }
+    const double tangent = half_vectors[system].stretch * sinh(r * half_vectors[system].limit);
+    return fmin(half_vector_radius(GONIO_HALF_VECTOR_NARROW, tangent, 1) / half_vectors[GONIO_HALF_VECTOR_NARROW].limit,
+                1);
+}
+
 static const char *const names[GONIO_COORDINATES] = {"nusselt", "half-vector", "reflected", "half-vector-narrow",
                                                      "half-vector-wide"};
 

@@ -1,8 +1,12 @@
-// The choice for small sets, in four rounds, each scored by leave-one-out on all its samples:
+// The choice for small sets, in rounds, each scored by leave-one-out on all its samples:
 //   1. coordinates and base, at a level that suits the number of samples;
 //   2. how stiff each axis is;
 //   3. one level coarser and finer;
-//   4. how far reciprocity is trusted by what was chosen.
+//   4. half-vector coordinates for sharper and for broader lobes;
+//   5. stiffness once more, a step from what was chosen;
+//   6. a profile beside the lattice of what was chosen (fit/profile.h);
+//   7. how far reciprocity is trusted by it;
+//   8. what its lobes' shares say beside the spline (fit/lobe_model.h).
 // Coordinates that come close to the best ones go on through the rounds: which suit the samples can change with the
 // level (a silk's half-vector fit overtook its Nusselt fit only at level 5). A round's forms are independent, so they
 // run side by side; one eigendecomposition a form scores every base, channel and lambda.
@@ -72,11 +76,13 @@ static gonio_status fit_bases(const gonio_lsq_data *data, gonio_team *team, bool
 typedef struct round_result {
     gonio_lsq_dense *dense;
     gonio_lsq_score score[GONIO_AUTO_BASES];
-    double *lambdas; // bases x channels
+    double *lambdas;   // bases x channels
+    int first, beyond; // of the bases that were scored
     gonio_status status;
     gonio_error error;
 } round_result;
 
+// Bases r->first .. r->beyond - 1.
 static void score_bases(const gonio_lsq_dense *dense, const gonio_lsq_data *data, const gonio_auto_choice *choice,
                         double lambda, round_result *r) {
     const size_t c = (size_t)data->channels;
@@ -84,7 +90,7 @@ static void score_bases(const gonio_lsq_dense *dense, const gonio_lsq_data *data
     if (r->lambdas == NULL) {
         r->status = gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
     }
-    for (int b = 0; b < choice->bases_n && r->status == GONIO_OK; b++) {
+    for (int b = r->first; b < r->beyond && r->status == GONIO_OK; b++) {
         r->status = gonio_lsq_choose_lambda(dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
                                             &r->score[b], &r->error);
     }
@@ -92,7 +98,7 @@ static void score_bases(const gonio_lsq_dense *dense, const gonio_lsq_data *data
 
 static void score_form(const gonio_lsq_data *data, const gonio_auto_choice *choice, const gonio_lsq_form *form,
                        double lambda, round_result *r) {
-    *r = (round_result){0};
+    *r = (round_result){.beyond = choice->bases_n};
     r->status = gonio_lsq_dense_new(data, form, &r->dense, &r->error);
     if (r->status == GONIO_OK) {
         score_bases(r->dense, data, choice, lambda, r);
@@ -101,14 +107,28 @@ static void score_form(const gonio_lsq_data *data, const gonio_auto_choice *choi
 
 static size_t model_bytes(const gonio_lsq_data *data, const gonio_lsq_form *form, const gonio_lsq_base *base) {
     const size_t c = (size_t)data->channels;
-    return gonio_lattice_count(data->dims, form->level) * c * sizeof(float) + c * sizeof(gonio_link) +
-           (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
+    const size_t points = gonio_lattice_count(data->dims, form->level) +
+                          (form->profile > 0 ? gonio_lattice_count(2, form->profile_level) : 0);
+    return points * c * sizeof(float) + c * sizeof(gonio_link) + (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
 }
 
 // How far a trial exceeds a limit; at most 1: not at all.
 static double excess(const gonio_auto_trial *t, const gonio_fit_options *options) {
     const double bytes = options->max_bytes > 0 ? (double)t->bytes / (double)options->max_bytes : 0;
     return fmax(bytes, options->max_ns > 0 ? t->ns / options->max_ns : 0);
+}
+
+// What a score must gain before it is worth its price: what a few samples gain may be chance. A profile is a second
+// lattice (2 % of the errors); other widths than the usual one are more to choose from (3 %); without lobes nothing
+// goes on where nothing has been measured (2 %).
+#define PROFILE_PRICE 0.03
+#define WIDTH_PRICE 0.05
+#define NO_LOBES_PRICE 0.03
+
+static double priced_score(const gonio_auto_trial *t) {
+    const bool usual = t->form.coordinates != GONIO_HALF_VECTOR_NARROW && t->form.coordinates != GONIO_HALF_VECTOR_WIDE;
+    return t->score.score + (t->form.profile > 0 ? PROFILE_PRICE : 0) + (usual ? 0 : WIDTH_PRICE) +
+           (t->base == 0 ? NO_LOBES_PRICE : 0);
 }
 
 // Is trial a the better choice? Of those that meet the error asked for, the smaller one; else the lower score.
@@ -130,7 +150,7 @@ static bool better(const gonio_auto_trial *a, const gonio_auto_trial *b, const g
             return a->bytes < b->bytes;
         }
     }
-    return a->score.score < b->score.score;
+    return priced_score(a) < priced_score(b);
 }
 
 // Stiffness and reciprocity cost nothing: a trial of the same lattice and base has been timed already.
@@ -139,7 +159,8 @@ static gonio_status measure_cost(const gonio_lsq_data *data, const gonio_auto_ch
     for (int t = 0; t < choice->trials_n; t++) {
         const gonio_auto_trial *other = &choice->trials[t];
         if (other->form.coordinates == trial->form.coordinates && other->form.level == trial->form.level &&
-            other->base == trial->base) {
+            (other->form.profile > 0) == (trial->form.profile > 0) &&
+            other->form.profile_level == trial->form.profile_level && other->base == trial->base) {
             trial->ns = other->ns;
             return GONIO_OK;
         }
@@ -150,7 +171,7 @@ static gonio_status measure_cost(const gonio_lsq_data *data, const gonio_auto_ch
 static gonio_status keep_best(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_auto_choice *choice,
                               const gonio_lsq_form *form, round_result *r, gonio_error *error) {
     const size_t c = (size_t)data->channels;
-    for (int b = 0; b < choice->bases_n; b++) {
+    for (int b = r->first; b < r->beyond; b++) {
         gonio_auto_trial *t = &choice->trials[choice->trials_n];
         *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b]), 0};
         const gonio_status status = options->max_ns > 0 ? measure_cost(data, choice, t, error) : GONIO_OK;
@@ -166,6 +187,10 @@ static gonio_status keep_best(const gonio_lsq_data *data, const gonio_fit_option
             }
             memcpy(choice->lambdas, r->lambdas + (size_t)b * c, c * sizeof *choice->lambdas);
         }
+        fprintf(stderr, "TRIAL %s l%d %g:%g:%g p%g.%d r%g base %d %s score %.3f\n",
+                gonio_coordinates_name(form->coordinates), form->level, form->stretch[0], form->stretch[1],
+                form->stretch[2], form->profile, form->profile_level, form->reciprocity, b,
+                gonio_auto_base_name(&choice->bases[b]), r->score[b].score);
         choice->trials_n++;
     }
     return GONIO_OK;
@@ -257,25 +282,55 @@ static double fixed_reciprocity(const gonio_fit_options *options) {
 static int coordinate_forms(const gonio_lsq_data *data, const gonio_fit_options *options, gonio_lsq_form *forms) {
     static const gonio_coordinates all[3] = {GONIO_HALF_VECTOR, GONIO_NUSSELT, GONIO_REFLECTED};
     const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(data);
-    int n = 0;
-    for (int k = 0; k < 3; k++) {
-        if (!options->coordinates_set || options->coordinates == all[k]) {
-            forms[n] = gonio_lsq_form_default(all[k], level, data->mirror);
-            forms[n++].reciprocity = fixed_reciprocity(options);
-        }
+    const int n = options->coordinates_set ? 1 : 3;
+    for (int k = 0; k < n; k++) {
+        forms[k] =
+            gonio_lsq_form_default(options->coordinates_set ? options->coordinates : all[k], level, data->mirror);
+        forms[k].reciprocity = fixed_reciprocity(options);
     }
     return n;
 }
 
+// Ever stiffer along the difference angle, ever softer across the half vector's plane.
+#define LADDER 4
+static const double half_ladder[LADDER][4] = {{1, 1, 1, 1}, {1, 1, 10, 10}, {0.1, 0.1, 10, 10}, {0.1, 0.1, 100, 100}};
+
 // Stiffer or softer along the difference angle or the incidence.
 static int stiffness_forms(const gonio_lsq_data *data, const gonio_lsq_form *best, gonio_lsq_form *forms) {
-    static const double half[][4] = {{1, 1, 10, 10}, {0.1, 0.1, 10, 10}};
     static const double other[][4] = {{10, 1, 1, 1}, {0.1, 1, 1, 1}};
-    const bool half_vector = best->coordinates == GONIO_HALF_VECTOR;
+    const bool half_vector = gonio_coordinates_are_half_vector(best->coordinates);
     int n = 0;
     for (; n < 2 && (half_vector || data->dims == 3); n++) {
         forms[n] = *best;
-        memcpy(forms[n].stretch, half_vector ? half[n] : other[n], sizeof forms[n].stretch);
+        memcpy(forms[n].stretch, half_vector ? half_ladder[1 + n] : other[n], sizeof forms[n].stretch);
+    }
+    return n;
+}
+
+static bool was_tried(const gonio_auto_choice *choice, const gonio_lsq_form *form) {
+    for (int t = 0; t < choice->trials_n; t++) {
+        const gonio_lsq_form *other = &choice->trials[t].form;
+        if (other->coordinates == form->coordinates && other->level == form->level &&
+            memcmp(other->stretch, form->stretch, sizeof form->stretch) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// The ladder's steps beside the chosen one that these coordinates and level have not been on.
+static int ladder_forms(const gonio_auto_choice *choice, gonio_lsq_form *forms) {
+    const gonio_lsq_form *chosen = &choice->trials[choice->chosen].form;
+    int at = 0, n = 0;
+    while (at < LADDER && memcmp(half_ladder[at], chosen->stretch, sizeof chosen->stretch) != 0) {
+        at++;
+    }
+    for (int step = at - 1; step <= at + 1; step += 2) {
+        if (gonio_coordinates_are_half_vector(chosen->coordinates) && at < LADDER && step >= 0 && step < LADDER) {
+            forms[n] = *chosen;
+            memcpy(forms[n].stretch, half_ladder[step], sizeof forms[n].stretch);
+            n += !was_tried(choice, &forms[n]);
+        }
     }
     return n;
 }
@@ -314,13 +369,29 @@ static const gonio_lsq_form *best_of(const gonio_auto_choice *choice, gonio_coor
     return best != NULL && best->score.score < chosen->score.score + CLOSE ? &best->form : NULL;
 }
 
+static int spread_forms(const gonio_fit_options *options, const gonio_auto_choice *choice, gonio_lsq_form *forms) {
+    const gonio_lsq_form *best = options->coordinates_set ? NULL : best_of(choice, GONIO_HALF_VECTOR);
+    if (best == NULL) {
+        return 0;
+    }
+    forms[0] = forms[1] = *best;
+    forms[0].coordinates = GONIO_HALF_VECTOR_NARROW;
+    forms[1].coordinates = GONIO_HALF_VECTOR_WIDE;
+    return 2;
+}
+
+#define ROUNDS 5
+
 static int round_forms(int round, const gonio_lsq_data *data, const gonio_fit_options *options,
                        const gonio_auto_choice *choice, gonio_lsq_form *forms) {
     if (round == 0) {
         return coordinate_forms(data, options, forms);
     }
+    if (round >= 3) {
+        return round == 3 ? spread_forms(options, choice, forms) : ladder_forms(choice, forms);
+    }
     int n = 0;
-    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+    for (int c = 0; c < GONIO_COORDINATES; c++) {
         const gonio_lsq_form *best = best_of(choice, (gonio_coordinates)c);
         if (best != NULL) {
             n += round == 1 ? stiffness_forms(data, best, forms + n) : level_forms(data, options, best, forms + n);
@@ -329,37 +400,79 @@ static int round_forms(int round, const gonio_lsq_data *data, const gonio_fit_op
     return n;
 }
 
+// Score the chosen solver as it now stands, over one base; *better: it is chosen again. Not over the others: beside a
+// profile all bases predict alike what has samples about it, and chance would choose among them, but where nothing has
+// been measured lobes go on and a spline does not.
+static gonio_status try_again(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_auto_choice *choice,
+                              const gonio_lsq_form *form, int base, bool *better, gonio_error *error) {
+    const int before = choice->chosen;
+    round_result r = {.first = base, .beyond = base + 1};
+    score_bases(choice->dense, data, choice, watch->options->lambda, &r);
+    gonio_status status = r.status;
+    if (status != GONIO_OK && error != NULL) {
+        *error = r.error;
+    }
+    if (status == GONIO_OK) {
+        status = keep_best(data, watch->options, choice, form, &r, error);
+    }
+    free(r.lambdas);
+    *better = choice->chosen != before;
+    return status == GONIO_OK ? gonio_lsq_watch_ask(watch, error) : status;
+}
+
+// A profile beside the chosen isotropic half-vector lattice: a fine one, equally smooth in both directions, for sharp
+// peaks, and a coarser one, stiff along the difference angle. Each with more and more weight for as long as that is
+// better.
+static const struct {
+    int level;
+    double stretch[2], weights[3];
+} profiles[] = {{6, {1, 1}, {0.03, 0.3, 3}}, {5, {0.1, 10}, {0.01, 0.1, 1}}};
+
+static gonio_status try_profile(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_auto_choice *choice,
+                                gonio_error *error) {
+    gonio_lsq_form form = choice->trials[choice->chosen].form;
+    gonio_status status = GONIO_OK;
+    if (data->dims != 3 || !gonio_coordinates_are_half_vector(form.coordinates)) {
+        return GONIO_OK;
+    }
+    for (int p = 0; p < 2; p++) {
+        bool better = true;
+        form.profile_level = profiles[p].level;
+        memcpy(form.profile_stretch, profiles[p].stretch, sizeof form.profile_stretch);
+        for (int k = 0; k < 3 && status == GONIO_OK && better; k++) {
+            if (!time_for(watch, choice, &form, 1, choice->longest)) {
+                break;
+            }
+            form.profile = profiles[p].weights[k];
+            status = gonio_lsq_dense_profile(choice->dense, &form, error);
+            if (status == GONIO_OK) {
+                status = try_again(data, watch, choice, &form, choice->trials[choice->chosen].base, &better, error);
+            }
+        }
+    }
+    const gonio_lsq_form *chosen = &choice->trials[choice->chosen].form, *now = gonio_lsq_dense_form(choice->dense);
+    if (status == GONIO_OK && (chosen->profile != now->profile || chosen->profile_level != now->profile_level)) {
+        status = gonio_lsq_dense_profile(choice->dense, chosen, error);
+    }
+    return status;
+}
+
 // Reciprocity of the chosen half-vector fit, from a weak prior to the full constraint: the non-reciprocal part keeps
 // 30, 10, 3 and 0 % of its prior variance. The sums over the lattice serve them all; the first that is worse ends it.
 static gonio_status try_reciprocity(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_auto_choice *choice,
                                     gonio_error *error) {
     static const double weights[] = {0.7, 0.9, 0.97, 1};
     gonio_lsq_form form = choice->trials[choice->chosen].form;
-    if (watch->options->symmetry != GONIO_SYMMETRY_AUTO || form.coordinates != GONIO_HALF_VECTOR) {
+    if (watch->options->symmetry != GONIO_SYMMETRY_AUTO || !gonio_coordinates_are_half_vector(form.coordinates)) {
         return GONIO_OK;
     }
     gonio_status status = GONIO_OK;
-    for (int k = 0; k < 4 && status == GONIO_OK && time_for(watch, choice, &form, 1, choice->longest); k++) {
-        const int before = choice->chosen;
-        round_result r = {0};
+    bool better = true;
+    for (int k = 0; k < 4 && status == GONIO_OK && better && time_for(watch, choice, &form, 1, choice->longest); k++) {
         form.reciprocity = weights[k];
         status = gonio_lsq_dense_reciprocity(choice->dense, weights[k], error);
         if (status == GONIO_OK) {
-            score_bases(choice->dense, data, choice, watch->options->lambda, &r);
-            status = r.status;
-            if (status != GONIO_OK && error != NULL) {
-                *error = r.error;
-            }
-        }
-        if (status == GONIO_OK) {
-            status = keep_best(data, watch->options, choice, &form, &r, error);
-        }
-        free(r.lambdas);
-        if (status == GONIO_OK) {
-            status = gonio_lsq_watch_ask(watch, error);
-        }
-        if (choice->chosen == before) {
-            break;
+            status = try_again(data, watch, choice, &form, choice->trials[choice->chosen].base, &better, error);
         }
     }
     const double chosen = choice->trials[choice->chosen].form.reciprocity;
@@ -369,9 +482,29 @@ static gonio_status try_reciprocity(const gonio_lsq_data *data, gonio_lsq_watch 
     return status;
 }
 
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
+// What the chosen lobes' shares say beside the spline.
+static gonio_status try_shares(const gonio_lsq_data *data, gonio_lsq_watch *watch, gonio_auto_choice *choice,
+                               gonio_error *error) {
+    const gonio_auto_trial *chosen = &choice->trials[choice->chosen];
+    const int base = chosen->base;
+    const gonio_lobe_base *lobes = &choice->bases[base].lobes;
+    gonio_lsq_form form = chosen->form;
+    if (lobes->lobes == 0 || !time_for(watch, choice, &form, 1, choice->longest)) {
+        return GONIO_OK;
+    }
+    bool better = false;
+    form.shares = true;
+    gonio_status status = gonio_lsq_dense_shares(choice->dense, lobes, error);
+    if (status == GONIO_OK) {
+        status = try_again(data, watch, choice, &form, base, &better, error);
+    }
+    return status == GONIO_OK && !better ? gonio_lsq_dense_shares(choice->dense, NULL, error) : status;
+}
+
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool profile,
                                gonio_auto_choice *choice, gonio_error *error) {
-    static const char *const what[] = {"comparing coordinates", "comparing stiffness", "comparing levels"};
+    static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing levels",
+                                             "comparing lobe widths", "comparing stiffness"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
     gonio_lsq_form forms[ROUND_FORMS];
     gonio_team *team = gonio_team_new(watch->options->threads);
@@ -382,18 +515,25 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watc
     if (status == GONIO_OK) {
         status = fit_bases(data, team, lobes, choice, error);
     }
-    for (int round = 0; round < 3 && status == GONIO_OK; round++) {
-        status = gonio_lsq_watch_tell(watch, 0.1 + 0.2 * round, what[round], error);
+    for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
+        status = gonio_lsq_watch_tell(watch, 0.1 + 0.13 * round, what[round], error);
         if (status == GONIO_OK) {
             const int n = round_forms(round, data, watch->options, choice, forms);
             status = run_round(data, watch, team, forms, n, choice, error);
         }
     }
+    if (status == GONIO_OK && profile) {
+        status = gonio_lsq_watch_tell(watch, 0.75, "comparing profiles", error);
+        status = status == GONIO_OK ? try_profile(data, watch, choice, error) : status;
+    }
     if (status == GONIO_OK) {
-        status = gonio_lsq_watch_tell(watch, 0.7, "comparing reciprocity", error);
+        status = gonio_lsq_watch_tell(watch, 0.9, "comparing reciprocity", error);
     }
     if (status == GONIO_OK) {
         status = try_reciprocity(data, watch, choice, error);
+    }
+    if (status == GONIO_OK) {
+        status = try_shares(data, watch, choice, error);
     }
     gonio_team_free(team);
     if (status != GONIO_OK) {
@@ -460,9 +600,10 @@ void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_option
     double sorted[GONIO_CHANNELS_MAX];
     memcpy(sorted, choice->lambdas, (size_t)report->channels * sizeof *sorted);
     qsort(sorted, (size_t)report->channels, sizeof *sorted, by_value);
-    snprintf(report->options, sizeof report->options, "base=%s lambda=%.2g stiffness=%g:%g:%g reciprocity=%g",
+    snprintf(report->options, sizeof report->options,
+             "base=%s lambda=%.2g stiffness=%g:%g:%g profile=%g reciprocity=%g",
              gonio_auto_base_name(&choice->bases[t->base]), sorted[report->channels / 2], t->form.stretch[0],
-             t->form.stretch[1], t->form.stretch[2], t->form.reciprocity);
+             t->form.stretch[1], t->form.stretch[2], t->form.profile, t->form.reciprocity);
     snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
     describe_limits(choice, options, report->note, sizeof report->note);
     describe_trial(choice, neighbour(choice, false), "next better", report->note, sizeof report->note);

@@ -6,7 +6,7 @@
 #include "fit/lsq_watch.h"
 
 #define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
-#define GONIO_AUTO_TRIALS 40
+#define GONIO_AUTO_TRIALS 64
 
 // One combination that was scored.
 typedef struct gonio_auto_trial {
@@ -29,7 +29,8 @@ typedef struct gonio_auto_choice {
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes,
+// lobes, profile: what may be chosen.
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool profile,
                                gonio_auto_choice *choice, gonio_error *error);
 void gonio_auto_choice_release(gonio_auto_choice *choice);
 // "none", "ggx", "cook-torrance".

@@ -50,6 +50,9 @@ gonio_status gonio_auto_cost_ns(const gonio_lsq_data *data, const gonio_lsq_form
     }
     gonio_model *model = NULL;
     status = gonio_lattice_init(&parts.lattice, data->dims, form->level, data->channels, error);
+    if (status == GONIO_OK && form->profile > 0) {
+        status = gonio_lattice_init(&parts.profile, 2, form->profile_level, data->channels, error);
+    }
     if (status == GONIO_OK) {
         parts.channel_names = names;
         status = gonio_lobe_model_new(&parts, &model, error);

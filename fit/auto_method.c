@@ -23,7 +23,7 @@ static gonio_status fit_small(const gonio_lsq_data *data, const gonio_samples *s
                               bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     gonio_auto_choice choice;
     gonio_lsq_watch_step(watch, 0.7); // the rest is for the solution and its uncertainty
-    gonio_status status = gonio_auto_choose(data, watch, lobes, &choice, error);
+    gonio_status status = gonio_auto_choose(data, watch, lobes, true, &choice, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -60,18 +60,18 @@ static int bare_candidates(const gonio_lsq_form *form, const gonio_lobe_base *gr
     return n;
 }
 
-// The best trial of each coordinates, with its base and without: a small part of a set does not always tell which suits
-// all of it.
+// The best trial of each coordinates (one of the half-vector ones), with its base and without: a small part of a set
+// does not always tell which suits all of it.
 static int large_candidates(const gonio_auto_choice *choice, const gonio_lobe_base *grazing,
                             gonio_lsq_candidate *candidates) {
     const gonio_auto_trial *t = choice->trials;
-    static const gonio_coordinates order[GONIO_COORDINATES] = {GONIO_HALF_VECTOR, GONIO_HALF_VECTOR_NARROW,
-                                                               GONIO_HALF_VECTOR_WIDE, GONIO_NUSSELT, GONIO_REFLECTED};
     int n = 0;
-    for (int c = 0; c < GONIO_COORDINATES; c++) {
+    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
         int best = -1;
         for (int k = 0; k < choice->trials_n; k++) {
-            if (t[k].form.coordinates == order[c] && (best < 0 || t[k].score.score < t[best].score.score)) {
+            const bool half_vector = gonio_coordinates_are_half_vector(t[k].form.coordinates);
+            if ((half_vector ? GONIO_HALF_VECTOR : (int)t[k].form.coordinates) == c &&
+                (best < 0 || t[k].score.score < t[best].score.score)) {
                 best = k;
             }
         }
@@ -159,7 +159,7 @@ static gonio_status choose_on_part(const gonio_lsq_data *data, const gonio_lsq_w
     gonio_lsq_data thin;
     gonio_status status = gonio_lsq_data_thin(data, data->n < THIN ? data->n : THIN, part.seed, &thin, error);
     if (status == GONIO_OK) {
-        status = gonio_auto_choose(&thin, &own, lobes, choice, error);
+        status = gonio_auto_choose(&thin, &own, lobes, false, choice, error);
         gonio_lsq_data_release(&thin);
     }
     return status;

@@ -21,8 +21,8 @@ size_t gonio_lattice_count(int dims, int level) {
 
 gonio_status gonio_lattice_init(gonio_lattice *lattice, int dims, int level, int channels, gonio_error *error) {
     *lattice = (gonio_lattice){.dims = dims, .level = level, .channels = channels};
-    if (dims < 3 || dims > GONIO_DIMS_MAX || level < 0 || level > 9 || channels < 1) {
-        return gonio_fail(error, GONIO_E_RANGE, "a lattice of %d dimensions, level %d, %d channels; 3 or 4, 0 to 9, 1+",
+    if (dims < 2 || dims > GONIO_DIMS_MAX || level < 0 || level > 9 || channels < 1) {
+        return gonio_fail(error, GONIO_E_RANGE, "a lattice of %d dimensions, level %d, %d channels; 2 to 4, 0 to 9, 1+",
                           dims, level, channels);
     }
     lattice->size = gonio_bspline_size(level);
@@ -125,7 +125,7 @@ static size_t locate(const gonio_lattice *lattice, const double *x, double w[GON
 
 // Sum over the rows of 4 control points along the last axis; leading axes in weights w[0 .. dims - 2].
 static double sum_rows(const gonio_lattice *lattice, size_t first, double w[GONIO_DIMS_MAX][4], int channel) {
-    const int rows = lattice->dims == 3 ? 16 : 64, last = lattice->dims - 1;
+    const int last = lattice->dims - 1, rows = 1 << 2 * last;
     double sum = 0;
     for (int r = 0; r < rows; r++) {
         double weight = 1;

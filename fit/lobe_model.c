@@ -10,26 +10,32 @@
 
 #include "fit/analytic.h"
 #include "fit/model_file.h"
+#include "fit/profile.h"
 #include "gonio/sample.h"
 
 typedef struct lobe_model {
     gonio_model head;
     gonio_lobe_model_parts parts;
+    double mean_strength[1 + GONIO_LOBES_MAX];
     char (*names)[32];   // NULL when they lie in the file
     gonio_mapped mapped; // base NULL: the arrays are our own
 } lobe_model;
 
 #define NO_LEVEL UINT32_MAX
+#define HAS_RANGES 1u
+#define HAS_TERMS 2u                         // a profile or shares: readers that do not know them refuse the file
 #define LINK_GRAZING (GONIO_LINK_ASINH + 1u) // the positive link with a grazing factor: older readers refuse it
 #define GRAZING_MAX 2.0F
 
 typedef struct description {
     uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
     float cosine_min;           // 0: none, as in files that are older than it
-    uint32_t ranges;            // 1: with a spline its range follows; 0 in older files, which hold it nowhere
+    uint32_t flags;             // what follows; in older files a spline is held nowhere
     uint32_t sigma_coordinates; // 0: the model's, as in older files; 1: half-vector
     float grazing;              // with LINK_GRAZING
-    uint32_t reserved[5];
+    uint32_t profile;           // level of the profile's lattice + 1; 0: none
+    uint32_t shares;            // 1: with lobes, multiples of their shares follow
+    uint32_t reserved[3];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
@@ -53,6 +59,27 @@ void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec
     for (int j = 0; j < base->lobes; j++) {
         out[1 + j] = base->family == GONIO_LOBE_GGX ? gonio_lobe_ggx(&g, base->alpha[j], base->alpha[j], base->f0[j])
                                                     : gonio_lobe_cook_torrance(&g, base->alpha[j], base->f0[j]);
+    }
+}
+
+void gonio_lobe_mean_strengths(const gonio_lobe_base *base, int channels, double mean[1 + GONIO_LOBES_MAX]) {
+    for (int j = 0; j < 1 + GONIO_LOBES_MAX; j++) {
+        mean[j] = 0;
+        for (int c = 0; c < channels && j <= base->lobes; c++) {
+            mean[j] += base->strength[c * (1 + GONIO_LOBES_MAX) + j] / channels;
+        }
+    }
+}
+
+void gonio_lobe_shares(const gonio_lobe_base *base, const double *mean, const double *units,
+                       double share[1 + GONIO_LOBES_MAX]) {
+    double sum = 0;
+    for (int j = 0; j < 1 + GONIO_LOBES_MAX; j++) {
+        share[j] = j <= base->lobes ? mean[j] * units[j] : 0;
+        sum += share[j];
+    }
+    for (int j = 0; j < 1 + GONIO_LOBES_MAX; j++) {
+        share[j] = sum > 0 ? share[j] / sum : 0;
     }
 }
 
@@ -92,6 +119,30 @@ static double add_base(const gonio_lobe_model_parts *p, const double *units, int
     return fmin(base + spline, fmax(base, gonio_link_apply(p->kind, &p->links[c], p->links[c].scale)));
 }
 
+static void add_profile(const gonio_lobe_model_parts *p, const double x[3], double *values) {
+    double y[2], more[GONIO_CHANNELS_MAX];
+    if (p->profile.points != NULL) {
+        gonio_profile_locate(p->coordinates, x, y);
+        gonio_lattice_eval(&p->profile, y, more);
+        for (int c = 0; c < p->channels; c++) {
+            values[c] += more[c];
+        }
+    }
+}
+
+static void add_shares(const lobe_model *m, const double *units, double *values) {
+    const gonio_lobe_model_parts *p = &m->parts;
+    double share[1 + GONIO_LOBES_MAX];
+    if (p->shares != NULL) {
+        gonio_lobe_shares(&p->base, m->mean_strength, units, share);
+        for (int c = 0; c < p->channels; c++) {
+            for (int j = 0; j <= p->base.lobes; j++) {
+                values[c] += p->shares[c * (1 + GONIO_LOBES_MAX) + j] * share[j];
+            }
+        }
+    }
+}
+
 // values: f_r; slopes (may be NULL): d f_r / d link value.
 static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values, double *slopes) {
     const gonio_lobe_model_parts *p = &((const lobe_model *)model)->parts;
@@ -101,9 +152,11 @@ static void evaluate(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, dou
         double x[4];
         locate(p, p->coordinates, wi, wo, x);
         gonio_lattice_eval(&p->lattice, x, values);
+        add_profile(p, x, values);
     } else {
         memset(values, 0, (size_t)model->channels * sizeof *values);
     }
+    add_shares((const lobe_model *)model, units, values);
     for (int c = 0; c < model->channels; c++) {
         const double t = add_base(p, units, c, values[c]);
         values[c] = gonio_link_invert(p->kind, &p->links[c], t, slopes != NULL ? &slopes[c] : NULL);
@@ -148,14 +201,17 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
                                .lobes = (uint32_t)p->base.lobes,
                                .family = (uint32_t)p->base.family,
                                .cosine_min = p->base.cosine_min,
-                               .ranges = p->range != NULL,
+                               .flags = (p->range != NULL ? HAS_RANGES : 0) |
+                                        (p->profile.points != NULL || p->shares != NULL ? HAS_TERMS : 0),
                                .sigma_coordinates = p->sigma_half_vector,
+                               .shares = p->shares != NULL,
+                               .profile = p->profile.points != NULL ? (uint32_t)p->profile.level + 1 : 0,
                                .sigma_level = p->sigma.points != NULL ? (uint32_t)p->sigma.level : NO_LEVEL};
     double shapes[2 * GONIO_LOBES_MAX];
     memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
     memcpy(shapes + GONIO_LOBES_MAX, p->base.f0, sizeof p->base.f0);
     const size_t c = (size_t)model->channels;
-    gonio_file_part parts[8] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
+    gonio_file_part parts[10] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
     int n = 2;
     if (p->base.lobes > 0) {
         parts[n++] = (gonio_file_part){shapes, sizeof shapes};
@@ -171,6 +227,12 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
         parts[n++] = (gonio_file_part){p->sigma.points, p->sigma.count * sizeof(float)};
         parts[n++] = (gonio_file_part){p->sigma_factor, c * sizeof(double)};
     }
+    if (p->profile.points != NULL) {
+        parts[n++] = (gonio_file_part){p->profile.points, p->profile.count * c * sizeof(float)};
+    }
+    if (p->shares != NULL) {
+        parts[n++] = (gonio_file_part){p->shares, c * (1 + GONIO_LOBES_MAX) * sizeof(double)};
+    }
     return gonio_model_file_write(model, path, parts, n, error);
 }
 
@@ -181,10 +243,12 @@ static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
 static void fill_head(lobe_model *m) {
     const gonio_lobe_model_parts *p = &m->parts;
     const size_t c = (size_t)p->channels;
+    gonio_lobe_mean_strengths(&p->base, p->base.lobes > 0 ? p->channels : 0, m->mean_strength);
     m->head.ops = p->sigma.points != NULL && p->channels <= GONIO_CHANNELS_MAX ? &ops_sigma : &ops;
     m->head.channels = p->channels;
     m->head.isotropic = p->dims == 3;
-    m->head.control_points = p->lattice.points != NULL ? p->lattice.count : 0;
+    m->head.control_points =
+        (p->lattice.points != NULL ? p->lattice.count : 0) + (p->profile.points != NULL ? p->profile.count : 0);
     m->head.bytes = sizeof *m + c * sizeof *p->links + (p->base.lobes > 0 ? c * 3 * sizeof(double) : 0) +
                     m->head.control_points * c * sizeof(float);
 }
@@ -194,8 +258,10 @@ void gonio_lobe_model_parts_release(gonio_lobe_model_parts *parts) {
     free(parts->base.strength);
     free(parts->sigma_factor);
     free(parts->range);
+    free(parts->shares);
     gonio_lattice_release(&parts->lattice);
     gonio_lattice_release(&parts->sigma);
+    gonio_lattice_release(&parts->profile);
     *parts = (gonio_lobe_model_parts){0};
 }
 
@@ -231,15 +297,24 @@ static bool grazing_possible(const description *about) {
                : about->grazing == 0;
 }
 
+static bool terms_possible(const description *about) {
+    const bool profile =
+        about->profile == 0 || (about->profile <= 10 && about->level != NO_LEVEL && about->dims == 3 &&
+                                gonio_coordinates_are_half_vector((gonio_coordinates)about->coordinates));
+    const bool shares = about->shares == 0 || (about->shares == 1 && about->lobes > 0);
+    const bool told = (about->flags & HAS_TERMS) != 0;
+    return profile && shares && told == (about->profile > 0 || about->shares > 0);
+}
+
 static gonio_status check_description(const gonio_mapped *mapped, const description *about, gonio_error *error) {
     if (about == NULL) {
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
         !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > LINK_GRAZING ||
-        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->ranges > 1 ||
+        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->flags > (HAS_RANGES | HAS_TERMS) ||
         about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1) ||
-        !grazing_possible(about)) {
+        !grazing_possible(about) || !terms_possible(about)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;
@@ -297,12 +372,17 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
         p.base.strength = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof(double), &complete);
     }
     take_lattice(mapped, &at, about->level, dims, mapped->channels, &p.lattice, &complete);
-    if (about->ranges == 1) {
+    if ((about->flags & HAS_RANGES) != 0) {
         p.range = take(mapped, &at, 2 * c, sizeof *p.range, &complete);
     }
     take_lattice(mapped, &at, about->sigma_level, dims, 1, &p.sigma, &complete);
     if (about->sigma_level != NO_LEVEL) {
         p.sigma_factor = take(mapped, &at, c, sizeof(double), &complete);
+    }
+    take_lattice(mapped, &at, about->profile > 0 ? about->profile - 1 : NO_LEVEL, 2, mapped->channels, &p.profile,
+                 &complete);
+    if (about->shares == 1) {
+        p.shares = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof *p.shares, &complete);
     }
     if (!complete) {
         return gonio_mapped_fail(mapped, 0, "the section is shorter than its level, lobes and channels need", error);

@@ -43,6 +43,14 @@ void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec
 double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
                             gonio_link_kind kind, const gonio_link *link);
 
+// Shares: what part of the base each of its terms makes, between 0 and 1: a lobe's is 1 about its peak. Beside a spline
+// that goes on from what surrounds a narrow peak as if the peak were not there, multiples of the shares say how much
+// too low or high the robust fit of the lobes has left each. mean[1 + GONIO_LOBES_MAX]: strengths, averaged over the
+// channels.
+void gonio_lobe_mean_strengths(const gonio_lobe_base *base, int channels, double mean[1 + GONIO_LOBES_MAX]);
+void gonio_lobe_shares(const gonio_lobe_base *base, const double *mean, const double *units,
+                       double share[1 + GONIO_LOBES_MAX]);
+
 // All a model is made of; gonio_lobe_model_new takes over every pointer in it except the names.
 typedef struct gonio_lobe_model_parts {
     int channels, dims;
@@ -50,12 +58,14 @@ typedef struct gonio_lobe_model_parts {
     gonio_link_kind kind;
     gonio_link *links; // [channels]
     gonio_lobe_base base;
-    gonio_lattice lattice;  // points NULL: no spline
-    double *range;          // [channels][2], with a spline: between which it (with a grazing factor: the sum) is
-                            // held
-    gonio_lattice sigma;    // one channel: ln sigma of the link value; points NULL: no uncertainty
-    double *sigma_factor;   // [channels]
-    bool sigma_half_vector; // sigma's lattice lies in half-vector coordinates, whatever the spline's are
+    gonio_lattice lattice;           // points NULL: no spline
+    gonio_lattice profile;           // two-dimensional, added to the spline (fit/profile.h); points NULL: none
+    double *shares;                  // [channels][1 + GONIO_LOBES_MAX] multiples of the shares, added to the spline
+    double *range;                   // [channels][2], with a spline: between which its value, all that is added to it
+                                     // included, is held (with a grazing factor: the sum)
+    gonio_lattice sigma;             // one channel: ln sigma of the link value; points NULL: no uncertainty
+    double *sigma_factor;            // [channels]
+    bool sigma_half_vector;          // sigma's lattice lies in half-vector coordinates, whatever the spline's are
     const char (*channel_names)[32]; // copied
 } gonio_lobe_model_parts;
 

@@ -15,6 +15,8 @@
 #include "fit/bspline.h"
 #include "fit/lsq_blas.h"
 #include "fit/lsq_modes.h"
+
+#define SHARES (1 + GONIO_LOBES_MAX)
 #include "fit/scatter.h"
 
 gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror) {
@@ -25,9 +27,9 @@ void gonio_lsq_dense_free(gonio_lsq_dense *dense) {
     if (dense == NULL) {
         return;
     }
-    free(dense->modes);
-    free(dense->stiffness);
-    free(dense->odd);
+    gonio_lsq_axis_release(&dense->axis);
+    gonio_lsq_profile_free(dense->profile);
+    free(dense->shares);
     for (int d = 0; d < 4; d++) {
         free(dense->feature[d]);
     }
@@ -41,75 +43,12 @@ void gonio_lsq_dense_free(gonio_lsq_dense *dense) {
 
 const gonio_lsq_form *gonio_lsq_dense_form(const gonio_lsq_dense *dense) { return &dense->form; }
 
-// ---- the axes' modes ----
-
-static void second_differences(double *gram, size_t m) {
-    static const double stencil[3] = {1, -2, 1};
-    memset(gram, 0, m * m * sizeof *gram);
-    for (size_t r = 0; r + 2 < m; r++) {
-        for (size_t i = 0; i < 3; i++) {
-            for (size_t j = 0; j < 3; j++) {
-                gram[(r + i) * m + r + j] += stencil[i] * stencil[j];
-            }
-        }
-    }
-}
-
-// The null space (constant and linear) comes out of the eigensolver in any mixture; parity needs it pure.
-static void purify_null_space(double *modes, double *stiffness, size_t m) {
-    const double middle = 0.5 * (double)(m - 1);
-    double norm = 0;
-    for (size_t i = 0; i < m; i++) {
-        norm += ((double)i - middle) * ((double)i - middle);
-    }
-    for (size_t i = 0; i < m; i++) {
-        modes[i] = 1 / sqrt((double)m);
-        modes[m + i] = ((double)i - middle) / sqrt(norm);
-    }
-    stiffness[0] = stiffness[1] = 0;
-}
-
-static gonio_status find_modes(gonio_lsq_dense *dense, gonio_error *error) {
-    const size_t m = dense->m;
-    second_differences(dense->modes, m);
-    if (LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)m, dense->modes, (lapack_int)m, dense->stiffness) != 0) {
-        return gonio_fail(error, GONIO_E_CONVERGENCE, "the penalty's eigenvectors were not found");
-    }
-    purify_null_space(dense->modes, dense->stiffness, m);
-    for (size_t j = 0; j < m; j++) {
-        const double *v = dense->modes + j * m;
-        double symmetry = 0;
-        for (size_t i = 0; i < m; i++) {
-            symmetry += v[i] * v[m - 1 - i];
-        }
-        dense->odd[j] = symmetry < 0;
-        dense->stiffness[j] *= ldexp(1, dense->form.level);
-    }
-    return GONIO_OK;
-}
-
-// feature[mode count + i] = mode's spline at coordinate x[i * stride].
-void gonio_lsq_modes_features(const gonio_lsq_dense *dense, size_t count, const double *x, size_t stride,
-                              double *feature) {
-    const size_t m = dense->m;
-    for (size_t i = 0; i < count; i++) {
-        const uint32_t fixed = gonio_bspline_fix(x[i * stride]);
-        const uint32_t cell = gonio_bspline_cell(fixed, dense->form.level);
-        double w[4];
-        gonio_bspline_weights(gonio_bspline_place(fixed, dense->form.level), w);
-        for (size_t j = 0; j < m; j++) {
-            const double *v = dense->modes + j * m + cell;
-            feature[j * count + i] = w[0] * v[0] + w[1] * v[1] + w[2] * v[2] + w[3] * v[3];
-        }
-    }
-}
-
 // ---- blocks of modes ----
 
 static bool odd_under(const gonio_lsq_dense *dense, unsigned axes, const size_t *mode) {
     bool odd = false;
     for (int d = 0; d < dense->dims; d++) {
-        odd ^= (axes >> d & 1u) != 0 && dense->odd[mode[d]];
+        odd ^= (axes >> d & 1u) != 0 && dense->axis.odd[mode[d]];
     }
     return odd;
 }
@@ -130,7 +69,7 @@ void gonio_lsq_modes_block(const gonio_lsq_dense *dense, size_t lead, int swap, 
             }
             double penalty = GONIO_LSQ_RIDGE;
             for (size_t k = 0; k < d; k++) {
-                penalty += dense->form.stretch[k] * dense->stiffness[mode[k]];
+                penalty += dense->form.stretch[k] * dense->axis.stiffness[mode[k]];
             }
             b->last[0][b->count] = (uint16_t)p;
             b->last[1][b->count] = (uint16_t)q;
@@ -199,12 +138,18 @@ static gonio_status sum_kernels(gonio_lsq_dense *dense, gonio_error *error) {
     return status;
 }
 
-gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciprocity, gonio_error *error) {
+static gonio_status decompose(gonio_lsq_dense *dense, gonio_error *error) {
     const size_t n = dense->n;
-    dense->form.reciprocity = dense->swap_axes != 0 ? reciprocity : 0;
     memcpy(dense->vectors, dense->kernel[0], n * n * sizeof(double));
     if (dense->kernel[1] != NULL && dense->form.reciprocity < 1) {
         cblas_daxpy((blasint)(n * n), 1 - dense->form.reciprocity, dense->kernel[1], 1, dense->vectors, 1);
+    }
+    if (dense->form.profile > 0) {
+        gonio_lsq_profile_add(dense->profile, dense->form.profile, dense->vectors);
+    }
+    if (dense->shares != NULL) {
+        cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, SHARES, 1, dense->shares, (blasint)n, 1,
+                    dense->vectors, (blasint)n);
     }
     gonio_lsq_blas_begin();
     const lapack_int info =
@@ -219,11 +164,53 @@ gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciproc
     return GONIO_OK;
 }
 
+static gonio_status set_profile(gonio_lsq_dense *dense, const gonio_lsq_form *form, gonio_error *error) {
+    const bool possible = dense->dims == 3 && gonio_coordinates_are_half_vector(dense->form.coordinates);
+    dense->form.profile = possible ? form->profile : 0;
+    dense->form.profile_level = form->profile_level;
+    memcpy(dense->form.profile_stretch, form->profile_stretch, sizeof form->profile_stretch);
+    return dense->form.profile > 0 ? gonio_lsq_profile_set(&dense->profile, dense, error) : GONIO_OK;
+}
+
+gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciprocity, gonio_error *error) {
+    dense->form.reciprocity = dense->swap_axes != 0 ? reciprocity : 0;
+    return decompose(dense, error);
+}
+
+gonio_status gonio_lsq_dense_profile(gonio_lsq_dense *dense, const gonio_lsq_form *form, gonio_error *error) {
+    const gonio_status status = set_profile(dense, form, error);
+    return status == GONIO_OK ? decompose(dense, error) : status;
+}
+
+gonio_status gonio_lsq_dense_shares(gonio_lsq_dense *dense, const gonio_lobe_base *lobes, gonio_error *error) {
+    const size_t n = dense->n;
+    free(dense->shares);
+    dense->shares = NULL;
+    dense->form.shares = lobes != NULL;
+    if (lobes == NULL) {
+        return decompose(dense, error);
+    }
+    double mean[SHARES], unit[SHARES], share[SHARES];
+    dense->shares = malloc(n * SHARES * sizeof *dense->shares);
+    if (dense->shares == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the lobes' shares at %zu samples", n);
+    }
+    gonio_lobe_mean_strengths(lobes, dense->data->channels, mean);
+    for (size_t i = 0; i < n; i++) {
+        const gonio_pair *p = &dense->data->pairs[i];
+        gonio_lobe_base_units(lobes, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o),
+                              unit);
+        gonio_lobe_shares(lobes, mean, unit, share);
+        for (size_t j = 0; j < SHARES; j++) {
+            dense->shares[j * n + i] = dense->root[i] * share[j];
+        }
+    }
+    return decompose(dense, error);
+}
+
 static bool allocate(gonio_lsq_dense *dense) {
     const size_t n = dense->n, m = dense->m;
-    bool all = (dense->modes = malloc(m * m * sizeof(double))) != NULL;
-    all = (dense->stiffness = malloc(m * sizeof(double))) != NULL && all;
-    all = (dense->odd = malloc(m * sizeof(bool))) != NULL && all;
+    bool all = true;
     for (int d = 0; d < dense->dims; d++) {
         all = (dense->feature[d] = malloc(m * n * sizeof(double))) != NULL && all;
     }
@@ -244,7 +231,7 @@ static gonio_status fill_sample_features(gonio_lsq_dense *dense, gonio_error *er
     }
     gonio_lsq_data_locate(dense->data, dense->form.coordinates, x);
     for (size_t k = 0; k < d; k++) {
-        gonio_lsq_modes_features(dense, dense->n, x + k, d, dense->feature[k]);
+        gonio_lsq_axis_features(&dense->axis, dense->n, x + k, d, dense->feature[k]);
     }
     free(x);
     for (size_t i = 0; i < dense->n; i++) {
@@ -273,7 +260,7 @@ gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_for
                                            3 * 8e-9 * (double)data->n * (double)data->n);
     gonio_lsq_blas_begin();
     if (status == GONIO_OK) {
-        status = find_modes(dense, error);
+        status = gonio_lsq_axis_init(&dense->axis, form->level, error);
     }
     if (status == GONIO_OK) {
         status = fill_sample_features(dense, error);
@@ -282,6 +269,9 @@ gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_for
         status = sum_kernels(dense, error);
     }
     gonio_lsq_blas_end();
+    if (status == GONIO_OK) {
+        status = set_profile(dense, form, error);
+    }
     if (status == GONIO_OK) {
         status = gonio_lsq_dense_reciprocity(dense, form->reciprocity, error);
     }
@@ -428,15 +418,6 @@ static gonio_status mode_amplitudes(const gonio_lsq_dense *dense, const double *
     return status;
 }
 
-// Modes -> control points, axis by axis: from[outer][m][inner] -> to, with the mode matrix on the middle index.
-static void transform_axis(const double *modes, size_t m, size_t outer, size_t inner, const double *from, double *to) {
-    for (size_t o = 0; o < outer; o++) {
-        // Row-major: to (m x inner) = modes^T-as-stored ... the column-major mode matrix is its transpose by rows.
-        cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, (blasint)m, (blasint)inner, (blasint)m, 1, modes,
-                    (blasint)m, from + o * m * inner, (blasint)inner, 0, to + o * m * inner, (blasint)inner);
-    }
-}
-
 gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
                                    const double *lambdas, gonio_lattice *lattice, gonio_error *error) {
     const size_t m = dense->m, c = (size_t)channels;
@@ -458,7 +439,7 @@ gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *t
     }
     size_t outer = 1, inner = lattice->count / m * c;
     for (int d = 0; d < dense->dims && status == GONIO_OK; d++, outer *= m, inner /= m) {
-        transform_axis(dense->modes, m, outer, inner, spectrum, other);
+        gonio_lsq_axis_transform(&dense->axis, outer, inner, spectrum, other);
         double *swap = spectrum;
         spectrum = other;
         other = swap;
@@ -473,5 +454,44 @@ gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *t
     if (status != GONIO_OK) {
         gonio_lattice_release(lattice);
     }
+    return status;
+}
+
+gonio_status gonio_lsq_dense_profile_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                           const double *lambdas, gonio_lattice *lattice, gonio_error *error) {
+    *lattice = (gonio_lattice){0};
+    if (!(dense->form.profile > 0)) {
+        return GONIO_OK;
+    }
+    double *weights = NULL;
+    gonio_lsq_blas_begin();
+    gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
+    if (status == GONIO_OK) {
+        status = gonio_lsq_profile_solve(dense->profile, dense->form.profile, weights, channels, lattice, error);
+    }
+    gonio_lsq_blas_end();
+    free(weights);
+    return status;
+}
+
+gonio_status gonio_lsq_dense_shares_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                          const double *lambdas, double **out, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    *out = NULL;
+    if (dense->shares == NULL) {
+        return GONIO_OK;
+    }
+    double *weights = NULL;
+    gonio_lsq_blas_begin();
+    gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
+    if (status == GONIO_OK && (*out = malloc(c * SHARES * sizeof **out)) == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the shares of %zu channels", c);
+    }
+    if (status == GONIO_OK) {
+        cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, SHARES, (blasint)c, (blasint)n, 1, dense->shares,
+                    (blasint)n, weights, (blasint)n, 0, *out, SHARES);
+    }
+    gonio_lsq_blas_end();
+    free(weights);
     return status;
 }

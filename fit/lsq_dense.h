@@ -8,6 +8,7 @@
 #define GONIO_FIT_LSQ_DENSE_H
 
 #include "fit/lattice.h"
+#include "fit/lobe_model.h"
 #include "fit/lsq_form.h"
 
 typedef struct gonio_lsq_dense gonio_lsq_dense;
@@ -24,6 +25,11 @@ gonio_status gonio_lsq_dense_new(const gonio_lsq_data *data, const gonio_lsq_for
                                  gonio_error *error);
 // Decompose again with another reciprocity; the sums over the lattice are kept.
 gonio_status gonio_lsq_dense_reciprocity(gonio_lsq_dense *dense, double reciprocity, gonio_error *error);
+// Decompose again with the profile that a form names (isotropic half-vector coordinates; elsewhere there is none).
+gonio_status gonio_lsq_dense_profile(gonio_lsq_dense *dense, const gonio_lsq_form *form, gonio_error *error);
+// Decompose again with the lobes' shares (fit/lobe_model.h) as further terms of the fit, each as free a priori as a
+// standard deviation of the spline's unit; NULL: without. Nothing of the lobes is kept.
+gonio_status gonio_lsq_dense_shares(gonio_lsq_dense *dense, const gonio_lobe_base *lobes, gonio_error *error);
 void gonio_lsq_dense_free(gonio_lsq_dense *dense); // NULL is allowed
 const gonio_lsq_form *gonio_lsq_dense_form(const gonio_lsq_dense *dense);
 
@@ -34,6 +40,13 @@ gonio_status gonio_lsq_dense_loo(const gonio_lsq_dense *dense, const double *tar
 // The fit of targets, channel c with lambdas[c], as a lattice that the caller releases.
 gonio_status gonio_lsq_dense_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
                                    const double *lambdas, gonio_lattice *lattice, gonio_error *error);
+// The profile's lattice (two-dimensional, fit/profile.h) of the same fit; points NULL where there is none.
+gonio_status gonio_lsq_dense_profile_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                           const double *lambdas, gonio_lattice *lattice, gonio_error *error);
+// The shares' coefficients of the same fit: out[channels][1 + GONIO_LOBES_MAX]; the caller frees it, NULL where there
+// are none.
+gonio_status gonio_lsq_dense_shares_solve(const gonio_lsq_dense *dense, const double *targets, int channels,
+                                          const double *lambdas, double **out, gonio_error *error);
 // At m points (at[m x dims]): weights[n x m], sample fastest, of the prediction in the samples' targets times their
 // root weights; variance[m] of the prediction in units of the noise's, what smoothing and gaps leave unknown included.
 gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda, size_t m, const double *at,

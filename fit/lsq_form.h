@@ -19,6 +19,10 @@ typedef struct gonio_lsq_form {
     double stretch[4];  // how stiff each axis is; 1: as the others
     double reciprocity; // 0: none; 1: forced. Half-vector coordinates: the non-reciprocal part's prior variance is
                         // multiplied by 1 - reciprocity
+    double profile;     // weight of the profile's prior variance (fit/profile.h); 0: there is none
+    int profile_level;
+    bool shares;               // the base's shares are terms of the fit
+    double profile_stretch[2]; // how stiff its r and theta_d are
 } gonio_lsq_form;
 
 gonio_lsq_form gonio_lsq_form_default(gonio_coordinates coordinates, int level, bool mirror);

@@ -2,7 +2,8 @@
 #ifndef GONIO_FIT_LSQ_MODES_H
 #define GONIO_FIT_LSQ_MODES_H
 
-#include "fit/lsq_dense.h"
+#include "fit/lsq_axis.h"
+#include "fit/lsq_profile.h"
 
 struct gonio_lsq_dense {
     const gonio_lsq_data *data;
@@ -10,14 +11,14 @@ struct gonio_lsq_dense {
     size_t n, m; // geometries, modes an axis
     int dims;
     unsigned mirror_axes, swap_axes;
-    double *modes;      // m x m: mode j in column j
-    double *stiffness;  // [m]
-    bool *odd;          // [m]
-    double *feature[4]; // mode-major: feature[d][mode n + i], at the samples
-    double *root;       // [n] sqrt(weight)
-    double *kernel[2];  // n x n, lower triangle: modes even and odd under swapping; [1] NULL where there are none
-    double *vectors;    // n x n, eigenvector j in column j
-    double *values;     // [n]
+    gonio_lsq_axis axis; // of every dimension
+    double *feature[4];  // mode-major: feature[d][mode n + i], at the samples
+    double *root;        // [n] sqrt(weight)
+    double *kernel[2];   // n x n, lower triangle: modes even and odd under swapping; [1] NULL where there are none
+    double *vectors;     // n x n, eigenvector j in column j
+    double *values;      // [n]
+    gonio_lsq_profile *profile; // NULL until one is asked for
+    double *shares;             // n x (1 + GONIO_LOBES_MAX), sample fastest, times root weight; NULL: none
 };
 
 // All products of the last two axes' modes for one choice of the leading axes' modes.
@@ -33,9 +34,6 @@ void gonio_lsq_modes_release(gonio_lsq_modes *b);
 size_t gonio_lsq_modes_leads(const gonio_lsq_dense *dense); // how many choices of leading modes there are
 // Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping the directions.
 void gonio_lsq_modes_block(const gonio_lsq_dense *dense, size_t lead, int swap, gonio_lsq_modes *b);
-// feature[mode count + i] = mode's spline at coordinate x[i * stride].
-void gonio_lsq_modes_features(const gonio_lsq_dense *dense, size_t count, const double *x, size_t stride,
-                              double *feature);
 // columns[count x points], point fastest: the block's modes at points with the given features, times scale[point]
 // (NULL: 1).
 void gonio_lsq_modes_columns(const gonio_lsq_dense *dense, const gonio_lsq_modes *b, size_t points,

@@ -245,6 +245,12 @@ gonio_status gonio_lsq_dense_parts(const gonio_lsq_dense *dense, const gonio_lsq
     if (status == GONIO_OK) {
         status = gonio_lsq_dense_solve(dense, base->rest, data->channels, lambdas, &parts->lattice, error);
     }
+    if (status == GONIO_OK) {
+        status = gonio_lsq_dense_profile_solve(dense, base->rest, data->channels, lambdas, &parts->profile, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_lsq_dense_shares_solve(dense, base->rest, data->channels, lambdas, &parts->shares, error);
+    }
     if (status != GONIO_OK) {
         gonio_lobe_model_parts_release(parts);
         return status;

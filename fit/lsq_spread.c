@@ -71,11 +71,14 @@ gonio_status gonio_lsq_dense_spread(const gonio_lsq_dense *dense, double lambda,
     gonio_status status =
         all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
     for (size_t k = 0; k < d && status == GONIO_OK; k++) {
-        gonio_lsq_modes_features(dense, m, at + k, d, feature[k]);
+        gonio_lsq_axis_features(&dense->axis, m, at + k, d, feature[k]);
     }
     gonio_lsq_blas_begin();
     if (status == GONIO_OK) {
         status = cross_kernel(dense, m, feature, cross, variance, error);
+    }
+    if (status == GONIO_OK && dense->form.profile > 0) {
+        status = gonio_lsq_profile_cross(dense->profile, dense->form.profile, m, at, cross, variance, error);
     }
     if (status == GONIO_OK) {
         double *gain = work + n * m;
