@@ -187,10 +187,6 @@ static gonio_status keep_best(const gonio_lsq_data *data, const gonio_fit_option
             }
             memcpy(choice->lambdas, r->lambdas + (size_t)b * c, c * sizeof *choice->lambdas);
         }
-        fprintf(stderr, "TRIAL %s l%d %g:%g:%g p%g.%d r%g base %d %s score %.3f\n",
-                gonio_coordinates_name(form->coordinates), form->level, form->stretch[0], form->stretch[1],
-                form->stretch[2], form->profile, form->profile_level, form->reciprocity, b,
-                gonio_auto_base_name(&choice->bases[b]), r->score[b].score);
         choice->trials_n++;
     }
     return GONIO_OK;

@@ -13,7 +13,7 @@ lib-y  += fit/uncertainty.c fit/uncertainty_field.c fit/uncertainty_large.c fit/
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev
 unit-y += tests/unit/test_rank.c tests/unit/test_lsq.c tests/unit/test_lobe_model.c tests/property/test_extrapolation.c
-unit-y += tests/unit/test_uncertainty.c tests/unit/test_lsq_large.c
+unit-y += tests/unit/test_uncertainty.c tests/unit/test_lsq_profile.c tests/unit/test_lsq_large.c
 bench-y += tests/bench/bench_accuracy.c tests/bench/fit_coverage.c
 # Long: not among bench-y.
 .PHONY: fifty-million

@@ -139,7 +139,7 @@ static void impossible_lattices_are_refused(void **state) {
     (void)state;
     gonio_lattice l;
     gonio_error error = {0};
-    assert_int_equal(gonio_lattice_init(&l, 2, 3, 1, &error), GONIO_E_RANGE);
+    assert_int_equal(gonio_lattice_init(&l, 1, 3, 1, &error), GONIO_E_RANGE);
     assert_int_equal(gonio_lattice_init(&l, 3, 10, 1, &error), GONIO_E_RANGE);
     assert_int_equal(gonio_lattice_init(&l, 3, -1, 1, &error), GONIO_E_RANGE);
     assert_int_equal(gonio_lattice_init(&l, 3, 1, 0, &error), GONIO_E_RANGE);
