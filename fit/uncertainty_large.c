@@ -308,6 +308,17 @@ static gonio_status add_records(const evidence *e, const double *factor, const d
     return status;
 }
 
+// work: [held n].
+static gonio_status learn(const evidence *e, const gonio_lobe_base *lobes, const double *factor,
+                          gonio_sigma_records *records, gonio_sigma_law *law, double *work, gonio_error *error) {
+    gonio_status status = held_corrections(e, lobes, factor, work, error);
+    if (status == GONIO_OK) {
+        status = add_records(e, factor, work, records, error);
+    }
+    return status == GONIO_OK ? gonio_sigma_law_fit(records, gonio_sigma_told(&e->left.held, factor), law, error)
+                              : status;
+}
+
 // ---- the field ----
 
 // The model's spline at a place, held in its range as in fit/lobe_model.c.
@@ -417,13 +428,7 @@ gonio_status gonio_uncertainty_large(const gonio_lsq_large_choice *choice, const
         for (size_t k = 0; k < c; k++) {
             factor[k] = some[(2 * k + 1) * tried / (2 * c)]; // of the nearest channel that was tried
         }
-        status = held_corrections(&e, choice->lobes, some, work, error);
-    }
-    if (status == GONIO_OK) {
-        status = add_records(&e, some, work, &records, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sigma_law_fit(&records, gonio_sigma_told(&e.left.held, some), &law, error);
+        status = learn(&e, choice->lobes, some, &records, &law, work, error);
     }
     if (status == GONIO_OK) {
         status = gonio_sigma_probes(&probes, data, error);
