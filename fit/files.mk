@@ -8,7 +8,7 @@ pkgs-y += cmph
 deps-y += libcmph-dev
 # Accurate fits: least squares, lobes below the spline, the choice between them.
 eval-y += fit/analytic.c fit/lobes.c fit/lobe_model.c
-lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_axis.c fit/lsq_profile.c fit/lsq_dense.c fit/lsq_spread.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_precondition.c fit/lsq_penalty.c fit/lsq_inner.c fit/lsq_search.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_cost.c fit/auto_method.c
+lib-y  += fit/lsq_blas.c fit/lsq_data.c fit/lsq_axis.c fit/lsq_profile.c fit/lsq_dense.c fit/lsq_spread.c fit/lsq_select.c fit/lsq_apply.c fit/lsq_cg.c fit/lsq_precondition.c fit/lsq_penalty.c fit/lsq_inner.c fit/lsq_search.c fit/lsq_large.c fit/lobe_fit.c fit/auto_choose.c fit/auto_describe.c fit/auto_cost.c fit/auto_method.c
 lib-y  += fit/uncertainty.c fit/uncertainty_field.c fit/uncertainty_large.c fit/uncertainty_blocks.c fit/uncertainty_law.c fit/lobe_method.c fit/tradeoff.c
 pkgs-y += openblas lapacke cminpack
 deps-y += libopenblas-dev liblapacke-dev libcminpack-dev

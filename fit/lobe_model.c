@@ -341,6 +341,40 @@ static void take_lattice(const gonio_mapped *mapped, size_t *at, uint32_t level,
     lattice->points = take(mapped, at, count * (size_t)channels, sizeof(float), complete);
 }
 
+static void take_base(const gonio_mapped *mapped, size_t *at, gonio_lobe_base *base, bool *complete) {
+    const double *shapes = take(mapped, at, 2 * GONIO_LOBES_MAX, sizeof(double), complete);
+    if (shapes != NULL) {
+        memcpy(base->alpha, shapes, sizeof base->alpha);
+        memcpy(base->f0, shapes + GONIO_LOBES_MAX, sizeof base->f0);
+    }
+    base->strength = take(mapped, at, (size_t)mapped->channels * (1 + GONIO_LOBES_MAX), sizeof(double), complete);
+}
+
+// False where the section ends early.
+static bool take_parts(const gonio_mapped *mapped, const description *about, size_t at, gonio_lobe_model_parts *p) {
+    const size_t c = (size_t)mapped->channels;
+    const int dims = (int)about->dims;
+    bool complete = true;
+    p->links = take(mapped, &at, c, sizeof *p->links, &complete);
+    if (p->base.lobes > 0) {
+        take_base(mapped, &at, &p->base, &complete);
+    }
+    take_lattice(mapped, &at, about->level, dims, mapped->channels, &p->lattice, &complete);
+    if ((about->flags & HAS_RANGES) != 0) {
+        p->range = take(mapped, &at, 2 * c, sizeof *p->range, &complete);
+    }
+    take_lattice(mapped, &at, about->sigma_level, dims, 1, &p->sigma, &complete);
+    if (about->sigma_level != NO_LEVEL) {
+        p->sigma_factor = take(mapped, &at, c, sizeof(double), &complete);
+    }
+    take_lattice(mapped, &at, about->profile > 0 ? about->profile - 1 : NO_LEVEL, 2, mapped->channels, &p->profile,
+                 &complete);
+    if (about->shares == 1) {
+        p->shares = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof *p->shares, &complete);
+    }
+    return complete;
+}
+
 gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
@@ -348,48 +382,23 @@ gonio_status gonio_lobe_model_read(gonio_mapped *mapped, gonio_model **out, goni
     if (status != GONIO_OK) {
         return status;
     }
-    const size_t c = (size_t)mapped->channels;
-    const int dims = (int)about->dims;
-    bool complete = true;
+    const bool grazing = about->link == LINK_GRAZING;
     gonio_lobe_model_parts p = {.channels = mapped->channels,
-                                .dims = dims,
+                                .dims = (int)about->dims,
                                 .coordinates = (gonio_coordinates)about->coordinates,
-                                .kind =
-                                    about->link == LINK_GRAZING ? GONIO_LINK_POSITIVE : (gonio_link_kind)about->link,
+                                .kind = grazing ? GONIO_LINK_POSITIVE : (gonio_link_kind)about->link,
                                 .base = {.lobes = (int)about->lobes,
                                          .family = (gonio_lobe_family)about->family,
                                          .cosine_min = about->cosine_min,
                                          .grazing = about->grazing},
                                 .sigma_half_vector = about->sigma_coordinates == 1,
                                 .channel_names = mapped->names};
-    p.links = take(mapped, &at, c, sizeof *p.links, &complete);
-    if (p.base.lobes > 0) {
-        const double *shapes = take(mapped, &at, 2 * GONIO_LOBES_MAX, sizeof(double), &complete);
-        if (shapes != NULL) {
-            memcpy(p.base.alpha, shapes, sizeof p.base.alpha);
-            memcpy(p.base.f0, shapes + GONIO_LOBES_MAX, sizeof p.base.f0);
-        }
-        p.base.strength = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof(double), &complete);
-    }
-    take_lattice(mapped, &at, about->level, dims, mapped->channels, &p.lattice, &complete);
-    if ((about->flags & HAS_RANGES) != 0) {
-        p.range = take(mapped, &at, 2 * c, sizeof *p.range, &complete);
-    }
-    take_lattice(mapped, &at, about->sigma_level, dims, 1, &p.sigma, &complete);
-    if (about->sigma_level != NO_LEVEL) {
-        p.sigma_factor = take(mapped, &at, c, sizeof(double), &complete);
-    }
-    take_lattice(mapped, &at, about->profile > 0 ? about->profile - 1 : NO_LEVEL, 2, mapped->channels, &p.profile,
-                 &complete);
-    if (about->shares == 1) {
-        p.shares = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof *p.shares, &complete);
-    }
-    if (!complete) {
+    if (!take_parts(mapped, about, at, &p)) {
         return gonio_mapped_fail(mapped, 0, "the section is shorter than its level, lobes and channels need", error);
     }
     lobe_model *m = calloc(1, sizeof *m);
     if (m == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
     }
     m->parts = p;
     m->mapped = *mapped;
