@@ -118,10 +118,11 @@ static double excess(const gonio_auto_trial *t, const gonio_fit_options *options
 }
 
 // What a score must gain before it is worth its price: what a few samples gain may be chance. A profile is a second
-// lattice (2 % of the errors); other widths than the usual one are more to choose from (3 %); without lobes nothing
+// lattice (2 % of the errors); other widths than the usual one are more to choose from
+// (10 %); without lobes nothing
 // goes on where nothing has been measured (2 %).
 #define PROFILE_PRICE 0.03
-#define WIDTH_PRICE 0.05
+#define WIDTH_PRICE 0.15
 #define NO_LOBES_PRICE 0.03
 
 static double priced_score(const gonio_auto_trial *t) {
