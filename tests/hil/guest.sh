@@ -144,6 +144,6 @@ for group in $wanted; do
     esac
 done
 for group in $wanted; do
-    wait_for 2400 grep -q "^# $group: from" /tmp/$group.tap
+    wait_for 1800 grep -q "^# $group: from" /tmp/$group.tap
     sed "s/^\(not ok\|ok\) - /\1 - $group: /" /tmp/$group.tap
 done

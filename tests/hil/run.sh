@@ -82,24 +82,52 @@ helpers=$!
 (until grep -q '^# chain: from' "$vm/output" 2>/dev/null; do sleep 0.5; done; kill "$helpers") 2>/dev/null &
 helpers="$helpers $!"
 echo $board >"$root/tests/board"
-echo "$*" >"$root/tests/groups"
-(cd "$root" && find . | cpio -o -H newc --quiet) >"$vm/initrd"
 for i in 1 2 3 4 5 6 7 8 9 10; do [ -e "$vm/line" ] && break; sleep 0.2; done
-echo "# prepared in $(($(date +%s) - start)) s, $(du -m "$vm/initrd" | cut -f1) MB"
+echo "# prepared in $(($(date +%s) - start)) s"
 
 # ---- the machine ----
-timeout "${LIMIT:-300}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
-    -accel "${ACCEL:-tcg,thread=multi,tb-size=512}" -cpu "${CPU:-max,-erms,-fsrm}" -smp 2 -m 1536 \
-    -kernel "$vm/linux/boot/vmlinuz-$version" -initrd "$vm/initrd" \
-    -append "console=ttyS0 quiet panic=-1 tsc=unstable mitigations=off nokaslr random.trust_cpu=on no_timer_check rdinit=/init" \
-    -serial "file:$vm/console" -serial "file:$vm/output" \
-    -device qemu-xhci -chardev "$line" -device usb-serial,chardev=line </dev/null >"$vm/qemu.log" 2>&1
-tr -d '\r' <"$vm/output" >"$log" 2>/dev/null
-if ! grep -q '^finished' "$log"; then
-    tail -n 20 "$vm/console" "$vm/qemu.log" 2>/dev/null | sed 's/^/# /'
-    echo "not ok - the virtual machine did not finish in ${LIMIT:-300} s" >>"$log"
+# boot DEVICES GROUP ...: run groups; their lines to the log. A group whose end is missing has failed.
+boot() {
+    devices=$1
+    shift
+    echo "$*" >"$root/tests/groups"
+    (cd "$root" && find . | cpio -o -H newc --quiet) >"$vm/initrd"
+    rm -f "$vm/output"
+    # shellcheck disable=SC2086
+    timeout "${LIMIT:-300}" qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -display none -machine q35 \
+        -accel "${ACCEL:-tcg,thread=multi,tb-size=512}" -cpu "${CPU:-max,-erms,-fsrm}" -smp 2 -m 1536 \
+        -kernel "$vm/linux/boot/vmlinuz-$version" -initrd "$vm/initrd" \
+        -append "console=ttyS0 quiet panic=-1 tsc=unstable mitigations=off nokaslr random.trust_cpu=on no_timer_check rdinit=/init" \
+        -serial "file:$vm/console" -serial "file:$vm/output" -device qemu-xhci $devices </dev/null >"$vm/qemu.log" 2>&1 &
+    machine=$!
+    # A group that hangs in the kernel keeps the machine from ending by itself.
+    while kill -0 $machine 2>/dev/null; do
+        grep -q '^finished' "$vm/output" 2>/dev/null && sleep 3 && kill $machine 2>/dev/null
+        sleep 1
+    done
+    tr -d '\r' <"$vm/output" 2>/dev/null | grep -v '^finished' >>"$log"
+    for group; do
+        grep -q "^# $group: from" "$log" || echo "not ok - $group: has not come to its end" >>"$log"
+    done
+}
+: >"$log"
+boot "-chardev $line -device usb-serial,chardev=line" "$@"
+# An emulated machine's clocks stand still while others hold the processor, and its kernel may race: what failed is run
+# once more, and that counts. The board at the far end of the USB adapter (chain) is there once only.
+again=
+for group; do
+    [ "$group" != chain ] && grep -q "^not ok - $group:" "$log" && again="$again $group"
+done
+if [ -n "$again" ]; then
+    for group in $again; do
+        grep "^not ok - $group:" "$log" | sed 's/^not ok/# the first time: not ok/'
+        grep -vE "^(# |ok - |not ok - )$group:" "$log" >"$log.rest"
+        mv "$log.rest" "$log"
+    done
+    # shellcheck disable=SC2086
+    boot "" $again
 fi
-grep -v '^finished' "$log"
+cat "$log"
 skipped=$(grep -c '^ok .*# SKIP' "$log") passed=$(grep '^ok ' "$log" | grep -vc '# SKIP') failed=$(grep -c '^not ok ' "$log")
 echo "# $(($(date +%s) - start)) s"
 echo "$passed passed, $failed failed, $skipped skipped"
