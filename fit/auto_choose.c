@@ -118,8 +118,7 @@ static double excess(const gonio_auto_trial *t, const gonio_fit_options *options
 }
 
 // What a score must gain before it is worth its price: what a few samples gain may be chance. A profile is a second
-// lattice (2 % of the errors); other widths than the usual one are more to choose from
-// (10 %); without lobes nothing
+// lattice (2 % of the errors); other widths than the usual one are more to choose from (10 %); without lobes nothing
 // goes on where nothing has been measured (2 %).
 #define PROFILE_PRICE 0.03
 #define WIDTH_PRICE 0.15
@@ -497,7 +496,7 @@ static gonio_status try_shares(const gonio_lsq_data *data, gonio_lsq_watch *watc
     return status == GONIO_OK && !better ? gonio_lsq_dense_shares(choice->dense, NULL, error) : status;
 }
 
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool profile,
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool terms,
                                gonio_auto_choice *choice, gonio_error *error) {
     static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing levels",
                                              "comparing lobe widths", "comparing stiffness"};
@@ -518,7 +517,7 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watc
             status = run_round(data, watch, team, forms, n, choice, error);
         }
     }
-    if (status == GONIO_OK && profile) {
+    if (status == GONIO_OK && terms) {
         status = gonio_lsq_watch_tell(watch, 0.75, "comparing profiles", error);
         status = status == GONIO_OK ? try_profile(data, watch, choice, error) : status;
     }
@@ -528,7 +527,7 @@ gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watc
     if (status == GONIO_OK) {
         status = try_reciprocity(data, watch, choice, error);
     }
-    if (status == GONIO_OK) {
+    if (status == GONIO_OK && terms) {
         status = try_shares(data, watch, choice, error);
     }
     gonio_team_free(team);

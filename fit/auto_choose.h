@@ -29,8 +29,8 @@ typedef struct gonio_auto_choice {
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.
-// lobes, profile: what may be chosen.
-gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool profile,
+// lobes: they may be chosen; terms: a profile and shares too, which only the direct solver knows.
+gonio_status gonio_auto_choose(const gonio_lsq_data *data, gonio_lsq_watch *watch, bool lobes, bool terms,
                                gonio_auto_choice *choice, gonio_error *error);
 void gonio_auto_choice_release(gonio_auto_choice *choice);
 // "none", "ggx", "cook-torrance".
