@@ -24,10 +24,12 @@ CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -fopenmp $
 CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -fopenmp $(SANITIZE)
 LDFLAGS  += -fopenmp $(SANITIZE)
 
-# Each folder's files.mk adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),
+# Each folder's files.mk says what of it goes where, and adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),
 # unit-y (cmocka programs, run under sanitizers), bench-y, pkgs-y (pkg-config
 # names), libs-y (libraries without a pkg-config file), deps-y (Debian packages).
 $(foreach list,eval lib cli unit bench pkgs libs deps,$(eval $(list)-y :=))
+# The C files of a folder and of the folders in it.
+sources = $(sort $(wildcard $(1)/*.c $(1)/*/*.c))
 LISTS := $(sort $(wildcard */files.mk */*/files.mk))
 include $(LISTS)
 
@@ -88,9 +90,10 @@ tsan: ## build with ThreadSanitizer
 $(B)/gonio: $(CLI_OBJS) $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $(CLI_OBJS) $(B)/libgonio.a $(PKG_LIBS)
-# The lists are prerequisites too: an object that leaves or joins one changes the archive without being newer.
-$(B)/libgonio.a: $(LIB_OBJS) $(LISTS)
-$(B)/libgonio-eval.a: $(EVAL_OBJS) $(LISTS)
+# What the archives hold is a prerequisite too: an object that leaves changes them without being newer.
+$(shell mkdir -p $(B) && echo $(LIB_OBJS) | cmp -s - $(B)/objects || echo $(LIB_OBJS) > $(B)/objects)
+$(B)/libgonio.a: $(LIB_OBJS) $(B)/objects
+$(B)/libgonio-eval.a: $(EVAL_OBJS) $(B)/objects
 $(B)/libgonio.a $(B)/libgonio-eval.a:
 	$(call say,AR,$@)
 	$(Q)rm -f $@ && $(AR) rcs $@ $(filter %.o,$^)

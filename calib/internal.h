@@ -5,8 +5,8 @@
 #include <math.h>
 
 #include "calib/geometry.h"
-#include "calib/merge.h"
-#include "gonio/calib.h"
+#include "calib/radiance/merge.h"
+#include "gonio/session_calibration.h"
 
 // A copy of a dark or reference frame, kept until the maps are made.
 typedef struct stored_frame {

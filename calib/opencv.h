@@ -2,7 +2,7 @@
 #ifndef CALIB_OPENCV_H
 #define CALIB_OPENCV_H
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,7 +1,6 @@
 # The controller: its core and the simulated machine are part of the library (sim/ runs them); the boards are programs.
 fw-core := ramp stepgen axis homing interlock lamp modbus_slave registers parameters core
 lib-y   += $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
-unit-y  += $(patsubst %,tests/unit/test_fw_%.c,ramp stepgen axis homing interlock lamp modbus_slave parameters)
 
 all: $(B)/gonio-controller $(B)/firmware/tools/protocol
 $(B)/gonio-controller: $(B)/firmware/board/posix/main.o $(B)/libgonio.a
@@ -13,8 +12,6 @@ $(B)/firmware/tools/%: $(B)/firmware/tools/%.o
 protocol: $(B)/firmware/tools/protocol ## write docs/protocol.md from firmware/regmap.def
 	$(Q)mkdir -p docs && $< > docs/protocol.md
 .PHONY: protocol
-
-unit-y   += tests/property/test_fw_safety.c tests/property/test_fw_random.c
 
 # ---- slow checks, by hand ----
 firmware-soak: $(B)/tests/property/test_fw_random ## ten million random command sequences, 1e9 steps, 1e8 random bytes

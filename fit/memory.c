@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "fit/mba.h"
+#include "fit/mba/mba.h"
 
 // The program itself: its code, its libraries' tables, stacks.
 #define PROGRAM_BYTES 20e6

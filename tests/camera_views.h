@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/pixel.h"
 
 // A normalised point through intrinsics k (fx fy cx cy k1 k2 p1 p2 k3).

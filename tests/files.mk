@@ -1,5 +1,16 @@
-bench-y += tests/bench/bench_fit.c
-unit-y += tests/unit/test_lattice.c tests/unit/test_mba.c tests/unit/test_model_file.c tests/unit/test_fit.c tests/unit/test_extremes.c tests/unit/test_cbmba.c
+# Every test program; each runs under sanitizers. Long benchmarks are targets of their own.
+unit-y  += $(sort $(wildcard tests/unit/test_*.c tests/property/test_*.c tests/golden/test_*.c tests/conformance/test_*.c))
+bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c,$(sort $(wildcard tests/bench/*.c)))
+deps-y  += libcmocka-dev libumockdev-dev umockdev
+# Only the test links umockdev, never the program.
+CFLAGS_test_usbtmc = $(subst -I,-isystem ,$(shell pkg-config --cflags umockdev-1.0))
+$(B)/tests/unit/test_usbtmc: PKG_LIBS += $(shell pkg-config --libs umockdev-1.0)
+.PHONY: fifty-million
+fifty-million: $(B)/tests/bench/fifty_million ## stream 50 million samples into a fit: memory, time, error
+	$(Q)$<
+$(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
 
 # The thesis' tables and figures; a program of its own, since only it needs cairo.
 deps-y += libcairo2-dev

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "calib/merge.h"
+#include "calib/radiance/merge.h"
 
 #define PIXEL_EXPOSURES 9
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "gonio/sim.h"
 
 static const gonio_board rig_board = {GONIO_CHARUCO, 8, 6, 5, 3.75, 5};

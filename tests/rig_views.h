@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/pixel.h"
 
 typedef struct rig_views {

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/calib.h"
+#include "gonio/session_calibration.h"
 #include "gonio/sim.h"
 
 #define SCAN_EXPOSURES 16

@@ -5,7 +5,7 @@
 #ifndef GONIO_ACQUIRE_H
 #define GONIO_ACQUIRE_H
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "gonio/fit.h"
 #include "gonio/session.h"
 

@@ -1,7 +1,7 @@
 // Which part of the sensor to read: the sample as the camera sees it, with a margin.
 #include <math.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "host/acquire/acquire.h"
 
 // Beyond the sample's outline: pointing errors of a tenth of a degree, and neighbours for interpolation.

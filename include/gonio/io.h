@@ -1,4 +1,4 @@
-// BRDF files in and out; one file a format under fit/io/. Formats are recognised by content, never by name.
+// BRDF files in and out; one file a format under io/. Formats are recognised by content, never by name.
 #ifndef GONIO_IO_H
 #define GONIO_IO_H
 

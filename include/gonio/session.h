@@ -5,10 +5,10 @@
 #ifndef GONIO_SESSION_H
 #define GONIO_SESSION_H
 
-#include "gonio/calib.h"
 #include "gonio/plan.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
+#include "gonio/session_calibration.h"
 
 #ifdef __cplusplus
 extern "C" {

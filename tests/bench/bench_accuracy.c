@@ -17,7 +17,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "fit/lsq_cg.h"
+#include "fit/smooth/cg.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
 #include "tests/golden/oracle.h"
@@ -190,23 +190,24 @@ static void positive_cases(void) {
 static void iteration_case(const gonio_samples *unseen) {
     gonio_samples *samples = simulate_samples(WARD_A, 140000, 1, 140000);
     result mba = measure(samples, unseen, reference());
-    const gonio_lsq_data_options how = {.mirror = true, .domain = GONIO_LINEAR};
-    const gonio_lsq_form space = gonio_lsq_form_default(GONIO_NUSSELT, 6, true);
-    gonio_lsq_data data, at;
+    const gonio_dataset_options how = {.mirror = true, .domain = GONIO_LINEAR};
+    const gonio_smooth_form space = gonio_smooth_form_default(GONIO_NUSSELT, 6, true);
+    gonio_dataset data, at;
     gonio_error error = {0};
-    if (gonio_lsq_data_init(&data, samples, &how, &error) != GONIO_OK ||
-        gonio_lsq_data_init(&at, unseen, &how, &error) != GONIO_OK) {
+    if (gonio_dataset_init(&data, samples, &how, &error) != GONIO_OK ||
+        gonio_dataset_init(&at, unseen, &how, &error) != GONIO_OK) {
         simulate_die(&error);
     }
     double *x = malloc(3 * data.n * sizeof *x), *residual = malloc(data.n * sizeof *residual), best = INFINITY,
            plain = INFINITY;
-    gonio_lsq_data_locate(&data, GONIO_NUSSELT, x);
-    gonio_lsq_cg *cg;
-    gonio_lsq_cg_report report;
-    if (gonio_lsq_cg_new(&data, &space, 0, &cg, &error) != GONIO_OK) {
+    gonio_dataset_locate(&data, GONIO_NUSSELT, x);
+    gonio_smooth_cg *cg;
+    gonio_smooth_cg_report report;
+    if (gonio_smooth_cg_new(&data, &space, 0, &cg, &error) != GONIO_OK) {
         simulate_die(&error);
     }
-    double *points = malloc(gonio_lsq_cg_count(cg, 6) * sizeof *points), *predicted = malloc(at.n * sizeof *predicted);
+    double *points = malloc(gonio_smooth_cg_count(cg, 6) * sizeof *points),
+           *predicted = malloc(at.n * sizeof *predicted);
     for (int pass = 0; pass < 3; pass++) {
         memcpy(residual, data.targets, data.n * sizeof *residual);
         double start = now_s();
@@ -214,11 +215,11 @@ static void iteration_case(const gonio_samples *unseen) {
         plain = fmin(plain, now_s() - start);
         free(oracle.points);
         start = now_s();
-        gonio_lsq_cg_cascade(cg, data.targets, 1, 1e-8, 20, 0, points, &report, &error);
+        gonio_smooth_cg_cascade(cg, data.targets, 1, 1e-8, 20, 0, points, &report, &error);
         best = fmin(best, now_s() - start);
     }
     double squares = 0;
-    gonio_lsq_cg_eval(cg, &at, 6, points, predicted, 1, &error);
+    gonio_smooth_cg_eval(cg, &at, 6, points, predicted, 1, &error);
     for (size_t i = 0; i < at.n; i++) {
         const double d = predicted[i] * data.links[0].scale - at.values[i];
         squares += d * d / (double)at.n;
@@ -227,10 +228,10 @@ static void iteration_case(const gonio_samples *unseen) {
            best / plain, best <= 2 * plain ? "ok" : "MISSED");
     missed += best > 2 * plain;
     judge("(a) 140k after 20 iterations, rmse", sqrt(squares), mba.errors.rmse, 5);
-    gonio_lsq_cg_free(cg);
+    gonio_smooth_cg_free(cg);
     gonio_model_free(mba.model);
-    gonio_lsq_data_release(&data);
-    gonio_lsq_data_release(&at);
+    gonio_dataset_release(&data);
+    gonio_dataset_release(&at);
     free(x);
     free(residual);
     free(points);

@@ -5,10 +5,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "fit/cbmba.h"
-#include "fit/lattice_eval.h"
-#include "fit/lattice_model.h"
-#include "fit/mba.h"
+#include "brdf/kind/lattice.h"
+#include "brdf/spline/lattice_eval.h"
+#include "fit/bilevel/bilevel.h"
+#include "fit/mba/mba.h"
 #include "gonio/fit.h"
 #include "tests/golden/oracle.h"
 #include "tests/simulate.h"
@@ -360,17 +360,17 @@ static void bench_eval(const char *spec) {
     gonio_samples *samples = p.samples;
     gonio_scatter s;
     gonio_lattice diffuse, specular;
-    gonio_cbmba_parts parts;
+    gonio_bilevel_parts parts;
     gonio_error error = {0};
     check(gonio_scatter_init(&s, samples, &plain_form, &error), &error);
-    check(gonio_cbmba_split(&s, NULL, 4, LEVEL, 1, &diffuse, &specular, &error), &error);
-    check(gonio_cbmba_pack(&diffuse, &specular, 95, GONIO_STORAGE_HASH, &parts, &error), &error);
+    check(gonio_bilevel_split(&s, NULL, 4, LEVEL, 1, &diffuse, &specular, &error), &error);
+    check(gonio_bilevel_pack(&diffuse, &specular, 95, GONIO_STORAGE_HASH, &parts, &error), &error);
     const inline_hash h = make_inline_hash(&parts.sparse);
     printf(" an inline hash a control point, specular part alone: %.1f ns, %zu bytes\n", time_inline_hash(&h, &q) * 1e9,
            ((size_t)h.mask + 1) * 8);
     free(h.keys);
     free(h.values);
-    gonio_cbmba_parts_release(&parts);
+    gonio_bilevel_parts_release(&parts);
     gonio_lattice_release(&diffuse);
     gonio_lattice_release(&specular);
     gonio_scatter_release(&s);

@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "fit/lattice_model.h"
+#include "brdf/kind/lattice.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
 #include "tests/simulate.h"

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "fit/lobe_model.h"
+#include "brdf/kind/lobe_spline.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 
@@ -43,7 +43,7 @@ static double largest(const gonio_samples *samples) {
     return value;
 }
 
-static double base_at(const gonio_lobe_model_parts *parts, gonio_vec3 wi, gonio_vec3 wo) {
+static double base_at(const gonio_lobe_spline_parts *parts, gonio_vec3 wi, gonio_vec3 wo) {
     double units[1 + GONIO_LOBES_MAX], sum = 0;
     gonio_lobe_base_units(&parts->base, wi, wo, units);
     for (int j = 0; j <= parts->base.lobes && parts->base.lobes > 0; j++) {
@@ -60,7 +60,7 @@ static gonio_vec3 anywhere(uint64_t *state, size_t i) {
 
 // At most 4 times the largest sample, or the base there; and the base itself at most 64 times (docs/fitting.md).
 static void check_range(const gonio_model *model, const gonio_samples *samples, size_t directions, uint64_t seed) {
-    const gonio_lobe_model_parts *parts = gonio_lobe_model_about(model);
+    const gonio_lobe_spline_parts *parts = gonio_lobe_spline_about(model);
     const double most = largest(samples);
     for (size_t i = 0; i < directions; i++) {
         const gonio_vec3 wi = anywhere(&seed, i), wo = anywhere(&seed, i / 10);

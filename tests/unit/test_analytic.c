@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "fit/analytic.h"
-#include "fit/spec.h"
+#include "brdf/kind/analytic.h"
+#include "io/spec.h"
 #include "tests/unit/near.h"
 #include "tests/unit/scratch.h"
 

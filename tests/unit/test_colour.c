@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "sim/colour.h"
+#include "scene/colour.h"
 #include "tests/unit/near.h"
 
 #define NM_FIRST 380

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/calib.h"
+#include "gonio/session_calibration.h"
 #include "sim/scene.h"
 #include "tests/unit/near.h"
 

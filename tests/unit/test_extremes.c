@@ -11,8 +11,8 @@
 
 #include <cmocka.h>
 
-#include "fit/lattice_model.h"
-#include "fit/mba.h"
+#include "brdf/kind/lattice.h"
+#include "fit/mba/mba.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"

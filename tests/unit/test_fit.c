@@ -19,7 +19,7 @@ int __sanitizer_install_malloc_and_free_hooks(void (*on_malloc)(const volatile v
 size_t __sanitizer_get_allocated_size(const volatile void *pointer);
 #endif
 
-#include "fit/lattice_model.h"
+#include "brdf/kind/lattice.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"

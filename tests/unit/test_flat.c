@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/sim_scan.h"
 #include "tests/unit/near.h"
 #include "tests/unit/scratch.h"

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/camera_views.h"
 #include "tests/unit/near.h"
 

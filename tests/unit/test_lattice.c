@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "fit/lattice.h"
-#include "fit/lattice_eval.h"
+#include "brdf/spline/lattice.h"
+#include "brdf/spline/lattice_eval.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"
 

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "fit/mba.h"
+#include "fit/mba/mba.h"
 #include "tests/golden/oracle.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "sim/mesh.h"
+#include "scene/mesh.h"
 #include "tests/unit/near.h"
 
 // Assimp's OBJ reader leaks a kilobyte where it gives a file up; ours is still watched.

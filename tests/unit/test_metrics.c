@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "fit/analytic.h"
+#include "brdf/kind/analytic.h"
 #include "gonio/metrics.h"
 #include "tests/unit/near.h"
 

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/pixel.h"
 #include "tests/unit/near.h"
 

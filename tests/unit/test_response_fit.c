@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/calibrate.h"
+#include "gonio/characterise.h"
 #include "tests/pixel.h"
 
 static bool data_path(char path[512], const char *name) {

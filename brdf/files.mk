@@ -1,0 +1,2 @@
+# libgonio-eval: this folder and the three files of base/ that it stands on; libc and libm only.
+eval-y += $(call sources,brdf) $(base-eval)

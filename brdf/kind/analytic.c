@@ -1,0 +1,291 @@
+// The analytic kinds, and the model that sums terms of them.
+#include "brdf/kind/analytic.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "brdf/model_file.h"
+
+// ---- kinds ----
+
+static double lambert(const gonio_lobe_geometry *g, const double *p) {
+    (void)g;
+    return p[0] / GONIO_PI;
+}
+
+static double ward(const gonio_lobe_geometry *g, const double *p) {
+    return p[0] / GONIO_PI + p[1] * gonio_lobe_ward(g, p[2], p[3]);
+}
+
+static double blinn_phong(const gonio_lobe_geometry *g, const double *p) {
+    return p[0] / GONIO_PI + p[1] * gonio_lobe_blinn_phong(g, p[2]);
+}
+
+static double cook_torrance(const gonio_lobe_geometry *g, const double *p) {
+    return p[0] / GONIO_PI + p[1] * gonio_lobe_cook_torrance(g, p[2], p[3]);
+}
+
+static double ggx(const gonio_lobe_geometry *g, const double *p) {
+    return p[0] / GONIO_PI + p[1] * gonio_lobe_ggx(g, p[2], p[3], p[4]);
+}
+
+static double oren_nayar(const gonio_lobe_geometry *g, const double *p) {
+    return p[0] / GONIO_PI * gonio_lobe_oren_nayar(g, p[1]);
+}
+
+static bool equal_alphas(const double *p) { return p[2] == p[3]; }
+
+#define STRENGTH_MAX 1e6 // a specular scale may exceed 1 (fits of real metals do), but not without end
+#define RHO_D                                                                                                          \
+    { "rho_d", 0, 1, 0, "diffuse albedo" }
+#define RHO_S                                                                                                          \
+    { "rho_s", 0, STRENGTH_MAX, NAN, "strength of the lobe" }
+// The narrowest lobe: at 1e-5 its peak is 1e9 times the base, as far as the fits go.
+#define ALPHA(name)                                                                                                    \
+    { name, 1e-5, 10, NAN, "roughness (slope)" }
+#define F0                                                                                                             \
+    { "f0", 0, 1, 1, "reflectance at normal incidence (Schlick); 1: no Fresnel term" }
+
+static const gonio_analytic_kind kind_lambert = {
+    .name = "lambert", .n = 1, .parameters = {{"rho", 0, 1, NAN, "albedo"}}, .value = lambert};
+static const gonio_analytic_kind kind_ward = {.name = "ward",
+                                              .n = 4,
+                                              .parameters = {RHO_D, RHO_S, ALPHA("alpha_x"), ALPHA("alpha_y")},
+                                              .alias = {"alpha", 2, 3, 1},
+                                              .value = ward,
+                                              .isotropic = equal_alphas};
+static const gonio_analytic_kind kind_blinn_phong = {
+    .name = "blinn-phong", .n = 3, .parameters = {RHO_D, RHO_S, {"n", 0, 1e9, NAN, "exponent"}}, .value = blinn_phong};
+static const gonio_analytic_kind kind_cook_torrance = {.name = "cook-torrance",
+                                                       .n = 4,
+                                                       .parameters = {RHO_D, RHO_S, ALPHA("m"), F0},
+                                                       .alias = {"alpha", 2, 2, 1},
+                                                       .value = cook_torrance};
+static const gonio_analytic_kind kind_ggx = {.name = "ggx",
+                                             .n = 5,
+                                             .parameters = {RHO_D, RHO_S, ALPHA("alpha_x"), ALPHA("alpha_y"), F0},
+                                             .alias = {"alpha", 2, 3, 1},
+                                             .value = ggx,
+                                             .isotropic = equal_alphas};
+static const gonio_analytic_kind kind_oren_nayar = {
+    .name = "oren-nayar",
+    .n = 2,
+    .parameters = {{"rho", 0, 1, NAN, "albedo"}, {"sigma", 0, GONIO_PI / 2, NAN, "facets' slope, rad"}},
+    .alias = {"sigma_deg", 1, 1, GONIO_PI / 180},
+    .value = oren_nayar};
+
+static const gonio_analytic_kind *const kinds[] = {
+    &kind_lambert, &kind_ward, &kind_blinn_phong, &kind_cook_torrance, &kind_ggx, &kind_oren_nayar, NULL};
+
+const gonio_analytic_kind *const *gonio_analytic_kinds(void) { return kinds; }
+
+const gonio_analytic_kind *gonio_analytic_kind_find(const char *name) {
+    for (const gonio_analytic_kind *const *k = kinds; *k != NULL; k++) {
+        if (strcmp((*k)->name, name) == 0) {
+            return *k;
+        }
+    }
+    return NULL;
+}
+
+// ---- the model ----
+
+typedef struct analytic_model {
+    gonio_model head;
+    int n_terms;
+    gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX]; // their parameters point into `parameters`
+    char (*names)[32];
+    size_t count;
+    double *parameters;
+} analytic_model;
+
+static double value_of(const analytic_model *m, const gonio_lobe_geometry *g, int channel) {
+    double sum = 0;
+    for (int t = 0; t < m->n_terms; t++) {
+        const gonio_analytic_kind *kind = m->terms[t].kind;
+        sum += kind->value(g, m->terms[t].parameters + (ptrdiff_t)channel * kind->n);
+    }
+    return sum;
+}
+
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    const analytic_model *m = (const analytic_model *)model;
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = value_of(m, &g, c);
+    }
+}
+
+static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
+    return value_of((const analytic_model *)model, &g, channel);
+}
+
+static void release(gonio_model *model) {
+    analytic_model *m = (analytic_model *)model;
+    free(m->parameters);
+    free(m->names);
+    free(m);
+}
+
+// ---- the model file's section: the description, then every parameter (docs/formats.md) ----
+
+typedef struct description {
+    uint32_t n_terms, reserved;
+    struct {
+        char kind[16]; // zero-filled
+    } terms[GONIO_ANALYTIC_TERMS_MAX];
+} description;
+_Static_assert(sizeof(description) == 8 + 16 * GONIO_ANALYTIC_TERMS_MAX, "the description is written as it stands");
+
+static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+    const analytic_model *m = (const analytic_model *)model;
+    description about = {.n_terms = (uint32_t)m->n_terms};
+    for (int t = 0; t < m->n_terms; t++) {
+        snprintf(about.terms[t].kind, sizeof about.terms[t].kind, "%s", m->terms[t].kind->name);
+    }
+    const gonio_file_part parts[2] = {{&about, sizeof about}, {m->parameters, m->count * sizeof *m->parameters}};
+    return gonio_model_file_write(model, path, parts, 2, error);
+}
+
+gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+    size_t at = 0, count = 0;
+    const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
+    if (about == NULL || about->n_terms < 1 || about->n_terms > GONIO_ANALYTIC_TERMS_MAX) {
+        return gonio_mapped_fail(mapped, 0, "expected 1 to 8 terms of an analytic model", error);
+    }
+    gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX];
+    for (uint32_t t = 0; t < about->n_terms; t++) {
+        const char *name = about->terms[t].kind;
+        terms[t].kind = memchr(name, 0, sizeof about->terms[t].kind) != NULL ? gonio_analytic_kind_find(name) : NULL;
+        if (terms[t].kind == NULL) {
+            return gonio_mapped_fail(mapped, 0, "an unknown kind of analytic BRDF", error);
+        }
+        count += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+    }
+    const size_t begin = at;
+    const double *parameters = gonio_mapped_take(mapped, &at, count * sizeof *parameters);
+    if (parameters == NULL) {
+        return gonio_mapped_fail(mapped, begin, "fewer parameters than its terms and channels need", error);
+    }
+    for (uint32_t t = 0; t < about->n_terms; t++) {
+        terms[t].parameters = parameters;
+        parameters += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+    }
+    if (gonio_analytic_new(terms, (int)about->n_terms, mapped->channels, mapped->names, out, error) != GONIO_OK) {
+        return gonio_mapped_fail(mapped, begin, "a parameter is outside its bounds", error);
+    }
+    gonio_mapped_release(mapped); // everything was copied
+    *mapped = (gonio_mapped){0};
+    return GONIO_OK;
+}
+
+static const gonio_model_ops ops = {
+    .api_version = GONIO_MODEL_API_VERSION,
+    .kind = "analytic",
+    .save = save,
+    .eval = eval,
+    .eval_channel = eval_channel,
+    .free = release,
+};
+
+static gonio_status check_term(const gonio_analytic_term *term, int channels, gonio_error *error) {
+    const gonio_analytic_kind *kind = term->kind;
+    for (int c = 0; c < channels; c++) {
+        for (int k = 0; k < kind->n; k++) {
+            const gonio_analytic_parameter *p = &kind->parameters[k];
+            const double value = term->parameters[c * kind->n + k];
+            if (!(value >= p->minimum && value <= p->maximum)) {
+                return gonio_fail(error, GONIO_E_RANGE, "%s: %s=%g; expected %g to %g (%s)", kind->name, p->name, value,
+                                  p->minimum, p->maximum, p->text);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
+static void set_name(char name[32], int channel, int channels) {
+    if (channels == 1) {
+        snprintf(name, 32, "value");
+    } else if (channels == 3) {
+        snprintf(name, 32, "%c", "rgb"[channel]);
+    } else {
+        snprintf(name, 32, "c%d", channel + 1);
+    }
+}
+
+// Copy terms, names and parameters into m, whose arrays are allocated.
+static void fill(analytic_model *m, const gonio_analytic_term *terms, int n_terms, int channels,
+                 const char (*names)[32]) {
+    m->n_terms = n_terms;
+    m->head.isotropic = true;
+    double *at = m->parameters;
+    for (int t = 0; t < n_terms; t++) {
+        const gonio_analytic_kind *kind = terms[t].kind;
+        const size_t count = (size_t)channels * (size_t)kind->n;
+        memcpy(at, terms[t].parameters, count * sizeof *at);
+        m->terms[t] = (gonio_analytic_term){kind, at};
+        for (int c = 0; c < channels && kind->isotropic != NULL; c++) {
+            m->head.isotropic = m->head.isotropic && kind->isotropic(at + c * kind->n);
+        }
+        at += count;
+    }
+    for (int c = 0; c < channels; c++) {
+        if (names != NULL) {
+            memcpy(m->names[c], names[c], sizeof m->names[c]);
+        } else {
+            set_name(m->names[c], c, channels);
+        }
+    }
+    m->head.ops = &ops;
+    m->head.channels = channels;
+    m->head.channel_names = (const char(*)[32])m->names;
+    m->head.control_points = m->count / (size_t)channels;
+    m->head.bytes = m->count * sizeof *m->parameters;
+}
+
+gonio_status gonio_analytic_new(const gonio_analytic_term *terms, int n_terms, int channels, const char (*names)[32],
+                                gonio_model **out, gonio_error *error) {
+    *out = NULL;
+    if (n_terms < 1 || n_terms > GONIO_ANALYTIC_TERMS_MAX || channels < 1 || channels > 1024) {
+        return gonio_fail(error, GONIO_E_RANGE, "%d terms of %d channels; 1 to %d terms of 1 to 1024 are possible",
+                          n_terms, channels, GONIO_ANALYTIC_TERMS_MAX);
+    }
+    size_t count = 0;
+    for (int t = 0; t < n_terms; t++) {
+        const gonio_status status = check_term(&terms[t], channels, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        count += (size_t)channels * (size_t)terms[t].kind->n;
+    }
+    analytic_model *m = calloc(1, sizeof *m);
+    if (m != NULL) {
+        m->count = count;
+        m->parameters = malloc(count * sizeof *m->parameters);
+        m->names = calloc((size_t)channels, sizeof *m->names);
+    }
+    if (m == NULL || m->parameters == NULL || m->names == NULL) {
+        if (m != NULL) {
+            release(&m->head);
+        }
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for an analytic model");
+    }
+    fill(m, terms, n_terms, channels, names);
+    *out = &m->head;
+    return GONIO_OK;
+}
+
+int gonio_analytic_terms(const gonio_model *model, const gonio_analytic_term **terms) {
+    const bool is = model->ops == &ops;
+    *terms = is ? ((const analytic_model *)model)->terms : NULL;
+    return is ? ((const analytic_model *)model)->n_terms : 0;
+}
+
+double *gonio_analytic_parameters(gonio_model *model, size_t *count) {
+    analytic_model *m = model->ops == &ops ? (analytic_model *)model : NULL;
+    *count = m != NULL ? m->count : 0;
+    return m != NULL ? m->parameters : NULL;
+}

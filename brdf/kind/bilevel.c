@@ -1,0 +1,245 @@
+// Models of kind "cbmba": evaluation and file section.
+//
+// Section: 64 bytes of description, the transforms, the diffuse control points; then with bricks the table, the bricks,
+// and (bytes) their scales; with the hash the keys, the values and libcmph's packed block. Each part aligned.
+#include "brdf/kind/bilevel.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "brdf/channels.h"
+#include "brdf/locate.h"
+#include "brdf/model_file.h"
+
+typedef struct cbmba_model {
+    gonio_model head;
+    gonio_bilevel_parts parts;
+    gonio_lattice diffuse; // a view on parts.diffuse
+    gonio_channels channels;
+    gonio_mapped mapped; // base NULL: the arrays are our own
+} cbmba_model;
+
+typedef struct description {
+    uint32_t diffuse_level, specular_level, coordinates, kind, storage, reserved;
+    uint64_t bricks, keys, packed, kept;
+    uint32_t more[2];
+} description;
+_Static_assert(sizeof(description) == 64, "the description is one block");
+
+static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    const cbmba_model *m = (const cbmba_model *)model;
+    double x[3];
+    gonio_position position;
+    gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
+    gonio_position_set(&position, x[0], x[1], x[2], 0);
+    gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
+    gonio_sparse_add(&m->parts.sparse, &position, values);
+}
+
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    const cbmba_model *m = (const cbmba_model *)model;
+    float v[model->channels];
+    eval_f32(model, wi, wo, v);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)v[c]);
+    }
+}
+
+static void eval_narrow(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    const cbmba_model *m = (const cbmba_model *)model;
+    eval_f32(model, wi, wo, values);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = (float)gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)values[c]);
+    }
+}
+
+// Arrays are const where a mapped file holds them; our own come from malloc.
+static void drop(const void *owned) { free((void *)(uintptr_t)owned); }
+
+void gonio_bilevel_parts_release(gonio_bilevel_parts *parts) {
+    free(parts->diffuse);
+    drop(parts->sparse.table);
+    drop(parts->sparse.data);
+    drop(parts->sparse.scales);
+    drop(parts->sparse.key);
+    drop(parts->sparse.values);
+    drop(parts->sparse.packed);
+    *parts = (gonio_bilevel_parts){0};
+}
+
+static void release(gonio_model *model) {
+    cbmba_model *m = (cbmba_model *)model;
+    if (m->mapped.base == NULL) {
+        gonio_bilevel_parts_release(&m->parts);
+    }
+    gonio_mapped_release(&m->mapped);
+    gonio_channels_release(&m->channels);
+    free(m);
+}
+
+static size_t diffuse_bytes(int level, int channels) {
+    return gonio_lattice_count(3, level) * (size_t)channels * sizeof(float);
+}
+
+static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+    const cbmba_model *m = (const cbmba_model *)model;
+    const gonio_sparse *s = &m->parts.sparse;
+    const size_t c = (size_t)model->channels;
+    const description about = {.diffuse_level = (uint32_t)m->parts.diffuse_level,
+                               .specular_level = (uint32_t)s->level,
+                               .coordinates = (uint32_t)m->parts.coordinates,
+                               .kind = (uint32_t)m->parts.kind,
+                               .storage = (uint32_t)s->storage,
+                               .bricks = s->bricks,
+                               .keys = s->keys,
+                               .packed = s->packed_length,
+                               .kept = m->parts.kept};
+    gonio_file_part parts[6] = {
+        {&about, sizeof about},
+        {m->channels.transforms, c * sizeof *m->channels.transforms},
+        {m->parts.diffuse, diffuse_bytes(m->parts.diffuse_level, model->channels)},
+    };
+    if (s->storage == GONIO_STORAGE_HASH) {
+        parts[3] = (gonio_file_part){s->key, s->keys * sizeof *s->key};
+        parts[4] = (gonio_file_part){s->values, s->keys * c * sizeof *s->values};
+        parts[5] = (gonio_file_part){s->packed, s->packed_length};
+        return gonio_model_file_write(model, path, parts, 6, error);
+    }
+    const bool bytes = s->storage == GONIO_STORAGE_BYTE;
+    parts[3] = (gonio_file_part){s->table, s->side * s->side * s->side * sizeof *s->table};
+    parts[4] = (gonio_file_part){s->data, s->bricks * c * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage)};
+    parts[5] = (gonio_file_part){s->scales, bytes ? s->bricks * c * sizeof *s->scales : 0};
+    return gonio_model_file_write(model, path, parts, bytes ? 6 : 5, error);
+}
+
+static const gonio_model_ops cbmba_ops = {
+    .api_version = GONIO_MODEL_API_VERSION,
+    .kind = "cbmba",
+    .eval = eval,
+    .eval_f32 = eval_narrow,
+    .save = save,
+    .free = release,
+};
+
+static void fill_head(cbmba_model *m) {
+    const gonio_sparse *s = &m->parts.sparse;
+    const size_t diffuse = gonio_lattice_count(3, m->parts.diffuse_level);
+    m->head.ops = &cbmba_ops;
+    m->head.channels = s->channels;
+    m->head.isotropic = true;
+    m->head.control_points = diffuse + m->parts.kept;
+    m->head.bytes = diffuse_bytes(m->parts.diffuse_level, s->channels) + gonio_sparse_bytes(s);
+    m->diffuse = (gonio_lattice){
+        3, m->parts.diffuse_level, s->channels, gonio_bspline_size(m->parts.diffuse_level), diffuse, m->parts.diffuse};
+}
+
+gonio_status gonio_bilevel_model_new(gonio_bilevel_parts *parts, const gonio_transform *transforms,
+                                     const char (*channel_names)[32], gonio_model **out, gonio_error *error) {
+    *out = NULL;
+    const size_t c = (size_t)parts->sparse.channels;
+    cbmba_model *m = calloc(1, sizeof *m);
+    gonio_status status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, channel_names, error)
+                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
+    if (status != GONIO_OK) {
+        free(m);
+        return status;
+    }
+    m->head.channel_names = (const char(*)[32])m->channels.names;
+    m->parts = *parts;
+    *parts = (gonio_bilevel_parts){0};
+    fill_head(m);
+    *out = &m->head;
+    return GONIO_OK;
+}
+
+// Bricks: the table may name only bricks that exist.
+static gonio_status read_bricks(gonio_mapped *mapped, size_t *at, gonio_sparse *s, gonio_error *error) {
+    const size_t cells = s->side * s->side * s->side, c = (size_t)s->channels, table_at = *at;
+    if (s->bricks < 1 || s->bricks > UINT16_MAX + 1) {
+        return gonio_mapped_fail(mapped, 0, "an impossible number of bricks", error);
+    }
+    s->table = gonio_mapped_take(mapped, at, cells * sizeof *s->table);
+    s->data = s->table != NULL
+                  ? gonio_mapped_take(mapped, at, s->bricks * c * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage))
+                  : NULL;
+    s->scales = s->data != NULL && s->storage == GONIO_STORAGE_BYTE
+                    ? gonio_mapped_take(mapped, at, s->bricks * c * sizeof *s->scales)
+                    : NULL;
+    if (s->data == NULL || (s->storage == GONIO_STORAGE_BYTE && s->scales == NULL)) {
+        return gonio_mapped_fail(mapped, table_at, "fewer bricks than its head says", error);
+    }
+    for (size_t i = 0; i < cells; i++) {
+        if (s->table[i] >= s->bricks) {
+            return gonio_mapped_fail(mapped, table_at + 2 * i, "a brick number beyond the last brick", error);
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_hash(gonio_mapped *mapped, size_t *at, gonio_sparse *s, gonio_error *error) {
+    const size_t keys_at = *at, c = (size_t)s->channels;
+    if (s->keys > gonio_lattice_count(3, s->level)) {
+        return gonio_mapped_fail(mapped, 0, "more keys than control points", error);
+    }
+    s->key = gonio_mapped_take(mapped, at, s->keys * sizeof *s->key);
+    s->values = s->key != NULL ? gonio_mapped_take(mapped, at, s->keys * c * sizeof *s->values) : NULL;
+    s->packed = s->values != NULL ? gonio_mapped_take(mapped, at, s->packed_length) : NULL;
+    if (s->packed == NULL) {
+        return gonio_mapped_fail(mapped, keys_at, "fewer hashed control points than its head says", error);
+    }
+    if (s->keys > 0 && !gonio_perfect_hash_unpack(s->packed, s->packed_length, &s->mph)) {
+        return gonio_mapped_fail(mapped, keys_at, "its perfect hash is not sound", error);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error *error) {
+    size_t at = 0;
+    const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
+    if (about == NULL || !mapped->isotropic || about->diffuse_level > 9 || about->specular_level > 9 ||
+        about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
+        about->storage > GONIO_STORAGE_HASH) {
+        return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
+    }
+    gonio_sparse *s = &m->parts.sparse;
+    const size_t c = (size_t)mapped->channels;
+    m->parts.coordinates = (gonio_coordinates)about->coordinates;
+    m->parts.kind = (gonio_transform_kind)about->kind;
+    m->parts.diffuse_level = (int)about->diffuse_level;
+    m->parts.kept = about->kept;
+    *s = (gonio_sparse){.level = (int)about->specular_level,
+                        .channels = mapped->channels,
+                        .storage = (gonio_storage)about->storage,
+                        .side = gonio_sparse_side((int)about->specular_level),
+                        .bricks = about->bricks,
+                        .keys = about->keys,
+                        .packed_length = about->packed};
+    const gonio_transform *transforms = gonio_mapped_take(mapped, &at, c * sizeof *transforms);
+    const void *diffuse = transforms != NULL
+                              ? gonio_mapped_take(mapped, &at, diffuse_bytes(m->parts.diffuse_level, mapped->channels))
+                              : NULL;
+    if (diffuse == NULL) {
+        return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
+    }
+    m->parts.diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
+    const gonio_status status =
+        s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    return status == GONIO_OK ? gonio_channels_init(&m->channels, c, transforms, NULL, error) : status;
+}
+
+gonio_status gonio_bilevel_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+    cbmba_model *m = calloc(1, sizeof *m);
+    const gonio_status status =
+        m != NULL ? read_parts(mapped, m, error)
+                  : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
+    if (status != GONIO_OK) {
+        free(m);
+        return status;
+    }
+    m->mapped = *mapped;
+    *mapped = (gonio_mapped){0};
+    m->head.channel_names = m->mapped.names;
+    fill_head(m);
+    *out = &m->head;
+    return GONIO_OK;
+}

@@ -1,0 +1,49 @@
+// The model file: a head, the channels' names, and one section that the kind of model defines (docs/formats.md).
+#ifndef GONIO_BRDF_MODEL_FILE_H
+#define GONIO_BRDF_MODEL_FILE_H
+
+#include "brdf/transform.h"
+#include "gonio/model.h"
+
+#define GONIO_MODEL_FILE_VERSION 1
+#define GONIO_MODEL_FILE_ALIGN 64 // sections and the arrays inside them begin at multiples of it
+
+// A mapped file whose length and checksum were verified; a model made from it keeps it until it is freed.
+typedef struct gonio_mapped {
+    void *base;
+    size_t length;
+    char *path;                   // for messages of the kind that parses it; owned
+    const char (*names)[32];      // inside the mapping, terminated
+    const unsigned char *section; // aligned
+    size_t section_length;
+    int channels;
+    bool isotropic;
+} gonio_mapped;
+
+void gonio_mapped_release(gonio_mapped *mapped);
+
+// How a kind of model comes back from its section. On success the model owns *mapped; on failure the caller keeps it.
+typedef gonio_status (*gonio_model_reader)(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+
+// One part of a section: `length` bytes at `data`. Every part begins aligned; zeros fill the gaps.
+typedef struct gonio_file_part {
+    const void *data;
+    size_t length;
+} gonio_file_part;
+
+// Write head, names and the parts of the section: beside, sync, rename.
+gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
+                                    gonio_error *error);
+
+// Cursor over a section: the next `length` bytes, aligned, or NULL where the section is too short.
+const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t length);
+// GONIO_E_INPUT that names the file and the byte within it.
+gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what, gonio_error *error);
+
+// The readers of the kinds that libgonio-eval knows.
+gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+gonio_status gonio_lobe_spline_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+gonio_status gonio_bilevel_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
+
+#endif

@@ -1,0 +1,49 @@
+// A 3-D control lattice of which most points are zero: the specular part of a CBMBA model.
+//
+// Two forms. Bricks: 4^3 control points behind a table of brick numbers, number 0 being the empty brick; a cell's 4^3
+// points lie in at most 8 bricks, and a cell whose bricks are all empty costs the look at the table alone. Hash (Kameya
+// 2002, chapter 6): a table of (key, values) behind a minimal perfect hash, with the key compared; a probe a control
+// point.
+#ifndef GONIO_BRDF_SPLINE_SPARSE_H
+#define GONIO_BRDF_SPLINE_SPARSE_H
+
+#include "brdf/spline/lattice_eval.h"
+#include "brdf/spline/perfect_hash.h"
+
+typedef enum gonio_storage {
+    GONIO_STORAGE_FLOAT = 0, // bricks of float32
+    GONIO_STORAGE_HALF = 1,  // bricks of IEEE half floats
+    GONIO_STORAGE_BYTE = 2,  // bricks of signed bytes with a float scale a brick and channel
+    GONIO_STORAGE_HASH = 3,  // the thesis'
+} gonio_storage;
+
+#define GONIO_BRICK_POINTS 64
+
+// All arrays are borrowed or owned by whoever fills it.
+typedef struct gonio_sparse {
+    int level, channels;
+    gonio_storage storage;
+    size_t side;           // bricks a dimension
+    size_t bricks;         // with the empty one
+    const uint16_t *table; // side^3 brick numbers
+    const void *data;      // bricks x channels x 64 elements
+    const float *scales;   // BYTE: bricks x channels
+    size_t keys;           // HASH: control points kept
+    const uint32_t *key;   // keys
+    const float *values;   // keys x channels
+    const void *packed;    // cmph_pack's block; its length
+    size_t packed_length;
+    gonio_perfect_hash mph; // read from packed
+} gonio_sparse;
+
+static inline size_t gonio_sparse_side(int level) { return ((((size_t)1 << level) - 1) >> 2) + 2; }
+size_t gonio_sparse_element(gonio_storage storage); // bytes of one control point in a brick
+// Bytes that evaluation needs.
+size_t gonio_sparse_bytes(const gonio_sparse *sparse);
+
+// The sparse lattice at the position, added to values[channels].
+void gonio_sparse_add(const gonio_sparse *sparse, const gonio_position *position, float *values);
+uint16_t gonio_half_encode(float value); // round to nearest even; beyond the range: the largest
+float gonio_half_decode(uint16_t half);
+
+#endif

@@ -1,0 +1,38 @@
+// Is a BRDF physical, and how simple is it: reciprocity, energy, isotropy, separability.
+#ifndef GONIO_FIT_CHECK_CHECK_H
+#define GONIO_FIT_CHECK_CHECK_H
+
+#include "gonio/model.h"
+#include "gonio/sample.h"
+
+#define GONIO_CHECK_RANKS 8
+
+typedef struct gonio_check_report {
+    // Medians over 4,000 pairs of directions (theta <= 80 deg) and the channels of 2|a - b| / (|a| + |b| + 2e-3 /sr):
+    double reciprocity; // a, b: with incident and outgoing exchanged
+    double isotropy;    // a, b: with the sample turned by half a golden angle
+    // The largest directional-hemispherical reflectance of any channel over theta_i = 0, 5 ... 85 deg, and where.
+    double energy, energy_theta_rad;
+    int energy_channel;
+    // Kautz & McCool 1999: of the matrix f(half vector; difference vector), the relative Frobenius error of the best
+    // approximation by k = 1, 2 ... products; rms over the channels.
+    double separability[GONIO_CHECK_RANKS];
+    size_t negative, not_finite; // values among the 4,000 pairs
+} gonio_check_report;
+
+// Deterministic; any thread count gives the same figures. GONIO_E_FAILED where a value is not finite.
+gonio_status gonio_check_model(const gonio_model *model, gonio_check_report *report, gonio_error *error);
+// Directional-hemispherical reflectance of every channel (albedo: channels) for light at theta_i, phi_i = 0; about 1e-3
+// of it.
+void gonio_check_albedo(const gonio_model *model, double theta_i_rad, double *albedo);
+
+// Transforms of samples; each gives a new set, which the caller frees.
+#define GONIO_APPLY_MIRROR 1      // add f(-phi) = f(phi)
+#define GONIO_APPLY_RECIPROCITY 2 // add f(o, i) = f(i, o)
+#define GONIO_APPLY_ISOTROPY 4    // turn every pair to phi_i = 0 and declare the set isotropic
+#define GONIO_APPLY_CLAMP 8       // raise negative values to 0
+#define GONIO_APPLY_ENERGY 16     // divide by `energy` where it exceeds 1
+gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, double energy, gonio_samples **out,
+                               gonio_error *error);
+
+#endif

@@ -1,0 +1,459 @@
+// Samples -> geometries for least squares.
+//
+// Equal geometries are merged first: the leave-one-out errors that choose everything else would otherwise see a
+// sample's twin among its neighbours. Merging also orders the set by geometry, so the order of the samples is
+// forgotten.
+#include "fit/prepare/dataset.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/prepare/scatter.h"
+
+void gonio_dataset_release(gonio_dataset *data) {
+    free(data->pairs);
+    free(data->values);
+    free(data->targets);
+    free(data->weights);
+    free(data->links);
+    free(data->noise);
+    *data = (gonio_dataset){0};
+}
+
+// Swapping the directions keeps the half vector and turns the difference vector about it by 180 deg.
+unsigned gonio_smooth_swap_axes(gonio_coordinates coordinates, int dims) {
+    if (!gonio_coordinates_are_half_vector(coordinates)) {
+        return 0;
+    }
+    return dims == 4 ? 1u << 2 | 1u << 3 : 1u << 0 | 1u << 1;
+}
+
+void gonio_dataset_locate(const gonio_dataset *data, gonio_coordinates coordinates, double *x) {
+    for (size_t i = 0; i < data->n; i++) {
+        gonio_scatter_locate(coordinates, data->dims, &data->pairs[i], x + i * (size_t)data->dims);
+    }
+}
+
+// ---- merging ----
+
+static double wrapped(double phi) { return remainder(phi, 2 * GONIO_PI); }
+
+// One name for all ways to write a geometry: isotropic sets are turned to phi_i = 0, mirrored ones to phi_o >= 0.
+static gonio_pair canonical(gonio_pair p, bool isotropic, bool mirror) {
+    p.theta_i = fmin(fmax(p.theta_i, 0), GONIO_PI / 2);
+    p.theta_o = fmin(fmax(p.theta_o, 0), GONIO_PI / 2);
+    if (isotropic) {
+        p.phi_o = p.theta_i > 0 && p.theta_o > 0 ? wrapped(p.phi_o - p.phi_i) : 0;
+        p.phi_i = 0;
+        p.phi_o = mirror ? fabs(p.phi_o) : p.phi_o;
+        return p;
+    }
+    p.phi_i = p.theta_i > 0 ? wrapped(p.phi_i) : 0;
+    p.phi_o = p.theta_o > 0 ? wrapped(p.phi_o) : 0;
+    return mirror && (p.phi_i < 0 || (p.phi_i == 0 && p.phi_o < 0)) ? gonio_pair_mirrored(p) : p;
+}
+
+typedef struct entry {
+    int64_t key[4]; // nanoradians: far below any rig's pointing
+    uint64_t value; // bits of the first value, so that the order of equal geometries is the data's too
+    size_t sample;
+    gonio_pair pair;
+} entry;
+
+static int by_key(const void *left, const void *right) {
+    const entry *a = left, *b = right;
+    for (int d = 0; d < 4; d++) {
+        if (a->key[d] != b->key[d]) {
+            return a->key[d] > b->key[d] ? 1 : -1;
+        }
+    }
+    if (a->value != b->value) {
+        return a->value > b->value ? 1 : -1;
+    }
+    return (a->sample > b->sample) - (a->sample < b->sample);
+}
+
+static bool same_geometry(const entry *a, const entry *b) { return memcmp(a->key, b->key, sizeof a->key) == 0; }
+
+static void fill_entry(entry *e, const gonio_samples *samples, size_t sample, const gonio_dataset_options *o,
+                       bool swapped) {
+    const gonio_pair pair = swapped ? gonio_pair_swapped(samples->pairs[sample]) : samples->pairs[sample];
+    const double first = samples->values[sample * (size_t)samples->channels];
+    *e = (entry){.sample = sample, .pair = canonical(pair, samples->isotropic, o->mirror)};
+    const double angles[4] = {e->pair.theta_i, e->pair.theta_o, e->pair.phi_i, e->pair.phi_o};
+    for (int d = 0; d < 4; d++) {
+        e->key[d] = llround(angles[d] * 1e9);
+    }
+    memcpy(&e->value, &first, sizeof first);
+}
+
+// Variance of a sample's values relative to their size, mean over channels; 0 where there is no usable sigma.
+static double relative_variance(const gonio_samples *samples, const gonio_dataset *data, size_t i) {
+    if (samples->sigma_random == NULL) {
+        return 0;
+    }
+    const size_t c = (size_t)samples->channels;
+    double sum = 0;
+    for (size_t k = 0; k < c; k++) {
+        const double sigma = samples->sigma_random[i * c + k];
+        if (!(sigma > 0 && isfinite(sigma))) {
+            return 0;
+        }
+        double slope;
+        const double t = gonio_link_apply(data->kind, &data->links[k], samples->values[i * c + k]);
+        gonio_link_invert(data->kind, &data->links[k], t, &slope);
+        // In units of the spread that the link leaves: ln for logs, the scale for linear values.
+        sum += (sigma / slope) * (sigma / slope);
+    }
+    return sum / (double)c;
+}
+
+static gonio_status allocate(gonio_dataset *data, size_t n, gonio_error *error) {
+    const size_t c = (size_t)data->channels;
+    data->n = n;
+    data->pairs = malloc(n * sizeof *data->pairs);
+    data->values = calloc(n * c, sizeof *data->values);
+    data->targets = malloc(n * c * sizeof *data->targets);
+    data->weights = calloc(n, sizeof *data->weights);
+    data->links = malloc(c * sizeof *data->links);
+    data->noise = calloc(c, sizeof *data->noise);
+    const bool all = data->pairs != NULL && data->values != NULL && data->targets != NULL && data->weights != NULL &&
+                     data->links != NULL && data->noise != NULL;
+    if (!all) {
+        gonio_dataset_release(data);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to prepare %zu samples (%.3g GB)", n,
+                          (double)n * (double)(2 * c + 6) * 8 / 1e9);
+    }
+    return GONIO_OK;
+}
+
+static void merge(gonio_dataset *data, const gonio_samples *samples, const entry *entries, size_t n) {
+    const size_t c = (size_t)data->channels;
+    size_t at = 0;
+    for (size_t i = 0; i < n; at++) {
+        data->pairs[at] = entries[i].pair;
+        size_t count = 0;
+        for (; i + count < n && same_geometry(&entries[i], &entries[i + count]); count++) {
+            for (size_t k = 0; k < c; k++) {
+                data->values[at * c + k] += samples->values[entries[i + count].sample * c + k];
+            }
+        }
+        for (size_t k = 0; k < c; k++) {
+            data->values[at * c + k] /= (double)count;
+        }
+        data->weights[at] = (double)count;
+        i += count;
+    }
+}
+
+// ---- links ----
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+static double channel_scale(const gonio_dataset *data, size_t channel) {
+    double largest = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        largest = fmax(largest, fabs(data->values[i * (size_t)data->channels + channel]));
+    }
+    int exponent = 0;
+    frexp(largest, &exponent);
+    return largest > 0 ? ldexp(1, exponent > 1023 ? 1023 : exponent) : 1;
+}
+
+#define PROBES 1200 // geometries whose nearest neighbours tell the noise: enough for a median to 3 %
+
+// near[i]: for every probe the geometry nearest to it in half-vector coordinates; step: between probes.
+static gonio_status find_neighbours(const gonio_dataset *data, size_t step, size_t probes, size_t *near,
+                                    gonio_error *error) {
+    const size_t d = (size_t)data->dims;
+    double *x = malloc(data->n * d * sizeof *x);
+    if (x == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to estimate the noise of %zu samples", data->n);
+    }
+    gonio_dataset_locate(data, GONIO_HALF_VECTOR, x);
+    for (size_t p = 0; p < probes; p++) {
+        const size_t i = p * step;
+        double least = INFINITY;
+        near[p] = i;
+        // Sets of millions are probed against a part of themselves; neighbours are near enough then all the same.
+        const size_t stride = 1 + data->n / 50000;
+        for (size_t j = p % stride; j < data->n; j += stride) {
+            double distance = 0;
+            for (size_t k = 0; k < d; k++) {
+                distance += (x[i * d + k] - x[j * d + k]) * (x[i * d + k] - x[j * d + k]);
+            }
+            if (j != i && distance < least) {
+                least = distance;
+                near[p] = j;
+            }
+        }
+    }
+    free(x);
+    return GONIO_OK;
+}
+
+// The noise level of the dark half of a channel, in units of its scale, between 0.003 and 0.3 of a typical value.
+static double channel_noise(const gonio_dataset *data, size_t channel, size_t step, size_t probes, const size_t *near,
+                            double *work) {
+    const size_t c = (size_t)data->channels;
+    const double scale = data->links[channel].scale;
+    for (size_t p = 0; p < probes; p++) {
+        work[p] = fabs(data->values[p * step * c + channel]) / scale;
+    }
+    qsort(work, probes, sizeof *work, by_value);
+    const double middle = work[probes / 2];
+    double typical = 0;
+    const size_t most = probes - probes / 10; // without the tenth that holds the peak
+    for (size_t p = 0; p < most; p++) {
+        typical += work[p] / (double)most;
+    }
+    size_t dark = 0;
+    for (size_t p = 0; p < probes; p++) {
+        const double a = data->values[p * step * c + channel] / scale, b = data->values[near[p] * c + channel] / scale;
+        if (fabs(a) + fabs(b) <= 2 * middle && near[p] != p * step) {
+            work[dark++] = fabs(a - b);
+        }
+    }
+    qsort(work, dark, sizeof *work, by_value);
+    // Median of |difference of two normals|: 0.6745 sqrt(2) sigma.
+    const double noise = dark > 0 ? work[dark / 2] / (0.6744897501960817 * 1.4142135623730951) : 0;
+    return fmin(fmax(noise, 3e-3 * typical), 0.3 * typical);
+}
+
+static void median_sigmas(const gonio_samples *samples, gonio_dataset *data, double *work) {
+    const size_t c = (size_t)samples->channels, step = 1 + samples->n / PROBES;
+    for (size_t k = 0; k < c; k++) {
+        size_t m = 0;
+        for (size_t i = 0; i < samples->n && m < PROBES; i += step) {
+            const double sigma = samples->sigma_random[i * c + k];
+            if (isfinite(sigma)) {
+                work[m++] = sigma / data->links[k].scale;
+            }
+        }
+        qsort(work, m, sizeof *work, by_value);
+        data->links[k].eps = fmax(data->links[k].eps, m > 0 ? work[m / 10] : 0);
+    }
+}
+
+// No channel's eps far below the others': clamped zeros hide the noise of a dark channel.
+static void level_eps(gonio_dataset *data, double *work) {
+    const size_t c = (size_t)data->channels;
+    for (size_t k = 0; k < c; k++) {
+        work[k] = data->links[k].eps * data->links[k].scale;
+    }
+    qsort(work, c, sizeof *work, by_value);
+    const double common = 0.5 * work[c / 2];
+    for (size_t k = 0; k < c; k++) {
+        gonio_link *link = &data->links[k];
+        link->eps = fmax(link->eps, fmin(common / link->scale, 0.1));
+        link->eps = link->eps > 0 && isfinite(link->eps) ? fmax(link->eps, 1e-12) : 1e-6;
+    }
+}
+
+static gonio_status choose_links(gonio_dataset *data, const gonio_samples *samples, gonio_error *error) {
+    const size_t c = (size_t)data->channels, step = 1 + (data->n - 1) / PROBES;
+    const size_t probes = (data->n + step - 1) / step;
+    size_t *near = malloc(probes * sizeof *near);
+    double *work = malloc((probes + c + PROBES) * sizeof *work);
+    gonio_status status = near != NULL && work != NULL
+                              ? find_neighbours(data, step, probes, near, error)
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory to estimate the noise");
+    if (status == GONIO_OK) {
+        for (size_t k = 0; k < c; k++) {
+            data->links[k].scale = channel_scale(data, k);
+            data->links[k].eps = channel_noise(data, k, step, probes, near, work);
+        }
+        if (samples->sigma_random != NULL) {
+            median_sigmas(samples, data, work);
+        }
+        level_eps(data, work);
+    }
+    free(near);
+    free(work);
+    return status;
+}
+
+// A signed quantity (a Mueller element, say), not a reflectance with noise about zero.
+static bool is_signed(const gonio_dataset *data) {
+    double negative = 0, all = 0;
+    for (size_t i = 0; i < data->n * (size_t)data->channels; i++) {
+        negative += fmax(-data->values[i], 0);
+        all += fabs(data->values[i]);
+    }
+    return negative > 0.02 * all;
+}
+
+// A spline is no better than a per cent or so between samples, however small their noise: weights that trusted sigmas
+// of 0.1 % would fit a few samples and ignore the rest.
+#define MODEL_SIGMA 0.02
+
+static void fill_weights(gonio_dataset *data, const gonio_samples *samples, const entry *entries, size_t n) {
+    size_t i = 0;
+    double sum = 0;
+    for (size_t at = 0; at < data->n; at++) {
+        const size_t first = i;
+        double weight = 0;
+        while (i < n && same_geometry(&entries[first], &entries[i])) {
+            const double variance = relative_variance(samples, data, entries[i].sample);
+            weight += 1 / (1 + variance / (MODEL_SIGMA * MODEL_SIGMA));
+            i++;
+        }
+        // Below 1e-9 of full weight a sample says nothing, and 0 would divide.
+        data->weights[at] = fmax(weight, 1e-9);
+        sum += data->weights[at];
+    }
+    for (size_t at = 0; at < data->n; at++) {
+        data->weights[at] *= (double)data->n / sum;
+    }
+}
+
+static gonio_status fill_noise(gonio_dataset *data, const gonio_samples *samples, gonio_error *error) {
+    const size_t c = (size_t)data->channels, step = 1 + samples->n / PROBES;
+    if (samples->sigma_random == NULL) {
+        return GONIO_OK;
+    }
+    double *work = malloc((samples->n / step + 1) * sizeof *work);
+    if (work == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank uncertainties");
+    }
+    for (size_t k = 0; k < c; k++) {
+        size_t m = 0;
+        for (size_t i = 0; i < samples->n; i += step) {
+            double slope;
+            const double t = gonio_link_apply(data->kind, &data->links[k], samples->values[i * c + k]);
+            gonio_link_invert(data->kind, &data->links[k], t, &slope);
+            const double sigma = samples->sigma_random[i * c + k] / slope;
+            work[m++] = isfinite(sigma) ? sigma : 0;
+        }
+        qsort(work, m, sizeof *work, by_value);
+        data->noise[k] = work[m / 2];
+    }
+    free(work);
+    return GONIO_OK;
+}
+
+static void fill_targets(gonio_dataset *data) {
+    const size_t c = (size_t)data->channels;
+    for (size_t i = 0; i < data->n * c; i++) {
+        data->targets[i] = gonio_link_apply(data->kind, &data->links[i % c], data->values[i]);
+    }
+}
+
+gonio_status gonio_dataset_init(gonio_dataset *data, const gonio_samples *samples, const gonio_dataset_options *options,
+                                gonio_error *error) {
+    *data =
+        (gonio_dataset){.dims = samples->isotropic ? 3 : 4, .channels = samples->channels, .mirror = options->mirror};
+    gonio_status status = gonio_samples_check(samples, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t sides = options->reciprocal ? 2 : 1, n = sides * samples->n;
+    entry *entries = malloc(n * sizeof *entries);
+    if (entries == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to order %zu samples", n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        fill_entry(&entries[i], samples, i % samples->n, options, i >= samples->n);
+    }
+    qsort(entries, n, sizeof *entries, by_key);
+    size_t unique = 0;
+    for (size_t i = 0; i < n; i++) {
+        unique += i == 0 || !same_geometry(&entries[i - 1], &entries[i]);
+    }
+    status = allocate(data, unique, error);
+    if (status == GONIO_OK) {
+        merge(data, samples, entries, n);
+        status = choose_links(data, samples, error);
+    }
+    if (status == GONIO_OK) {
+        data->kind = options->domain == GONIO_LINEAR ? GONIO_LINK_LINEAR
+                     : is_signed(data)               ? GONIO_LINK_ASINH
+                                                     : GONIO_LINK_POSITIVE;
+        fill_weights(data, samples, entries, n);
+        fill_targets(data);
+        status = fill_noise(data, samples, error);
+    }
+    free(entries);
+    if (status != GONIO_OK) {
+        gonio_dataset_release(data);
+    }
+    return status;
+}
+
+gonio_status gonio_dataset_select(const gonio_dataset *data, const bool *keep, gonio_dataset *out, gonio_error *error) {
+    *out = (gonio_dataset){.dims = data->dims, .channels = data->channels, .mirror = data->mirror, .kind = data->kind};
+    const size_t c = (size_t)data->channels;
+    size_t n = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        n += keep[i];
+    }
+    const gonio_status status = allocate(out, n, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    memcpy(out->links, data->links, c * sizeof *out->links);
+    memcpy(out->noise, data->noise, c * sizeof *out->noise);
+    size_t at = 0;
+    for (size_t i = 0; i < data->n; i++) {
+        if (keep[i]) {
+            out->pairs[at] = data->pairs[i];
+            out->weights[at] = data->weights[i];
+            memcpy(out->values + at * c, data->values + i * c, c * sizeof(double));
+            memcpy(out->targets + at * c, data->targets + i * c, c * sizeof(double));
+            at++;
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which, int count, gonio_dataset *out,
+                                    gonio_error *error) {
+    *out = (gonio_dataset){.dims = data->dims, .channels = count, .mirror = data->mirror, .kind = data->kind};
+    const gonio_status status = allocate(out, data->n, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    memcpy(out->pairs, data->pairs, data->n * sizeof *out->pairs);
+    memcpy(out->weights, data->weights, data->n * sizeof *out->weights);
+    for (size_t k = 0; k < (size_t)count; k++) {
+        const size_t c = (size_t)data->channels, channel = (size_t)which[k];
+        out->links[k] = data->links[channel];
+        out->noise[k] = data->noise[channel];
+        for (size_t i = 0; i < data->n; i++) {
+            out->values[i * (size_t)count + k] = data->values[i * c + channel];
+            out->targets[i * (size_t)count + k] = data->targets[i * c + channel];
+        }
+    }
+    return GONIO_OK;
+}
+
+// Steele, Lea and Flood (2014): the mixing function of SplitMix64.
+static uint64_t mix(uint64_t x) {
+    x += 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+}
+
+gonio_status gonio_dataset_thin(const gonio_dataset *data, size_t count, uint64_t seed, gonio_dataset *out,
+                                gonio_error *error) {
+    bool *keep = malloc(data->n * sizeof *keep);
+    if (keep == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to thin %zu samples", data->n);
+    }
+    // One of every n/count neighbours in the order of geometry: stratified, not merely random.
+    memset(keep, 0, data->n * sizeof *keep);
+    for (size_t s = 0; s < count; s++) {
+        const size_t first = s * data->n / count, end = (s + 1) * data->n / count;
+        if (end > first) {
+            keep[first + mix(seed ^ mix(s)) % (end - first)] = true;
+        }
+    }
+    const gonio_status status = gonio_dataset_select(data, keep, out, error);
+    free(keep);
+    return status;
+}

@@ -1,0 +1,158 @@
+// What both solvers' uncertainties share: the channels' factors, the places where a law is asked, and the coarse spline
+// of ln sigma that the model carries. It lies in half-vector coordinates, where lobes of any width are wide.
+#include "fit/sigma/field.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/smooth/cg.h"
+
+#define SIGMA_LEVEL_3D 4
+#define SIGMA_LEVEL_4D 2
+#define SIGMA_LAMBDA 1e-4 // smooths what one probe says against its neighbours
+#define PROBES 2500
+#define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
+#define HELD_BACK 1.75
+#define MEDIAN_OF_NORMAL 0.6744897501960817
+
+// Steele, Lea and Flood (2014): SplitMix64.
+static double uniform(uint64_t *state) {
+    uint64_t x = *state += 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
+}
+
+static int by_value(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+// A channel's spread: the standard deviation of a normal with the same median |residual|.
+void gonio_sigma_factors(size_t n, size_t c, const double *residuals, double *factor, double *work) {
+    for (size_t k = 0; k < c; k++) {
+        double squares = 0;
+        for (size_t i = 0; i < n; i++) {
+            work[i] = fabs(residuals[i * c + k]);
+            squares += work[i] * work[i];
+        }
+        qsort(work, n, sizeof *work, by_value);
+        // A median of 0 (clamped zeros) is no spread.
+        factor[k] = fmax(work[n / 2] / MEDIAN_OF_NORMAL, fmax(0.05 * sqrt(squares / (double)n), GONIO_SIGMA_EXACT));
+    }
+}
+
+// Variance of the samples' noise, mean over channels in their factors' units; -1 where they do not tell it.
+double gonio_sample_noise_variance(const gonio_dataset *data, const double *factor) {
+    double sum = 0;
+    for (int k = 0; k < data->channels; k++) {
+        const double noise = data->noise[k] / factor[k];
+        sum += noise * noise / data->channels;
+    }
+    return sum > 0 ? sum : -1;
+}
+
+// Beyond the samples' angles the lobes are held at the values that they have there (brdf/kind/lobe_spline.h). Nobody
+// knows whether the material follows the lobes instead, or goes twice as far: the mean square of a step uniform from
+// none to twice the lobes' own is 4/3 of its square, but materials of the lobes' own family go just that step, and as
+// the median of a normal error that is 2.2 of its square. HELD_BACK lies between. Added to the variance, mean over
+// channels.
+double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *held, const double *factor,
+                             const gonio_pair *pair) {
+    if (held == NULL || held->lobes == 0) {
+        return 0;
+    }
+    const gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i), wo = gonio_direction(pair->theta_o, pair->phi_o);
+    gonio_lobe_base free = *held;
+    free.cosine_min = HORIZON;
+    double units[2][1 + GONIO_LOBES_MAX], sum = 0;
+    gonio_lobe_base_units(held, wi, wo, units[0]);
+    gonio_lobe_base_units(&free, wi, wo, units[1]);
+    for (int k = 0; k < data->channels; k++) {
+        const double *strength = held->strength + (ptrdiff_t)k * (1 + GONIO_LOBES_MAX);
+        const double step = gonio_lobe_base_link(&free, strength, units[1], data->kind, &data->links[k]) -
+                            gonio_lobe_base_link(held, strength, units[0], data->kind, &data->links[k]);
+        sum += HELD_BACK * step * step / (factor[k] * factor[k]) / data->channels;
+    }
+    return sum;
+}
+
+// Places where the law is asked: half spread over all pairs of directions, half about the mirror direction, where the
+// lobe is.
+static gonio_pair probe_pair(uint64_t *state, bool isotropic, bool mirror) {
+    const double phi_i = isotropic ? 0 : 2 * GONIO_PI * uniform(state);
+    const gonio_pair p = {acos(uniform(state)), phi_i, acos(uniform(state)), 2 * GONIO_PI * uniform(state)};
+    if (!mirror) {
+        return p;
+    }
+    // The half vector's tan(theta_h) = sinh(r)/10, as half-vector coordinates see it, but denser toward the peak: there
+    // sigma changes over less than a cell of theirs.
+    const double u = uniform(state), tilt = atan(0.1 * sinh(4 * u * sqrt(u)));
+    const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i), h = gonio_direction(tilt, 2 * GONIO_PI * uniform(state));
+    const double twice = 2 * (i.x * h.x + i.y * h.y + i.z * h.z);
+    const gonio_vec3 o = {twice * h.x - i.x, twice * h.y - i.y, twice * h.z - i.z};
+    return o.z > 0 ? gonio_pair_from_vectors(i, o) : p;
+}
+
+gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data, gonio_error *error) {
+    gonio_samples *samples;
+    gonio_status status = gonio_samples_new(1, false, &samples, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    samples->isotropic = data->dims == 3;
+    uint64_t state = 1;
+    const double none = 1;
+    for (size_t i = 0; i < PROBES && status == GONIO_OK; i++) {
+        const gonio_pair pair = probe_pair(&state, samples->isotropic, i % 2 == 1);
+        status = gonio_samples_add(samples, &pair, &none, NULL, NULL, error);
+    }
+    if (status == GONIO_OK) {
+        const gonio_dataset_options how = {.mirror = data->mirror, .domain = GONIO_LINEAR};
+        status = gonio_dataset_init(probes, samples, &how, error);
+    }
+    gonio_samples_free(samples);
+    return status;
+}
+
+gonio_status gonio_sigma_attach(gonio_dataset *probes, double *factor, gonio_lobe_spline_parts *parts,
+                                gonio_error *error) {
+    gonio_smooth_form form = gonio_smooth_form_default(
+        GONIO_HALF_VECTOR, probes->dims == 3 ? SIGMA_LEVEL_3D : SIGMA_LEVEL_4D, probes->mirror);
+    double mean = 0, least = 0;
+    for (int k = 0; k < parts->channels; k++) {
+        least += GONIO_SIGMA_EXACT * GONIO_SIGMA_EXACT / (factor[k] * factor[k]) / parts->channels;
+    }
+    for (size_t i = 0; i < probes->n; i++) {
+        probes->targets[i] = 0.5 * log(fmax(probes->targets[i], least));
+        mean += probes->targets[i] / (double)probes->n;
+    }
+    for (size_t i = 0; i < probes->n; i++) {
+        probes->targets[i] -= mean;
+    }
+    gonio_smooth_cg *cg = NULL;
+    gonio_smooth_cg_report unused;
+    gonio_status status = gonio_lattice_init(&parts->sigma, probes->dims, form.level, 1, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    double *points = malloc(parts->sigma.count * sizeof *points);
+    status = points != NULL ? gonio_smooth_cg_new(probes, &form, 1, &cg, error)
+                            : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    if (status == GONIO_OK) {
+        status = gonio_smooth_cg_cascade(cg, probes->targets, 1, SIGMA_LAMBDA, 200, 1e-3, points, &unused, error);
+    }
+    for (size_t i = 0; i < parts->sigma.count && status == GONIO_OK; i++) {
+        parts->sigma.points[i] = (float)(points[i] + mean);
+    }
+    gonio_smooth_cg_free(cg);
+    free(points);
+    if (status == GONIO_OK) {
+        parts->sigma_factor = factor;
+        parts->sigma_half_vector = true;
+    } else {
+        gonio_lattice_release(&parts->sigma);
+    }
+    return status;
+}

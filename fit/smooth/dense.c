@@ -1,0 +1,499 @@
+// The direct least-squares solver (fit/smooth/dense.h).
+//
+// Sums over the lattice's modes run in blocks: all products of the last two axes' modes for one choice of the leading
+// axes' modes, which BLAS turns into a rank-k update. Modes of the wrong parity under the mirror are left out, which is
+// what sharing control points means here; modes that change sign when the directions are swapped are summed apart, so
+// that reciprocity is one number.
+#include "fit/smooth/dense.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "brdf/spline/bspline.h"
+#include "fit/smooth/blas.h"
+#include "fit/smooth/modes.h"
+
+#define SHARES (1 + GONIO_LOBES_MAX)
+#include "fit/prepare/scatter.h"
+
+gonio_smooth_form gonio_smooth_form_default(gonio_coordinates coordinates, int level, bool mirror) {
+    return (gonio_smooth_form){.coordinates = coordinates, .level = level, .mirror = mirror, .stretch = {1, 1, 1, 1}};
+}
+
+void gonio_smooth_dense_free(gonio_smooth_dense *dense) {
+    if (dense == NULL) {
+        return;
+    }
+    gonio_smooth_axis_release(&dense->axis);
+    gonio_smooth_profile_free(dense->profile);
+    free(dense->shares);
+    for (int d = 0; d < 4; d++) {
+        free(dense->feature[d]);
+    }
+    free(dense->root);
+    free(dense->kernel[0]);
+    free(dense->kernel[1]);
+    free(dense->vectors);
+    free(dense->values);
+    free(dense);
+}
+
+const gonio_smooth_form *gonio_smooth_dense_form(const gonio_smooth_dense *dense) { return &dense->form; }
+
+// ---- blocks of modes ----
+
+static bool odd_under(const gonio_smooth_dense *dense, unsigned axes, const size_t *mode) {
+    bool odd = false;
+    for (int d = 0; d < dense->dims; d++) {
+        odd ^= (axes >> d & 1u) != 0 && dense->axis.odd[mode[d]];
+    }
+    return odd;
+}
+
+// Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping.
+void gonio_smooth_modes_block(const gonio_smooth_dense *dense, size_t lead, int swap, gonio_smooth_modes *b) {
+    const size_t m = dense->m, d = (size_t)dense->dims;
+    size_t mode[4];
+    b->lead[0] = mode[0] = d == 3 ? lead : lead / m;
+    b->lead[1] = mode[1] = lead % m; // 3-D: overwritten below
+    b->count = 0;
+    for (size_t p = 0; p < m; p++) {
+        for (size_t q = 0; q < m; q++) {
+            mode[d - 2] = p;
+            mode[d - 1] = q;
+            if (odd_under(dense, dense->mirror_axes, mode) || odd_under(dense, dense->swap_axes, mode) != (swap == 1)) {
+                continue;
+            }
+            double penalty = GONIO_SMOOTH_RIDGE;
+            for (size_t k = 0; k < d; k++) {
+                penalty += dense->form.stretch[k] * dense->axis.stiffness[mode[k]];
+            }
+            b->last[0][b->count] = (uint16_t)p;
+            b->last[1][b->count] = (uint16_t)q;
+            b->root_prior[b->count++] = 1 / sqrt(penalty);
+        }
+    }
+}
+
+size_t gonio_smooth_modes_leads(const gonio_smooth_dense *dense) {
+    return dense->dims == 3 ? dense->m : dense->m * dense->m;
+}
+
+// columns[count x points], point fastest: the block's modes at points with the given features, times scale[point].
+void gonio_smooth_modes_columns(const gonio_smooth_dense *dense, const gonio_smooth_modes *b, size_t points,
+                                double *const feature[4], const double *scale, double *columns) {
+    const int d = dense->dims;
+    const double *f0 = feature[0] + b->lead[0] * points, *f1 = d == 4 ? feature[1] + b->lead[1] * points : NULL;
+    for (size_t k = 0; k < b->count; k++) {
+        const double *p = feature[d - 2] + b->last[0][k] * points, *q = feature[d - 1] + b->last[1][k] * points;
+        double *out = columns + k * points;
+        for (size_t i = 0; i < points; i++) {
+            out[i] = b->root_prior[k] * f0[i] * p[i] * q[i];
+        }
+        for (size_t i = 0; f1 != NULL && i < points; i++) {
+            out[i] *= f1[i];
+        }
+        for (size_t i = 0; scale != NULL && i < points; i++) {
+            out[i] *= scale[i];
+        }
+    }
+}
+
+gonio_status gonio_smooth_modes_init(const gonio_smooth_dense *dense, gonio_smooth_modes *b, gonio_error *error) {
+    const size_t most = dense->m * dense->m;
+    *b = (gonio_smooth_modes){.last = {malloc(most * sizeof(uint16_t)), malloc(most * sizeof(uint16_t))},
+                              .root_prior = malloc(most * sizeof(double))};
+    return b->last[0] != NULL && b->last[1] != NULL && b->root_prior != NULL
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", most);
+}
+
+void gonio_smooth_modes_release(gonio_smooth_modes *b) {
+    free(b->last[0]);
+    free(b->last[1]);
+    free(b->root_prior);
+}
+
+// ---- building ----
+
+static gonio_status sum_kernels(gonio_smooth_dense *dense, gonio_error *error) {
+    const size_t n = dense->n;
+    gonio_smooth_modes b;
+    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
+    double *columns = malloc(dense->m * dense->m * n * sizeof *columns);
+    if (status == GONIO_OK && columns == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", dense->m * dense->m, n);
+    }
+    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < 2 && dense->kernel[swap] != NULL; swap++) {
+            gonio_smooth_modes_block(dense, lead, swap, &b);
+            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
+            cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)b.count, 1, columns, (blasint)n,
+                        1, dense->kernel[swap], (blasint)n);
+        }
+    }
+    gonio_smooth_modes_release(&b);
+    free(columns);
+    return status;
+}
+
+static gonio_status decompose(gonio_smooth_dense *dense, gonio_error *error) {
+    const size_t n = dense->n;
+    memcpy(dense->vectors, dense->kernel[0], n * n * sizeof(double));
+    if (dense->kernel[1] != NULL && dense->form.reciprocity < 1) {
+        cblas_daxpy((blasint)(n * n), 1 - dense->form.reciprocity, dense->kernel[1], 1, dense->vectors, 1);
+    }
+    if (dense->form.profile > 0) {
+        gonio_smooth_profile_add(dense->profile, dense->form.profile, dense->vectors);
+    }
+    if (dense->shares != NULL) {
+        cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, SHARES, 1, dense->shares, (blasint)n, 1,
+                    dense->vectors, (blasint)n);
+    }
+    gonio_smooth_blas_begin();
+    const lapack_int info =
+        LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)n, dense->vectors, (lapack_int)n, dense->values);
+    gonio_smooth_blas_end();
+    if (info != 0) {
+        return gonio_fail(error, GONIO_E_CONVERGENCE, "the eigenvectors of %zu samples were not found", n);
+    }
+    for (size_t j = 0; j < n; j++) {
+        dense->values[j] = fmax(dense->values[j], 0);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status set_profile(gonio_smooth_dense *dense, const gonio_smooth_form *form, gonio_error *error) {
+    const bool possible = dense->dims == 3 && gonio_coordinates_are_half_vector(dense->form.coordinates);
+    dense->form.profile = possible ? form->profile : 0;
+    dense->form.profile_level = form->profile_level;
+    memcpy(dense->form.profile_stretch, form->profile_stretch, sizeof form->profile_stretch);
+    return dense->form.profile > 0 ? gonio_smooth_profile_set(&dense->profile, dense, error) : GONIO_OK;
+}
+
+gonio_status gonio_smooth_dense_reciprocity(gonio_smooth_dense *dense, double reciprocity, gonio_error *error) {
+    dense->form.reciprocity = dense->swap_axes != 0 ? reciprocity : 0;
+    return decompose(dense, error);
+}
+
+gonio_status gonio_smooth_dense_profile(gonio_smooth_dense *dense, const gonio_smooth_form *form, gonio_error *error) {
+    const gonio_status status = set_profile(dense, form, error);
+    return status == GONIO_OK ? decompose(dense, error) : status;
+}
+
+gonio_status gonio_smooth_dense_shares(gonio_smooth_dense *dense, const gonio_lobe_base *lobes, gonio_error *error) {
+    const size_t n = dense->n;
+    free(dense->shares);
+    dense->shares = NULL;
+    dense->form.shares = lobes != NULL;
+    if (lobes == NULL) {
+        return decompose(dense, error);
+    }
+    double mean[SHARES], unit[SHARES], share[SHARES];
+    dense->shares = malloc(n * SHARES * sizeof *dense->shares);
+    if (dense->shares == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the lobes' shares at %zu samples", n);
+    }
+    gonio_lobe_mean_strengths(lobes, dense->data->channels, mean);
+    for (size_t i = 0; i < n; i++) {
+        const gonio_pair *p = &dense->data->pairs[i];
+        gonio_lobe_base_units(lobes, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o),
+                              unit);
+        gonio_lobe_shares(lobes, mean, unit, share);
+        for (size_t j = 0; j < SHARES; j++) {
+            dense->shares[j * n + i] = dense->root[i] * share[j];
+        }
+    }
+    return decompose(dense, error);
+}
+
+static bool allocate(gonio_smooth_dense *dense) {
+    const size_t n = dense->n, m = dense->m;
+    bool all = true;
+    for (int d = 0; d < dense->dims; d++) {
+        all = (dense->feature[d] = malloc(m * n * sizeof(double))) != NULL && all;
+    }
+    all = (dense->root = malloc(n * sizeof(double))) != NULL && all;
+    all = (dense->kernel[0] = calloc(n * n, sizeof(double))) != NULL && all;
+    if (dense->swap_axes != 0) {
+        all = (dense->kernel[1] = calloc(n * n, sizeof(double))) != NULL && all;
+    }
+    all = (dense->vectors = malloc(n * n * sizeof(double))) != NULL && all;
+    return (dense->values = malloc(n * sizeof(double))) != NULL && all;
+}
+
+static gonio_status fill_sample_features(gonio_smooth_dense *dense, gonio_error *error) {
+    const size_t d = (size_t)dense->dims;
+    double *x = malloc(dense->n * d * sizeof *x);
+    if (x == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu positions", dense->n);
+    }
+    gonio_dataset_locate(dense->data, dense->form.coordinates, x);
+    for (size_t k = 0; k < d; k++) {
+        gonio_smooth_axis_features(&dense->axis, dense->n, x + k, d, dense->feature[k]);
+    }
+    free(x);
+    for (size_t i = 0; i < dense->n; i++) {
+        dense->root[i] = sqrt(dense->data->weights[i]);
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smooth_form *form, gonio_smooth_dense **out,
+                                    gonio_error *error) {
+    *out = NULL;
+    gonio_smooth_dense *dense = calloc(1, sizeof *dense);
+    if (dense == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a solver");
+    }
+    dense->data = data;
+    dense->form = *form;
+    dense->n = data->n;
+    dense->dims = data->dims;
+    dense->m = gonio_bspline_size(form->level);
+    dense->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, data->dims) : 0;
+    dense->swap_axes = gonio_smooth_swap_axes(form->coordinates, data->dims);
+    gonio_status status = allocate(dense)
+                              ? GONIO_OK
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,
+                                           3 * 8e-9 * (double)data->n * (double)data->n);
+    gonio_smooth_blas_begin();
+    if (status == GONIO_OK) {
+        status = gonio_smooth_axis_init(&dense->axis, form->level, error);
+    }
+    if (status == GONIO_OK) {
+        status = fill_sample_features(dense, error);
+    }
+    if (status == GONIO_OK) {
+        status = sum_kernels(dense, error);
+    }
+    gonio_smooth_blas_end();
+    if (status == GONIO_OK) {
+        status = set_profile(dense, form, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_smooth_dense_reciprocity(dense, form->reciprocity, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_smooth_dense_free(dense);
+        return status;
+    }
+    *out = dense;
+    return GONIO_OK;
+}
+
+// ---- answers ----
+
+// V^T W^1/2 t: n x channels, sample fastest.
+static gonio_status project(const gonio_smooth_dense *dense, const double *targets, int channels, double **out,
+                            gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *weighted = malloc(n * c * sizeof *weighted);
+    *out = malloc(n * c * sizeof **out);
+    if (weighted == NULL || *out == NULL) {
+        free(weighted);
+        free(*out);
+        *out = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples", n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < c; k++) {
+            weighted[k * n + i] = targets[i * c + k] * dense->root[i];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                (blasint)n, weighted, (blasint)n, 0, *out, (blasint)n);
+    free(weighted);
+    return GONIO_OK;
+}
+
+// diagonal[l n + i] = sum_j V_ij^2 lambda_l / (s_j + lambda_l): of I - H.
+static void fill_diagonals(const gonio_smooth_dense *dense, int count, const double *lambdas, double *diagonal) {
+    const size_t n = dense->n;
+    memset(diagonal, 0, (size_t)count * n * sizeof *diagonal);
+    for (size_t j = 0; j < n; j++) {
+        const double *v = dense->vectors + j * n;
+        for (int l = 0; l < count; l++) {
+            const double g = lambdas[l] / (dense->values[j] + lambdas[l]);
+            double *out = diagonal + (size_t)l * n;
+            for (size_t i = 0; i < n; i++) {
+                out[i] += v[i] * v[i] * g;
+            }
+        }
+    }
+}
+
+gonio_status gonio_smooth_dense_loo(const gonio_smooth_dense *dense, const double *targets, int channels, int count,
+                                    const double *lambdas, double *const *residuals, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *projected = NULL, *damped = malloc(n * c * sizeof *damped), *residual = malloc(n * c * sizeof *residual);
+    double *diagonal = malloc((size_t)count * n * sizeof *diagonal);
+    gonio_status status = damped != NULL && residual != NULL && diagonal != NULL
+                              ? GONIO_OK
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
+    gonio_smooth_blas_begin();
+    if (status == GONIO_OK) {
+        status = project(dense, targets, channels, &projected, error);
+    }
+    if (status == GONIO_OK) {
+        fill_diagonals(dense, count, lambdas, diagonal);
+    }
+    for (int l = 0; l < count && status == GONIO_OK; l++) {
+        for (size_t k = 0; k < c; k++) {
+            for (size_t j = 0; j < n; j++) {
+                damped[k * n + j] = projected[k * n + j] * lambdas[l] / (dense->values[j] + lambdas[l]);
+            }
+        }
+        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                    (blasint)n, damped, (blasint)n, 0, residual, (blasint)n);
+        for (size_t i = 0; i < n; i++) {
+            const double own = diagonal[(size_t)l * n + i] * dense->root[i];
+            for (size_t k = 0; k < c; k++) {
+                residuals[l][i * c + k] = residual[k * n + i] / own;
+            }
+        }
+    }
+    gonio_smooth_blas_end();
+    free(projected);
+    free(damped);
+    free(residual);
+    free(diagonal);
+    return status;
+}
+
+// W^1/2 (K + lambda)^-1 W^1/2 t per channel, sample fastest: the representer weights.
+static gonio_status representers(const gonio_smooth_dense *dense, const double *targets, int channels,
+                                 const double *lambdas, double **out, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    double *projected;
+    const gonio_status status = project(dense, targets, channels, &projected, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    *out = malloc(n * c * sizeof **out);
+    if (*out == NULL) {
+        free(projected);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples", n);
+    }
+    for (size_t k = 0; k < c; k++) {
+        for (size_t j = 0; j < n; j++) {
+            projected[k * n + j] /= dense->values[j] + lambdas[k];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
+                (blasint)n, projected, (blasint)n, 0, *out, (blasint)n);
+    free(projected);
+    return GONIO_OK;
+}
+
+// spectrum[mode of the lattice x channels], channel fastest, from the representer weights.
+static gonio_status mode_amplitudes(const gonio_smooth_dense *dense, const double *weights, size_t c, double *spectrum,
+                                    gonio_error *error) {
+    const size_t n = dense->n, m = dense->m;
+    gonio_smooth_modes b;
+    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
+    double *columns = malloc(m * m * n * sizeof *columns), *part = malloc(m * m * c * sizeof *part);
+    if (status == GONIO_OK && (columns == NULL || part == NULL)) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", m * m, n);
+    }
+    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
+            gonio_smooth_modes_block(dense, lead, swap, &b);
+            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
+            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
+            cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)b.count, (blasint)c, (blasint)n, share,
+                        columns, (blasint)n, weights, (blasint)n, 0, part, (blasint)b.count);
+            for (size_t k = 0; k < b.count; k++) {
+                const size_t at = (lead * m + b.last[0][k]) * m + b.last[1][k];
+                for (size_t j = 0; j < c; j++) {
+                    spectrum[at * c + j] = part[j * b.count + k] * b.root_prior[k];
+                }
+            }
+        }
+    }
+    gonio_smooth_modes_release(&b);
+    free(columns);
+    free(part);
+    return status;
+}
+
+gonio_status gonio_smooth_dense_solve(const gonio_smooth_dense *dense, const double *targets, int channels,
+                                      const double *lambdas, gonio_lattice *lattice, gonio_error *error) {
+    const size_t m = dense->m, c = (size_t)channels;
+    gonio_status status = gonio_lattice_init(lattice, dense->dims, dense->form.level, channels, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    double *weights = NULL, *spectrum = calloc(lattice->count * c, sizeof *spectrum);
+    double *other = malloc(lattice->count * c * sizeof *other);
+    if (spectrum == NULL || other == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", lattice->count);
+    }
+    gonio_smooth_blas_begin();
+    if (status == GONIO_OK) {
+        status = representers(dense, targets, channels, lambdas, &weights, error);
+    }
+    if (status == GONIO_OK) {
+        status = mode_amplitudes(dense, weights, c, spectrum, error);
+    }
+    size_t outer = 1, inner = lattice->count / m * c;
+    for (int d = 0; d < dense->dims && status == GONIO_OK; d++, outer *= m, inner /= m) {
+        gonio_smooth_axis_transform(&dense->axis, outer, inner, spectrum, other);
+        double *swap = spectrum;
+        spectrum = other;
+        other = swap;
+    }
+    gonio_smooth_blas_end();
+    for (size_t i = 0; i < lattice->count * c && status == GONIO_OK; i++) {
+        lattice->points[i] = (float)spectrum[i];
+    }
+    free(weights);
+    free(spectrum);
+    free(other);
+    if (status != GONIO_OK) {
+        gonio_lattice_release(lattice);
+    }
+    return status;
+}
+
+gonio_status gonio_smooth_dense_profile_solve(const gonio_smooth_dense *dense, const double *targets, int channels,
+                                              const double *lambdas, gonio_lattice *lattice, gonio_error *error) {
+    *lattice = (gonio_lattice){0};
+    if (!(dense->form.profile > 0)) {
+        return GONIO_OK;
+    }
+    double *weights = NULL;
+    gonio_smooth_blas_begin();
+    gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
+    if (status == GONIO_OK) {
+        status = gonio_smooth_profile_solve(dense->profile, dense->form.profile, weights, channels, lattice, error);
+    }
+    gonio_smooth_blas_end();
+    free(weights);
+    return status;
+}
+
+gonio_status gonio_smooth_dense_shares_solve(const gonio_smooth_dense *dense, const double *targets, int channels,
+                                             const double *lambdas, double **out, gonio_error *error) {
+    const size_t n = dense->n, c = (size_t)channels;
+    *out = NULL;
+    if (dense->shares == NULL) {
+        return GONIO_OK;
+    }
+    double *weights = NULL;
+    gonio_smooth_blas_begin();
+    gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
+    if (status == GONIO_OK && (*out = malloc(c * SHARES * sizeof **out)) == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the shares of %zu channels", c);
+    }
+    if (status == GONIO_OK) {
+        cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, SHARES, (blasint)c, (blasint)n, 1, dense->shares,
+                    (blasint)n, weights, (blasint)n, 0, *out, SHARES);
+    }
+    gonio_smooth_blas_end();
+    free(weights);
+    return status;
+}

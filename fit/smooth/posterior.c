@@ -1,0 +1,129 @@
+// How the direct solver's predictions depend on its samples, and how far they may be wrong.
+//
+// The smoothing prior makes the fit a Gaussian process (Rasmussen & Williams 2006, "Gaussian processes for machine
+// learning", eqs. 2.25 and 2.26): at a point with prior covariances k to the samples the prediction is h^T t,
+// h = (K + lambda)^-1 k, and its variance in units of the noise's is (k(x, x) - k^T h) / lambda. Of that, h^T h is
+// the samples' noise passed on, and the rest what smoothing and gaps leave unknown.
+#include <cblas.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/smooth/blas.h"
+#include "fit/smooth/modes.h"
+
+// cross[n x m], sample fastest: the prior covariance between samples (times root weight) and m points; prior[m]: of the
+// points themselves.
+static gonio_status cross_kernel(const gonio_smooth_dense *dense, size_t points, double *const feature[4],
+                                 double *cross, double *prior, gonio_error *error) {
+    const size_t n = dense->n, m = dense->m;
+    gonio_smooth_modes b;
+    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
+    double *mine = malloc(m * m * n * sizeof *mine), *theirs = malloc(m * m * points * sizeof *theirs);
+    if (status == GONIO_OK && (mine == NULL || theirs == NULL)) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", points);
+    }
+    memset(cross, 0, n * points * sizeof *cross);
+    memset(prior, 0, points * sizeof *prior);
+    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
+        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
+            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
+            gonio_smooth_modes_block(dense, lead, swap, &b);
+            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, mine);
+            gonio_smooth_modes_columns(dense, &b, points, feature, NULL, theirs);
+            cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, (blasint)n, (blasint)points, (blasint)b.count, share,
+                        mine, (blasint)n, theirs, (blasint)points, 1, cross, (blasint)n);
+            for (size_t k = 0; k < b.count; k++) {
+                for (size_t i = 0; i < points; i++) {
+                    prior[i] += share * theirs[k * points + i] * theirs[k * points + i];
+                }
+            }
+        }
+    }
+    gonio_smooth_modes_release(&b);
+    free(mine);
+    free(theirs);
+    return status;
+}
+
+// out (n x m) = V diag(g) V^T in (n x m), sample fastest; in and out must not overlap, work: n x m.
+static void filtered(const gonio_smooth_dense *dense, const double *gain, size_t m, const double *in, double *work,
+                     double *out) {
+    const blasint n = (blasint)dense->n, k = (blasint)m;
+    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, n, k, n, 1, dense->vectors, n, in, n, 0, work, n);
+    for (size_t i = 0; i < m; i++) {
+        for (size_t j = 0; j < dense->n; j++) {
+            work[i * dense->n + j] *= gain[j];
+        }
+    }
+    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, n, k, n, 1, dense->vectors, n, work, n, 0, out, n);
+}
+
+gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double lambda, size_t m, const double *at,
+                                       double *weights, double *variance, gonio_error *error) {
+    const size_t n = dense->n, d = (size_t)dense->dims;
+    double *feature[4] = {NULL, NULL, NULL, NULL};
+    double *cross = malloc(n * m * sizeof *cross), *work = malloc((m + 1) * n * sizeof *work);
+    bool all = cross != NULL && work != NULL;
+    for (size_t k = 0; k < d; k++) {
+        all = (feature[k] = malloc(dense->m * m * sizeof(double))) != NULL && all;
+    }
+    gonio_status status =
+        all ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", m);
+    for (size_t k = 0; k < d && status == GONIO_OK; k++) {
+        gonio_smooth_axis_features(&dense->axis, m, at + k, d, feature[k]);
+    }
+    gonio_smooth_blas_begin();
+    if (status == GONIO_OK) {
+        status = cross_kernel(dense, m, feature, cross, variance, error);
+    }
+    if (status == GONIO_OK && dense->form.profile > 0) {
+        status = gonio_smooth_profile_cross(dense->profile, dense->form.profile, m, at, cross, variance, error);
+    }
+    if (status == GONIO_OK) {
+        double *gain = work + n * m;
+        for (size_t j = 0; j < n; j++) {
+            gain[j] = 1 / (dense->values[j] + lambda);
+        }
+        filtered(dense, gain, m, cross, work, weights);
+        for (size_t i = 0; i < m; i++) {
+            const double known = cblas_ddot((blasint)n, cross + i * n, 1, weights + i * n, 1);
+            variance[i] = fmax(variance[i] - known, 0) / lambda;
+        }
+    }
+    gonio_smooth_blas_end();
+    for (size_t k = 0; k < d; k++) {
+        free(feature[k]);
+    }
+    free(cross);
+    free(work);
+    return status;
+}
+
+gonio_status gonio_smooth_dense_influence(const gonio_smooth_dense *dense, double lambda, double *out,
+                                          gonio_error *error) {
+    const size_t n = dense->n;
+    double *scaled = malloc(n * n * sizeof *scaled);
+    if (scaled == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the influence of %zu samples", n);
+    }
+    for (size_t j = 0; j < n; j++) {
+        const double root = sqrt(lambda / (dense->values[j] + lambda));
+        for (size_t i = 0; i < n; i++) {
+            scaled[j * n + i] = dense->vectors[j * n + i] * root;
+        }
+    }
+    gonio_smooth_blas_begin();
+    cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)n, 1, scaled, (blasint)n, 0, out,
+                (blasint)n);
+    gonio_smooth_blas_end();
+    for (size_t j = 0; j < n; j++) {
+        for (size_t i = 0; i < j; i++) {
+            out[j * n + i] = out[i * n + j];
+        }
+    }
+    free(scaled);
+    return GONIO_OK;
+}
+
+const double *gonio_smooth_dense_roots(const gonio_smooth_dense *dense) { return dense->root; }

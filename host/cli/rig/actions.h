@@ -1,0 +1,33 @@
+// What `gonio rig` does to the devices of a rig, one function an action.
+#ifndef GONIO_HOST_CLI_RIG_ACTIONS_H
+#define GONIO_HOST_CLI_RIG_ACTIONS_H
+
+#include "host/cli/rig_file.h"
+
+enum { RIG_ARGUMENTS = 4 };
+
+typedef struct rig_request {
+    const char *arguments[RIG_ARGUMENTS];
+    int n;
+    bool dial;          // positions are the controller's own
+    double exposure_s;  // capture
+    const char *output; // capture
+} rig_request;
+
+typedef struct rig_action {
+    const char *name, *arguments, *help;
+    int minimum, maximum; // arguments
+    gonio_status (*run)(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error);
+} rig_action;
+
+extern const rig_action rig_actions[]; // ends with a NULL name
+extern const char *const rig_axes[GONIO_AXES];
+
+// Frames at the camera's own rate into a new session: FRAMES SESSION.
+gonio_status rig_burst(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error);
+
+// Works without a rig: what a V4L2 device offers and whether it is fit for radiometry; USBTMC instruments.
+gonio_status rig_camera_report(const char *path, json_t **out, gonio_error *error);
+gonio_status rig_usb_report(json_t **out, gonio_error *error);
+
+#endif

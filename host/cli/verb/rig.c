@@ -1,0 +1,217 @@
+// gonio rig: ask the devices of a rig.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "host/cli/rig/actions.h"
+#include "host/drivers/controller_map.h"
+
+static int run(int argc, char **argv);
+const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] [--rig sim|RIG.ini]",
+                          "identify, status, home, move, jog, stop, clear, lamp, shutter, capture, burst, selftest; "
+                          "camera [/dev/videoN], usb",
+                          run};
+
+static const char *const patterns[] = {"mono", "rggb", "bggr", "grbg", "gbrg"};
+
+static const char *or_none(const char *name) { return name != NULL ? name : "none"; }
+
+static gonio_status identify(const cli_rig *rig, json_t **out, gonio_error *error) {
+    gonio_camera_info camera;
+    const gonio_rig *r = &rig->rig;
+    const gonio_status status = r->camera->info(r->camera_device, &camera, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    *out = json_pack("{s:s,s:s,s:s,s:s,s:s,s:s,s:s,s:s}", "driver", rig->driver, "stage", r->stage->name, "lamp",
+                     r->lamp->name, "camera", r->camera->name, "meter", or_none(r->meter ? r->meter->name : NULL),
+                     "interlock", or_none(r->interlock ? r->interlock->name : NULL), "mount",
+                     or_none(r->mount ? r->mount->name : NULL), "serials", r->facts.serials);
+    json_object_set_new(*out, "sensor",
+                        json_pack("{s:s,s:s,s:i,s:i,s:i,s:s,s:f,s:f}", "name", camera.name, "serial", camera.serial,
+                                  "width", camera.width, "height", camera.height, "bits", camera.bits, "pattern",
+                                  patterns[camera.pattern], "exposure_min_s", camera.exposure_min_s, "exposure_max_s",
+                                  camera.exposure_max_s));
+    const gonio_controller *controller = gonio_hardware_controller(rig->hardware);
+    if (controller != NULL) {
+        const gonio_controller_identity *c = gonio_controller_identify(controller);
+        char version[32];
+        snprintf(version, sizeof version, "%u.%u.%u", c->version >> 16 & 255, c->version >> 8 & 255, c->version & 255);
+        json_object_set_new(*out, "controller",
+                            json_pack("{s:s,s:i,s:i,s:i}", "firmware", version, "protocol", c->protocol, "board",
+                                      c->board, "axes", c->axes));
+    }
+    if (gonio_hardware_meter(rig->hardware) != NULL) {
+        json_object_set_new(*out, "meter_identity", json_string(gonio_hardware_meter(rig->hardware)));
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *error) {
+    const gonio_rig *r = &rig->rig;
+    double position[GONIO_AXES];
+    gonio_status status = r->stage->position(r->stage_device, position, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    json_t *positions = json_object();
+    for (int k = 0; k < GONIO_AXES; k++) {
+        json_object_set_new(positions, rig_axes[k], json_real(gonio_degrees(position[k])));
+    }
+    *out = json_pack("{s:s,s:o}", "driver", rig->driver, "position_deg", positions);
+    gonio_error why = {.line = -1, .byte = -1};
+    gonio_controller_status now;
+    gonio_controller *controller = gonio_hardware_controller(rig->hardware);
+    if (controller != NULL) {
+        status = gonio_controller_read_status(controller, &now, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        char alarm[96];
+        snprintf(alarm, sizeof alarm, "%d %s", now.alarm, gonio_controller_alarm_name(now.alarm));
+        json_object_set_new(*out, "controller",
+                            json_pack("{s:s,s:s,s:i,s:i,s:s,s:f,s:s}", "state", gonio_controller_state_text(now.state),
+                                      "alarm", alarm, "homed", (int)now.homed, "inputs", (int)now.inputs, "lamp",
+                                      gonio_controller_lamp_name(now.lamp_state), "temperature_c", now.temperature_c,
+                                      "started_by", gonio_controller_cause_text(now.reset_cause)));
+    }
+    if (r->interlock != NULL) {
+        status = r->interlock->check(r->interlock_device, &why);
+        json_object_set_new(*out, "interlock", json_string(status == GONIO_OK ? "closed" : why.message));
+    }
+    if (r->meter != NULL) {
+        const gonio_stamp stamp = {0, 0, 0};
+        double value = NAN, sigma = NAN;
+        status = r->meter->read(r->meter_device, &stamp, 0.1, &value, &sigma, &why);
+        json_object_set_new(*out, "monitor",
+                            status == GONIO_OK ? json_pack("[f,f]", value, sigma) : json_string(why.message));
+    }
+    return GONIO_OK;
+}
+
+// One item a line, as JSON without its braces.
+static void print_list(const char *name, json_t *list) {
+    size_t i;
+    json_t *item;
+    json_array_foreach(list, i, item) {
+        char *text = json_dumps(item, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_ENCODE_ANY);
+        printf("%-16s %s\n", name, text != NULL ? text : "");
+        free(text);
+    }
+}
+
+static void print(const char *prefix, json_t *object) {
+    const char *key;
+    json_t *value;
+    json_object_foreach(object, key, value) {
+        char name[64];
+        snprintf(name, sizeof name, "%s%s", prefix, key);
+        if (json_is_object(value)) {
+            print("  ", value);
+        } else if (json_is_array(value) && !json_is_number(json_array_get(value, 0))) {
+            print_list(name, value);
+        } else if (json_is_array(value)) {
+            printf("%-16s %.6g +- %.2g\n", name, json_number_value(json_array_get(value, 0)),
+                   json_number_value(json_array_get(value, 1)));
+        } else if (json_is_number(value)) {
+            printf("%-16s %.9g\n", name, json_number_value(value));
+        } else if (json_is_boolean(value)) {
+            printf("%-16s %s\n", name, json_is_true(value) ? "yes" : "no");
+        } else {
+            printf("%-16s %s\n", name, json_string_value(value));
+        }
+    }
+}
+
+static const rig_action *find_action(const char *name) {
+    for (const rig_action *a = rig_actions; a->name != NULL; a++) {
+        if (strcmp(a->name, name) == 0) {
+            return a;
+        }
+    }
+    return NULL;
+}
+
+static gonio_status with_rig(const char *name, const rig_request *request, const cli_rig_options *options, json_t **out,
+                             gonio_error *error) {
+    cli_rig rig = {0};
+    gonio_status status = cli_rig_open(options, &rig, error);
+    if (status == GONIO_OK && strcmp(name, "identify") == 0) {
+        status = identify(&rig, out, error);
+    } else if (status == GONIO_OK && strcmp(name, "status") == 0) {
+        status = read_status(&rig, out, error);
+    } else if (status == GONIO_OK) {
+        status = find_action(name)->run(request, &rig, out, error);
+    }
+    cli_rig_close(&rig);
+    return status;
+}
+
+// Whether the action is known and has the right number of arguments.
+static bool check_request(const cli_common *common, const char *name, int n) {
+    const rig_action *action = find_action(name);
+    const bool reads = strcmp(name, "identify") == 0 || strcmp(name, "status") == 0 || strcmp(name, "usb") == 0;
+    const int minimum = action != NULL ? action->minimum : 0;
+    const int maximum = action != NULL ? action->maximum : strcmp(name, "camera") == 0;
+    if (action == NULL && !reads && strcmp(name, "camera") != 0) {
+        cli_usage(common,
+                  "rig: found '%s', expected identify, status, home, move, jog, stop, clear, lamp, shutter, "
+                  "capture, burst, selftest, camera or usb",
+                  name);
+        return false;
+    }
+    if (n < minimum || n > maximum) {
+        cli_usage(common, "rig: usage: gonio rig %s %s", name, action != NULL ? action->arguments : "");
+        return false;
+    }
+    return true;
+}
+
+static int answer_or_fail(const cli_common *common, json_t *answer, gonio_status status, const gonio_error *error) {
+    if (status != GONIO_OK) {
+        if (!common->json && answer != NULL) {
+            print("", answer); // what was found all the same
+        }
+        json_decref(answer);
+        return cli_fail(common, error);
+    }
+    if (common->json) {
+        return cli_json(answer);
+    }
+    print("", answer);
+    json_decref(answer);
+    return 0;
+}
+
+static int run(int argc, char **argv) {
+    cli_common common;
+    cli_rig_options rig_options = {0};
+    rig_request request = {0};
+    const cli_option options[] = {
+        CLI_RIG_OPTIONS(rig_options),
+        {"dial", 0, CLI_FLAG, &request.dial, NULL, NULL, "move: positions as the controller counts them"},
+        {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S",
+         "capture, burst: exposure in seconds (the shortest)"},
+        {"output", 'o', CLI_TEXT, &request.output, NULL, "PGM", "capture: the frame's file"},
+        {0}};
+    const char *words[1 + RIG_ARGUMENTS];
+    int count;
+    if (!cli_parse(&cmd_rig, options, argc, argv, words, 1, 1 + RIG_ARGUMENTS, &count, &common)) {
+        return 2;
+    }
+    request.n = count - 1;
+    memcpy(request.arguments, words + 1, (size_t)request.n * sizeof *words);
+    if (!check_request(&common, words[0], request.n)) {
+        return 2;
+    }
+    cli_rig_any_sample(&rig_options, &common);
+    cli_catch_interrupts(); // the first Ctrl-C stops the axes
+    gonio_error error = {.line = -1, .byte = -1};
+    json_t *answer = NULL;
+    const gonio_status status =
+        strcmp(words[0], "camera") == 0 ? rig_camera_report(count > 1 ? words[1] : "/dev/video0", &answer, &error)
+        : strcmp(words[0], "usb") == 0  ? rig_usb_report(&answer, &error)
+                                        : with_rig(words[0], &request, &rig_options, &answer, &error);
+    return answer_or_fail(&common, answer, status, &error);
+}

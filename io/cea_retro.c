@@ -1,0 +1,55 @@
+// CEA's retro-reflection measurements (docs/formats.md): '#' lines, then theta_l, theta_v cos(dphi), theta_v sin(dphi)
+// (rad) and a value (1/sr). dphi = 0 is the light's own side: the peak of a retro-reflector stands at theta_v = theta_l
+// there.
+#include <math.h>
+#include <string.h>
+
+#include "io/format.h"
+
+#define MARK "#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI"
+
+static bool is_retro(const gonio_source *source) {
+    char head[4097];
+    snprintf(head, sizeof head, "%.4096s", source->data);
+    return head[0] == '#' && strstr(head, MARK) != NULL;
+}
+
+static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_collector *sink, gonio_error *error) {
+    static const char *const names[4] = {"theta_l", "theta_v cos(dphi)", "theta_v sin(dphi)", "value"};
+    double numbers[4];
+    gonio_pair pair = {0};
+    gonio_status status = GONIO_OK;
+    for (int k = 0; k < 4 && status == GONIO_OK; k++) {
+        status = gonio_text_number(text, fields[k], names[k], &numbers[k], error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_polar_rad(text, "theta_l", numbers[0], &pair.theta_i, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_polar_rad(text, "theta_v", hypot(numbers[1], numbers[2]), &pair.theta_o, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    pair.phi_o = pair.theta_o > 0 ? gonio_angle_canonical(atan2(numbers[2], numbers[1])) : 0;
+    return gonio_row_collector_add(sink, &pair, &numbers[3], NULL, NULL, error);
+}
+
+static gonio_status read_retro(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+                               gonio_read_report *report, gonio_error *error) {
+    gonio_text text = gonio_text_begin(source->path, source->data, source->size);
+    gonio_row_collector sink = gonio_row_collector_begin(&text, options, "retro");
+    gonio_status status = gonio_samples_new(1, false, &sink.samples, error);
+    if (status == GONIO_OK) {
+        strcpy(sink.samples->channel_names[0], "value");
+    }
+    for (char *line; status == GONIO_OK && (line = gonio_text_content(&text)) != NULL;) {
+        char *fields[4];
+        const int n = gonio_text_split(line, ' ', fields, 4);
+        status = n == 4 ? read_row(&text, fields, &sink, error)
+                        : gonio_text_fail(&text, error, "expected 4 numbers, found %d", n);
+    }
+    return gonio_row_collector_end(&sink, status, out, report, error);
+}
+
+const gonio_format gonio_format_retro = {.name = "retro", .is = is_retro, .read = read_retro};

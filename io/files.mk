@@ -1,0 +1,2 @@
+# BRDF files in and out: one file a format.
+lib-y += $(call sources,io)

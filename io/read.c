@@ -1,0 +1,153 @@
+// Which format a file has, by its content, and the calls that do not depend on it.
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "io/format.h"
+
+// Binary formats first: their marks are the surest.
+static const gonio_format *const formats[] = {&gonio_format_rgl,
+                                              &gonio_format_merl,
+                                              &gonio_format_nist,
+                                              &gonio_format_retro,
+                                              &gonio_format_cornell,
+                                              &gonio_format_samples,
+                                              NULL};
+
+#define KNOWN_TABLES "a MERL or RGL table"
+#define KNOWN "a samples CSV (header theta_i,phi_i,theta_o,phi_o,...), Cornell, NIST or CEA text, " KNOWN_TABLES
+
+void gonio_read_options_default(gonio_read_options *options) {
+    *options = (gonio_read_options){.negatives = GONIO_NEGATIVES_NOISE, .mueller = "f_r11", .seed = 1};
+}
+
+const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size) {
+    buffer[0] = 0;
+    const size_t looked_at = source->size < 65536 ? source->size : 65536;
+    const char *at = source->data, *end = source->data + looked_at;
+    if (memchr(at, 0, looked_at) != NULL) {
+        return buffer;
+    }
+    if (looked_at >= 3 && memcmp(at, "\xef\xbb\xbf", 3) == 0) {
+        at += 3;
+    }
+    while (at < end) {
+        at += strspn(at, " \t\r\n");
+        if (*at != '#' && *at != 0) {
+            snprintf(buffer, size, "%.*s", (int)strcspn(at, "\r\n"), at);
+            return buffer;
+        }
+        at += strcspn(at, "\n");
+    }
+    return buffer;
+}
+
+#define MODEL_MAGIC "GONIOMDL"
+
+bool gonio_model_file_is(const char *path) {
+    struct stat facts;
+    char head[8] = "";
+    if (stat(path, &facts) != 0 || !S_ISREG(facts.st_mode)) {
+        return false;
+    }
+    FILE *file = fopen(path, "rbe");
+    const bool is = file != NULL && fread(head, 1, 8, file) == 8 && memcmp(head, MODEL_MAGIC, 8) == 0;
+    if (file != NULL) {
+        fclose(file);
+    }
+    return is;
+}
+
+static gonio_status unknown_format(const gonio_source *source, const char *expected, gonio_error *error) {
+    const unsigned char *d = (const unsigned char *)source->data;
+    static const struct {
+        const char *mark;
+        size_t size;
+        const char *name;
+    } packed[] = {{"\xfd"
+                   "7zXZ",
+                   5, "xz"},
+                  {"\x1f\x8b", 2, "gzip"},
+                  {"\x28\xb5\x2f\xfd", 4, "zstd"},
+                  {"PK\3\4", 4, "zip"}};
+    for (size_t i = 0; i < sizeof packed / sizeof *packed; i++) {
+        if (source->size >= packed[i].size && memcmp(d, packed[i].mark, packed[i].size) == 0) {
+            return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "it is compressed (%s); unpack it first",
+                                   packed[i].name);
+        }
+    }
+    if (source->size >= 8 && memcmp(d, MODEL_MAGIC, 8) == 0) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0,
+                               "it is a fitted model; expected samples or a measured table");
+    }
+    char line[81];
+    if (gonio_source_first_line(source, line, sizeof line)[0] != 0) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, -1, "unknown text, beginning with '%s'; expected %s",
+                               line, expected);
+    }
+    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "no BRDF file of a known format; expected %s",
+                           expected);
+}
+
+static gonio_status open_source(const char *path, const char *expected, gonio_source *source,
+                                const gonio_format **format, gonio_error *error) {
+    *source = (gonio_source){.path = path};
+    gonio_status status = gonio_file_read(path, 0, &source->data, &source->size, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (source->size == 0) {
+        status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected %s", expected);
+    } else {
+        for (int i = 0; formats[i] != NULL; i++) {
+            if (formats[i]->is(source)) {
+                *format = formats[i];
+                return GONIO_OK;
+            }
+        }
+        status = unknown_format(source, expected, error);
+    }
+    free(source->data);
+    return status;
+}
+
+gonio_status gonio_read(const char *path, const gonio_read_options *options, gonio_samples **out,
+                        gonio_read_report *report, gonio_error *error) {
+    *out = NULL;
+    gonio_source source;
+    const gonio_format *format;
+    gonio_status status = open_source(path, KNOWN, &source, &format, error);
+    if (status == GONIO_OK) {
+        status = format->read(&source, options, out, report, error);
+        free(source.data);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_channel_names_check(path, (const char(*)[GONIO_CHANNEL_NAME_MAX])(*out)->channel_names,
+                                           (*out)->channels, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *error) {
+    *out = NULL;
+    gonio_source source;
+    const gonio_format *format;
+    gonio_status status = open_source(path, "a model file (GONIOMDL), " KNOWN_TABLES, &source, &format, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (format->table != NULL) {
+        status = format->table(&source, out, error);
+    } else {
+        status = gonio_fail_byte(error, GONIO_E_INPUT, path, -1,
+                                 "it holds scattered samples (%s), neither a model nor a table; `gonio fit` makes a "
+                                 "model of them",
+                                 format->name);
+    }
+    free(source.data);
+    return status;
+}

@@ -1,0 +1,115 @@
+#include <math.h>
+#include <string.h>
+
+#include "io/format.h"
+
+static bool name_is_sound(const char *name) {
+    const size_t length = strnlen(name, GONIO_CHANNEL_NAME_MAX);
+    if (length == 0 || length == GONIO_CHANNEL_NAME_MAX || strncmp(name, "sigma_", 6) == 0) {
+        return false;
+    }
+    for (size_t k = 0; k < length; k++) {
+        const unsigned char c = (unsigned char)name[k];
+        if (c < ' ' || c == 127 || c == ',' || c == '"' || (c == ' ' && (k == 0 || k + 1 == length))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
+                                       gonio_error *error) {
+    for (int c = 0; c < n; c++) {
+        if (!name_is_sound(names[c])) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
+                                   "channel %d: the name '%.31s' cannot stand in a header", c + 1, names[c]);
+        }
+        for (int d = 0; d < c; d++) {
+            if (strcmp(names[c], names[d]) == 0) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "channels %d and %d are both named '%s'", d + 1,
+                                       c + 1, names[c]);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_row_collector gonio_row_collector_begin(const gonio_text *text, const gonio_read_options *options,
+                                              const char *format) {
+    gonio_row_collector sink = {.text = text, .policy = options->negatives};
+    sink.report.first_negative_line = -1;
+    snprintf(sink.report.format, sizeof sink.report.format, "%s", format);
+    return sink;
+}
+
+static void note_negative(gonio_row_collector *sink, int channel, double value, double sigma) {
+    const bool noise = -value <= GONIO_NOISE_SIGMAS * sigma;
+    if (sink->report.negatives++ == 0) {
+        sink->report.first_negative_line = sink->text->line;
+    }
+    sink->report.noise += noise;
+    const bool accepted = sink->policy == GONIO_NEGATIVES_CLAMP || sink->policy == GONIO_NEGATIVES_KEEP ||
+                          (sink->policy == GONIO_NEGATIVES_NOISE && noise);
+    if (!accepted && sink->refused++ == 0) {
+        sink->refused_line = sink->text->line;
+        sink->refused_channel = channel;
+        sink->refused_value = value;
+        sink->refused_sigma = sigma;
+    }
+}
+
+gonio_status gonio_row_collector_add(gonio_row_collector *sink, const gonio_pair *pair, double *values,
+                                     const double *sigma_random, const double *sigma_systematic, gonio_error *error) {
+    for (int c = 0; c < sink->samples->channels; c++) {
+        if (values[c] < 0) {
+            note_negative(sink, c, values[c],
+                          sigma_random != NULL ? hypot(sigma_random[c], sigma_systematic[c]) : (double)NAN);
+            if (sink->policy == GONIO_NEGATIVES_CLAMP) {
+                values[c] = 0;
+            }
+        }
+    }
+    sink->report.rows++;
+    return gonio_samples_add(sink->samples, pair, values, sigma_random, sigma_systematic, error);
+}
+
+static gonio_status refuse(const gonio_row_collector *sink, gonio_error *error) {
+    char beyond[64] = "", sigma[48] = "";
+    if (sink->policy == GONIO_NEGATIVES_NOISE && isfinite(sink->refused_sigma)) {
+        snprintf(beyond, sizeof beyond, " more than %d sigma below 0", GONIO_NOISE_SIGMAS);
+        snprintf(sigma, sizeof sigma, " with sigma %g", sink->refused_sigma);
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, sink->text->path, sink->refused_line,
+                           "%zu negative values%s, the first here: %s = %g%s; `--negatives clamp` raises them to 0, "
+                           "`--negatives keep` takes them as they are",
+                           sink->refused, beyond, sink->samples->channel_names[sink->refused_channel],
+                           sink->refused_value, sigma);
+}
+
+gonio_status gonio_row_collector_end(gonio_row_collector *sink, gonio_status status, gonio_samples **out,
+                                     gonio_read_report *report, gonio_error *error) {
+    if (status == GONIO_OK && sink->report.rows == 0) {
+        status = gonio_text_fail(sink->text, error, "no samples in it");
+    }
+    if (status == GONIO_OK && sink->refused > 0) {
+        status = refuse(sink, error);
+    }
+    if (report != NULL) {
+        *report = sink->report;
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(sink->samples);
+        sink->samples = NULL;
+    }
+    *out = sink->samples;
+    return status;
+}
+
+gonio_status gonio_polar_rad(const gonio_text *text, const char *what, double rad, double *theta, gonio_error *error) {
+    const double horizon = GONIO_PI / 2, rounding = 1e-6; // files give six decimals
+    if (!(rad >= 0 && rad <= horizon + rounding)) {
+        return gonio_text_fail(text, error, "%s: expected 0 to pi/2 radians, found %.9g", what, rad);
+    }
+    *theta = gonio_angle_canonical(fmin(rad, horizon));
+    return GONIO_OK;
+}

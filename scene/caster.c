@@ -1,0 +1,190 @@
+#include "scene/caster.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <embree3/rtcore.h>
+
+// How far a shadow ray starts off the surface, of the object's radius 1: well above float32's 6e-8 at that scale and
+// Embree's own sphere error (1e-6), well below a pixel.
+#define LIFT 1e-4
+
+struct sim_caster {
+    RTCDevice device;
+    RTCScene scene;
+    const sim_mesh *mesh; // NULL: sphere
+};
+
+static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){v.x * s, v.y * s, v.z * s}; }
+static gonio_vec3 sum(gonio_vec3 a, gonio_vec3 b) { return (gonio_vec3){a.x + b.x, a.y + b.y, a.z + b.z}; }
+static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static gonio_vec3 cross(gonio_vec3 a, gonio_vec3 b) {
+    return (gonio_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+static bool unit(gonio_vec3 *v) {
+    const double length = sqrt(dot(*v, *v));
+    if (!(length > 1e-12)) { // also NaN
+        return false;
+    }
+    *v = scaled(*v, 1 / length);
+    return true;
+}
+
+// Embree owns the buffers: they are padded as it wants them.
+static bool add_mesh(RTCDevice device, RTCScene scene, const sim_mesh *mesh) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    float *positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                               3 * sizeof(float), mesh->vertices);
+    unsigned *indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                                3 * sizeof(unsigned), mesh->triangles);
+    const bool good = positions != NULL && indices != NULL;
+    if (good) {
+        memcpy(positions, mesh->positions, mesh->vertices * 3 * sizeof(float));
+        memcpy(indices, mesh->indices, mesh->triangles * 3 * sizeof(unsigned));
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometry(scene, geometry);
+    }
+    rtcReleaseGeometry(geometry);
+    return good;
+}
+
+static bool add_sphere(RTCDevice device, RTCScene scene) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
+    float *sphere =
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float), 1);
+    if (sphere != NULL) {
+        memcpy(sphere, (const float[4]){0, 0, 0, 1}, 4 * sizeof(float));
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometry(scene, geometry);
+    }
+    rtcReleaseGeometry(geometry);
+    return sphere != NULL;
+}
+
+gonio_status sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error) {
+    *out = NULL;
+    sim_caster *caster = calloc(1, sizeof *caster);
+    if (caster == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the ray caster");
+    }
+    // One thread builds the hierarchy: the same one every time.
+    caster->device = rtcNewDevice("threads=1");
+    caster->mesh = mesh;
+    bool good = caster->device != NULL;
+    if (good) {
+        caster->scene = rtcNewScene(caster->device);
+        rtcSetSceneFlags(caster->scene, RTC_SCENE_FLAG_ROBUST); // no light through shared edges
+        good = mesh != NULL ? add_mesh(caster->device, caster->scene, mesh) : add_sphere(caster->device, caster->scene);
+    }
+    if (good) {
+        rtcCommitScene(caster->scene);
+    }
+    const enum RTCError code = rtcGetDeviceError(caster->device);
+    if (!good || code != RTC_ERROR_NONE) {
+        sim_caster_free(caster);
+        return gonio_fail(error, code == RTC_ERROR_OUT_OF_MEMORY ? GONIO_E_MEMORY : GONIO_E_FAILED,
+                          "the ray caster cannot start (Embree error %d)", (int)code);
+    }
+    *out = caster;
+    return GONIO_OK;
+}
+
+void sim_caster_free(sim_caster *caster) {
+    if (caster != NULL) {
+        if (caster->scene != NULL) {
+            rtcReleaseScene(caster->scene);
+        }
+        if (caster->device != NULL) {
+            rtcReleaseDevice(caster->device);
+        }
+        free(caster);
+    }
+}
+
+static struct RTCRay make_ray(gonio_vec3 origin, gonio_vec3 direction) {
+    return (struct RTCRay){.org_x = (float)origin.x,
+                           .org_y = (float)origin.y,
+                           .org_z = (float)origin.z,
+                           .dir_x = (float)direction.x,
+                           .dir_y = (float)direction.y,
+                           .dir_z = (float)direction.z,
+                           .tfar = INFINITY,
+                           .mask = ~0u};
+}
+
+// A vertex attribute at the barycentric (u, v) of a triangle.
+static gonio_vec3 blended(const float *attribute, const unsigned *corner, double u, double v) {
+    double value[3];
+    for (size_t k = 0; k < 3; k++) {
+        value[k] = (1 - u - v) * (double)attribute[3 * corner[0] + k] + u * (double)attribute[3 * corner[1] + k] +
+                   v * (double)attribute[3 * corner[2] + k];
+    }
+    return (gonio_vec3){value[0], value[1], value[2]};
+}
+
+// The wish, made perpendicular to the normal; where it is parallel, any other axis.
+static gonio_vec3 tangent_of(gonio_vec3 normal, gonio_vec3 wish) {
+    gonio_vec3 tangent = sum(wish, scaled(normal, -dot(wish, normal)));
+    if (!unit(&tangent)) {
+        const gonio_vec3 axis = fabs(normal.x) < 0.9 ? (gonio_vec3){1, 0, 0} : (gonio_vec3){0, 0, 1};
+        tangent = sum(axis, scaled(normal, -dot(axis, normal)));
+        unit(&tangent);
+    }
+    return tangent;
+}
+
+static void shade_frame(const sim_caster *caster, const struct RTCHit *hit, gonio_vec3 toward_eye, sim_hit *out) {
+    const gonio_vec3 up = {0, 1, 0};
+    gonio_vec3 wish = {0, 0, 0};
+    out->normal = out->facet;
+    if (caster->mesh != NULL) {
+        const sim_mesh *mesh = caster->mesh;
+        const unsigned *corner = mesh->indices + 3 * (size_t)hit->primID;
+        gonio_vec3 normal = blended(mesh->normals, corner, (double)hit->u, (double)hit->v);
+        out->normal = unit(&normal) ? normal : out->facet;
+        if (dot(out->normal, out->facet) < 0) {
+            out->normal = scaled(out->normal, -1);
+        }
+        if (mesh->tangents != NULL) {
+            wish = blended(mesh->tangents, corner, (double)hit->u, (double)hit->v);
+        }
+    }
+    // A blended normal may turn away from the eye at a silhouette; bent to graze it, it leaves no black rim.
+    const double grazing = 1e-3, cosine = dot(out->normal, toward_eye);
+    if (cosine < grazing) {
+        out->normal = sum(out->normal, scaled(toward_eye, grazing - cosine));
+        unit(&out->normal);
+    }
+    out->tangent = tangent_of(out->normal, dot(wish, wish) > 0 ? wish : cross(up, out->normal));
+}
+
+bool sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit) {
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRayHit ray = {.ray = make_ray(origin, direction), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
+    rtcIntersect1(caster->scene, &context, &ray);
+    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+        return false;
+    }
+    hit->point = sum(origin, scaled(direction, (double)ray.ray.tfar));
+    hit->facet = (gonio_vec3){(double)ray.hit.Ng_x, (double)ray.hit.Ng_y, (double)ray.hit.Ng_z};
+    const gonio_vec3 toward_eye = scaled(direction, -1);
+    if (!unit(&hit->facet)) {
+        hit->facet = toward_eye;
+    }
+    if (dot(hit->facet, toward_eye) < 0) {
+        hit->facet = scaled(hit->facet, -1);
+    }
+    shade_frame(caster, &ray.hit, toward_eye, hit);
+    return true;
+}
+
+bool sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light) {
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRay ray = make_ray(sum(hit->point, scaled(hit->facet, LIFT)), toward_light);
+    rtcOccluded1(caster->scene, &context, &ray);
+    return ray.tfar < 0; // Embree's mark of an occluded ray
+}

@@ -1,0 +1,5 @@
+# Rays, meshes and the preview's pictures.
+lib-y  += $(call sources,scene)
+pkgs-y += assimp libpng
+libs-y += -lembree3
+deps-y += libembree-dev libassimp-dev libpng-dev

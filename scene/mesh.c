@@ -1,0 +1,256 @@
+#include "scene/mesh.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+#include <assimp/cimport.h>
+#include <assimp/config.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include "scene/normals.h"
+
+// Cutting a face into triangles takes the square of its corners.
+#define CORNERS_MAX 1024
+// Neither JoinIdenticalVertices nor FindDegenerates: their thresholds are absolute and eat meshes in metres or smaller.
+#define STEPS                                                                                                          \
+    (aiProcess_Triangulate | aiProcess_PreTransformVertices | aiProcess_GenSmoothNormals |                             \
+     aiProcess_CalcTangentSpace | aiProcess_SortByPType)
+
+void sim_mesh_free(sim_mesh *mesh) {
+    if (mesh != NULL) {
+        free(mesh->positions);
+        free(mesh->normals);
+        free(mesh->tangents);
+        free(mesh->indices);
+        free(mesh);
+    }
+}
+
+// Assimp 5.2 never comes back from a PLY header that does not end, and allocates whatever count it names. So the header
+// is walked first: it ends, and the file is long enough for what it promises (an element takes two bytes at least).
+static gonio_status check_ply_header(FILE *file, const char *path, gonio_error *error) {
+    struct stat facts;
+    char line[1024];
+    if (fstat(fileno(file), &facts) != 0 || fgets(line, sizeof line, file) == NULL || strncmp(line, "ply", 3) != 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, 1, "not a PLY file: it does not begin with 'ply'");
+    }
+    for (long long number = 2; fgets(line, sizeof line, file) != NULL; number++) {
+        double count;
+        if (strchr(line, '\n') == NULL && strchr(line, '\r') == NULL) {
+            break;
+        }
+        if (strncmp(line, "end_header", 10) == 0 && strspn(line + 10, " \t\r\n") == strlen(line + 10)) {
+            return GONIO_OK;
+        }
+        if (sscanf(line, "element %*63s %lf", &count) == 1 && !(2 * count <= (double)facts.st_size)) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, number, "%g elements in a file of %lld bytes", count,
+                                   (long long)facts.st_size);
+        }
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "its header has no end: 'end_header' is missing");
+}
+
+static gonio_status check_file(const char *path, gonio_error *error) {
+    const char *dot = strrchr(path, '.');
+    const bool is_ply = dot != NULL && strcasecmp(dot, ".ply") == 0;
+    if (dot == NULL || (!is_ply && strcasecmp(dot, ".obj") != 0)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "a mesh is a .ply or an .obj file");
+    }
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
+    }
+    const gonio_status status = is_ply ? check_ply_header(file, path, error) : GONIO_OK;
+    fclose(file);
+    return status;
+}
+
+// Assimp's later steps assert what its readers do not check, and where one fails the scene is released twice; so what
+// they need is checked in between.
+static gonio_status check_scene(const struct aiScene *scene, const char *path, gonio_error *error) {
+    size_t polygons = 0;
+    for (unsigned m = 0; m < scene->mNumMeshes; m++) {
+        const struct aiMesh *part = scene->mMeshes[m];
+        for (unsigned v = 0; v < part->mNumVertices; v++) {
+            const struct aiVector3D p = part->mVertices[v];
+            if (!isfinite(p.x) || !isfinite(p.y) || !isfinite(p.z)) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "vertex %u is not finite", v);
+            }
+        }
+        for (unsigned f = 0; f < part->mNumFaces; f++) {
+            for (unsigned k = 0; k < part->mFaces[f].mNumIndices; k++) {
+                if (part->mFaces[f].mIndices[k] >= part->mNumVertices) {
+                    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "face %u points outside the %u vertices", f,
+                                           part->mNumVertices);
+                }
+            }
+            const unsigned corners = part->mFaces[f].mNumIndices;
+            if (corners == 0 || corners > CORNERS_MAX) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "face %u has %u corners; 1 to %d are possible",
+                                       f, corners, CORNERS_MAX);
+            }
+            polygons += corners >= 3;
+        }
+    }
+    return polygons > 0 ? GONIO_OK : gonio_fail_line(error, GONIO_E_INPUT, path, -1, "it has no faces");
+}
+
+// *normals: whether the file has them; the tangents' step needs some, ours replace them (normals.c).
+static gonio_status import(const char *path, const struct aiScene **out, bool *normals, gonio_error *error) {
+    struct aiPropertyStore *properties = aiCreatePropertyStore();
+    if (properties == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to read a mesh");
+    }
+    aiSetImportPropertyInteger(properties, AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
+    const struct aiScene *scene = aiImportFileExWithProperties(path, 0, NULL, properties);
+    aiReleasePropertyStore(properties);
+    gonio_status status = scene != NULL ? check_scene(scene, path, error) : GONIO_OK;
+    if (status != GONIO_OK) {
+        aiReleaseImport(scene);
+        return status;
+    }
+    *normals = true;
+    for (unsigned m = 0; scene != NULL && m < scene->mNumMeshes; m++) {
+        *normals = *normals && scene->mMeshes[m]->mNormals != NULL;
+    }
+    *out = scene != NULL ? aiApplyPostProcessing(scene, STEPS) : NULL;
+    if (*out == NULL) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a mesh that can be read: %.300s", aiGetErrorString());
+    }
+    return status;
+}
+
+static gonio_status allocate(const struct aiScene *scene, const char *path, sim_mesh **out, gonio_error *error) {
+    size_t vertices = 0, triangles = 0;
+    bool tangents = true;
+    for (unsigned m = 0; m < scene->mNumMeshes; m++) {
+        const struct aiMesh *part = scene->mMeshes[m];
+        vertices += part->mNumVertices;
+        triangles += part->mNumFaces;
+        tangents = tangents && part->mTangents != NULL;
+        if (part->mNormals == NULL) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "its faces have no area");
+        }
+    }
+    if (triangles == 0 || vertices > UINT32_MAX) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%zu triangles in it; at least one is needed",
+                               triangles);
+    }
+    sim_mesh *mesh = calloc(1, sizeof *mesh);
+    if (mesh != NULL) {
+        *mesh = (sim_mesh){.vertices = vertices,
+                           .triangles = triangles,
+                           .positions = malloc(vertices * 3 * sizeof(float)),
+                           .normals = malloc(vertices * 3 * sizeof(float)),
+                           .tangents = tangents ? malloc(vertices * 3 * sizeof(float)) : NULL,
+                           .indices = malloc(triangles * 3 * sizeof(unsigned))};
+    }
+    if (mesh == NULL || mesh->positions == NULL || mesh->normals == NULL || mesh->indices == NULL ||
+        (tangents && mesh->tangents == NULL)) {
+        sim_mesh_free(mesh);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a mesh of %zu vertices", vertices);
+    }
+    *out = mesh;
+    return GONIO_OK;
+}
+
+// z up becomes y up by a quarter turn about x.
+static void put(float *to, struct aiVector3D v, bool z_up) {
+    to[0] = v.x;
+    to[1] = z_up ? v.z : v.y;
+    to[2] = z_up ? -v.y : v.z;
+}
+
+static gonio_status copy(const struct aiScene *scene, const char *path, bool z_up, sim_mesh *mesh, gonio_error *error) {
+    size_t vertex = 0, triangle = 0;
+    for (unsigned m = 0; m < scene->mNumMeshes; m++) {
+        const struct aiMesh *part = scene->mMeshes[m];
+        for (unsigned f = 0; f < part->mNumFaces; f++, triangle++) {
+            for (unsigned k = 0; k < 3; k++) {
+                const unsigned index = part->mFaces[f].mNumIndices == 3 ? part->mFaces[f].mIndices[k] : UINT32_MAX;
+                if (index >= part->mNumVertices) {
+                    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "face %u points outside the %u vertices", f,
+                                           part->mNumVertices);
+                }
+                mesh->indices[3 * triangle + k] = (unsigned)vertex + index;
+            }
+        }
+        for (unsigned v = 0; v < part->mNumVertices; v++, vertex++) {
+            put(mesh->positions + 3 * vertex, part->mVertices[v], z_up);
+            put(mesh->normals + 3 * vertex, part->mNormals[v], z_up);
+            if (mesh->tangents != NULL) {
+                put(mesh->tangents + 3 * vertex, part->mTangents[v], z_up);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
+// About the middle of its box, to the radius of its farthest vertex.
+static gonio_status normalise(sim_mesh *mesh, const char *path, gonio_error *error) {
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, radius2 = 0;
+    for (size_t i = 0; i < 3 * mesh->vertices; i++) {
+        const double p = (double)mesh->positions[i];
+        if (!isfinite(p)) {
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "vertex %zu is not finite", i / 3);
+        }
+        low[i % 3] = fmin(low[i % 3], p);
+        high[i % 3] = fmax(high[i % 3], p);
+    }
+    for (size_t v = 0; v < mesh->vertices; v++) {
+        double r2 = 0;
+        for (size_t k = 0; k < 3; k++) {
+            const double d = (double)mesh->positions[3 * v + k] - (low[k] + high[k]) / 2;
+            r2 += d * d;
+        }
+        radius2 = fmax(radius2, r2);
+    }
+    if (!(radius2 > 0 && isfinite(radius2))) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "it has no extent");
+    }
+    for (size_t i = 0; i < 3 * mesh->vertices; i++) {
+        const double middle = (low[i % 3] + high[i % 3]) / 2;
+        mesh->positions[i] = (float)(((double)mesh->positions[i] - middle) / sqrt(radius2));
+    }
+    return GONIO_OK;
+}
+
+gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error) {
+    *out = NULL;
+    gonio_status status = check_file(path, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const struct aiScene *scene;
+    bool normals = false;
+    status = import(path, &scene, &normals, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    sim_mesh *mesh = NULL;
+    status = allocate(scene, path, &mesh, error);
+    if (status == GONIO_OK) {
+        status = copy(scene, path, z_up, mesh, error);
+    }
+    aiReleaseImport(scene);
+    if (status == GONIO_OK) {
+        status = normalise(mesh, path, error);
+    }
+    if (status == GONIO_OK && !normals) {
+        status = sim_normals_smooth(mesh, error);
+    }
+    if (status != GONIO_OK) {
+        sim_mesh_free(mesh);
+        return status;
+    }
+    *out = mesh;
+    return GONIO_OK;
+}

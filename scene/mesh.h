@@ -1,0 +1,23 @@
+// Triangle meshes from files, ready for the ray caster.
+#ifndef GONIO_SCENE_MESH_H
+#define GONIO_SCENE_MESH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "gonio/status.h"
+
+// Moved and scaled into the unit sphere about the origin. positions, normals, tangents: vertices x 3; tangents NULL
+// where the file has no texture coordinates; indices: triangles x 3, each below vertices.
+typedef struct sim_mesh {
+    size_t vertices, triangles;
+    float *positions, *normals, *tangents;
+    unsigned *indices;
+} sim_mesh;
+
+// PLY or OBJ by the file's name; faces become triangles, missing normals are made (normals.h).
+// GONIO_E_INPUT names the file and what is wrong with it. The caller frees it.
+gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error);
+void sim_mesh_free(sim_mesh *mesh); // NULL is allowed
+
+#endif
