@@ -1,4 +1,4 @@
-// Shared by controller.c (connection, requests) and controller_motion.c (commands).
+// Shared by controller.c (requests), controller_motion.c (commands) and controller_open.c (a connection's life).
 #ifndef GONIO_DRIVERS_CONTROLLER_INTERNAL_H
 #define GONIO_DRIVERS_CONTROLLER_INTERNAL_H
 
@@ -34,6 +34,10 @@ struct gonio_controller {
 typedef gonio_modbus_fault (*controller_exchange)(gonio_controller *controller, void *request);
 gonio_status controller_request(gonio_controller *controller, const char *what, controller_exchange once, void *request,
                                 int *exception, gonio_error *error);
+// Who answers: the identity registers. Called when a line was opened; also within a request, after a replug.
+gonio_status controller_identify(gonio_controller *controller, gonio_error *error);
+// One exchange, repeated by nobody, with the lock held: what feeds the dead-man. The answer is thrown away.
+gonio_modbus_fault controller_feed(gonio_controller *controller);
 void controller_pause(const gonio_controller *controller, int ms); // not in a replay
 
 #endif

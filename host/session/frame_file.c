@@ -1,4 +1,4 @@
-// One frame <-> one PNG, in memory.
+// One frame <-> one PNG, in memory; its name and its hash.
 #include <png.h>
 #include <setjmp.h>
 #include <stdio.h>
@@ -7,6 +7,15 @@
 #include <zlib.h>
 
 #include "host/session/internal.h"
+
+void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
+    snprintf(name, SESSION_FRAME_NAME, "%06lld-%02d.png", (long long)step, frame);
+}
+
+gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error) {
+    const size_t pixels = (size_t)frame->window.width * (size_t)frame->window.height;
+    return gonio_sha256(frame->pixels, pixels * sizeof *frame->pixels, hex, error);
+}
 
 // libpng reports through longjmp; its text is kept for the gonio_error. No caller's local changes after setjmp.
 typedef struct png_context {

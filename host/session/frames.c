@@ -10,15 +10,6 @@
 
 #include "host/session/internal.h"
 
-void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
-    snprintf(name, SESSION_FRAME_NAME, "%06lld-%02d.png", (long long)step, frame);
-}
-
-gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error) {
-    const size_t pixels = (size_t)frame->window.width * (size_t)frame->window.height;
-    return gonio_sha256(frame->pixels, pixels * sizeof *frame->pixels, hex, error);
-}
-
 gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error) {
     char *text;
     *bits = 16;

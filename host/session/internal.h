@@ -43,6 +43,9 @@ extern const char session_schema[];
 gonio_status session_lock(int fd, const char *path, gonio_error *error);
 
 // ---- frame_file.c: one frame <-> one PNG ----
+enum { SESSION_FRAME_NAME = 48 };
+void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]); // within frames/
+gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error);
 typedef struct session_png {
     unsigned char *data;
     size_t size, capacity;
@@ -77,9 +80,6 @@ gonio_status session_for_done(gonio_session *session, session_step_fn call, void
                               gonio_error *error);
 
 // ---- frames.c ----
-enum { SESSION_FRAME_NAME = 48 };
-void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]); // within frames/
-gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error);
 // The bits that the camera's words carry, from the journal.
 gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error);
 // The bytes of a frame's file; the caller frees png->data.
