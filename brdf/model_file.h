@@ -2,11 +2,27 @@
 #ifndef GONIO_BRDF_MODEL_FILE_H
 #define GONIO_BRDF_MODEL_FILE_H
 
-#include "brdf/transform.h"
+#include "brdf/checksum.h"
 #include "gonio/model.h"
 
+#define GONIO_MODEL_FILE_MAGIC "GONIOMDL" // its 8 letters
 #define GONIO_MODEL_FILE_VERSION 1
-#define GONIO_MODEL_FILE_ALIGN 64 // sections and the arrays inside them begin at multiples of it
+#define GONIO_MODEL_FILE_ORDER 0x01020304u
+#define GONIO_MODEL_FILE_ISOTROPIC 1u // flags
+#define GONIO_MODEL_FILE_ALIGN 64     // sections and the arrays inside them begin at multiples of it
+
+// As it stands in a file (brdf/model_file.c).
+typedef struct gonio_model_file_head {
+    char magic[8];
+    uint32_t version, order;
+    char kind[16];
+    uint32_t channels, flags;
+    uint64_t length, section, checksum;
+} gonio_model_file_head;
+_Static_assert(sizeof(gonio_model_file_head) == 64, "the head of a model file is 64 bytes");
+
+// The sum to which everything behind the head is added; begun with the head, its own checksum taken as 0.
+gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head);
 
 // A mapped file whose length and checksum were verified; a model made from it keeps it until it is freed.
 typedef struct gonio_mapped {
@@ -22,9 +38,6 @@ typedef struct gonio_mapped {
 
 void gonio_mapped_release(gonio_mapped *mapped);
 
-// How a kind of model comes back from its section. On success the model owns *mapped; on failure the caller keeps it.
-typedef gonio_status (*gonio_model_reader)(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
-
 // One part of a section: `length` bytes at `data`. Every part begins aligned; zeros fill the gaps.
 typedef struct gonio_file_part {
     const void *data;
@@ -39,11 +52,5 @@ gonio_status gonio_model_file_write(const gonio_model *model, const char *path, 
 const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t length);
 // GONIO_E_INPUT that names the file and the byte within it.
 gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what, gonio_error *error);
-
-// The readers of the kinds that libgonio-eval knows.
-gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
-gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
-gonio_status gonio_lobe_spline_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
-gonio_status gonio_bilevel_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error);
 
 #endif

@@ -14,9 +14,9 @@
 
 // One term while it is read: a value a channel for each parameter, with the count that was given (0: none yet).
 typedef struct term_text {
-    const gonio_analytic_kind *kind;
-    double values[GONIO_ANALYTIC_PARAMETERS_MAX][CHANNELS_MAX];
-    int given[GONIO_ANALYTIC_PARAMETERS_MAX];
+    const gonio_formula *formula;
+    double values[GONIO_FORMULA_PARAMETERS_MAX][CHANNELS_MAX];
+    int given[GONIO_FORMULA_PARAMETERS_MAX];
 } term_text;
 
 typedef struct spec_text {
@@ -31,26 +31,26 @@ static void append(char *text, size_t size, const char *more) {
     snprintf(text + used, size - used, "%s", more);
 }
 
-static gonio_status unknown_kind(const char *found, gonio_error *error) {
-    char list[256] = "";
-    for (const gonio_analytic_kind *const *k = gonio_analytic_kinds(); *k != NULL; k++) {
+static gonio_status unknown_formula(const char *found, gonio_error *error) {
+    char list[512] = "";
+    for (const gonio_formula *const *k = gonio_formulae(); *k != NULL; k++) {
         append(list, sizeof list, (*k)->name);
         append(list, sizeof list, ", ");
     }
     return gonio_fail(error, GONIO_E_USAGE, "unknown BRDF '%s'; expected one of %sfile:PATH", found, list);
 }
 
-static gonio_status unknown_key(const gonio_analytic_kind *kind, const char *found, gonio_error *error) {
-    char list[256] = "";
-    for (int k = 0; k < kind->n; k++) {
-        append(list, sizeof list, kind->parameters[k].name);
+static gonio_status unknown_key(const gonio_formula *formula, const char *found, gonio_error *error) {
+    char list[512] = "";
+    for (int k = 0; k < formula->n; k++) {
+        append(list, sizeof list, formula->parameters[k].name);
         append(list, sizeof list, ", ");
     }
-    if (kind->alias.name != NULL) {
-        append(list, sizeof list, kind->alias.name);
+    if (formula->alias.name != NULL) {
+        append(list, sizeof list, formula->alias.name);
         append(list, sizeof list, ", ");
     }
-    return gonio_fail(error, GONIO_E_USAGE, "%s: unknown key '%s'; expected one of %sshape, radius_mm", kind->name,
+    return gonio_fail(error, GONIO_E_USAGE, "%s: unknown key '%s'; expected one of %sshape, radius_mm", formula->name,
                       found, list);
 }
 
@@ -96,14 +96,14 @@ static gonio_status set_shape(spec_text *spec, const char *key, const char *valu
 
 static gonio_status set_parameter(term_text *term, int k, double scale, const double *values, int n,
                                   gonio_error *error) {
-    const gonio_analytic_parameter *p = &term->kind->parameters[k];
+    const gonio_formula_parameter *p = &term->formula->parameters[k];
     if (term->given[k] > 0) {
-        return gonio_fail(error, GONIO_E_USAGE, "%s: %s is given twice", term->kind->name, p->name);
+        return gonio_fail(error, GONIO_E_USAGE, "%s: %s is given twice", term->formula->name, p->name);
     }
     for (int c = 0; c < n; c++) {
         const double value = values[c] * scale;
         if (!(value >= p->minimum && value <= p->maximum)) {
-            return gonio_fail(error, GONIO_E_USAGE, "%s: %s=%g; expected %g to %g (%s)", term->kind->name, p->name,
+            return gonio_fail(error, GONIO_E_USAGE, "%s: %s=%g; expected %g to %g (%s)", term->formula->name, p->name,
                               value, p->minimum, p->maximum, p->text);
         }
         term->values[k][c] = value;
@@ -113,27 +113,27 @@ static gonio_status set_parameter(term_text *term, int k, double scale, const do
 }
 
 static gonio_status set_key(term_text *term, const char *key, const char *text, gonio_error *error) {
-    const gonio_analytic_kind *kind = term->kind;
+    const gonio_formula *formula = term->formula;
     double values[CHANNELS_MAX];
     int first = -1, last = -1;
     double scale = 1;
-    for (int k = 0; k < kind->n; k++) {
-        if (strcmp(kind->parameters[k].name, key) == 0) {
+    for (int k = 0; k < formula->n; k++) {
+        if (strcmp(formula->parameters[k].name, key) == 0) {
             first = last = k;
         }
     }
-    if (kind->alias.name != NULL && strcmp(kind->alias.name, key) == 0) {
-        first = kind->alias.first;
-        last = kind->alias.last;
-        scale = kind->alias.scale;
+    if (formula->alias.name != NULL && strcmp(formula->alias.name, key) == 0) {
+        first = formula->alias.first;
+        last = formula->alias.last;
+        scale = formula->alias.scale;
     }
     if (first < 0) {
-        return unknown_key(kind, key, error);
+        return unknown_key(formula, key, error);
     }
     const int n = parse_tuple(text, values);
     if (n == 0) {
         return gonio_fail(error, GONIO_E_USAGE, "%s: %s=%s; expected a number, or one a channel as 0.3/0.2/0.1",
-                          kind->name, key, text);
+                          formula->name, key, text);
     }
     gonio_status status = GONIO_OK;
     for (int k = first; k <= last && status == GONIO_OK; k++) {
@@ -148,7 +148,7 @@ static gonio_status parse_keys(spec_text *spec, term_text *term, char *text, gon
     for (char *item = strtok_r(text, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
         char *equals = strchr(item, '=');
         if (equals == NULL) {
-            return gonio_fail(error, GONIO_E_USAGE, "%s: '%s'; expected key=value", term->kind->name, item);
+            return gonio_fail(error, GONIO_E_USAGE, "%s: '%s'; expected key=value", term->formula->name, item);
         }
         *equals = 0;
         bool known;
@@ -160,10 +160,10 @@ static gonio_status parse_keys(spec_text *spec, term_text *term, char *text, gon
             return status;
         }
     }
-    for (int k = 0; k < term->kind->n; k++) {
-        const gonio_analytic_parameter *p = &term->kind->parameters[k];
+    for (int k = 0; k < term->formula->n; k++) {
+        const gonio_formula_parameter *p = &term->formula->parameters[k];
         if (term->given[k] == 0 && isnan(p->initial)) {
-            return gonio_fail(error, GONIO_E_USAGE, "%s: %s is missing (%s)", term->kind->name, p->name, p->text);
+            return gonio_fail(error, GONIO_E_USAGE, "%s: %s is missing (%s)", term->formula->name, p->name, p->text);
         }
         if (term->given[k] == 0) {
             term->given[k] = 1;
@@ -182,9 +182,9 @@ static gonio_status parse_term(spec_text *spec, char *text, gonio_error *error) 
         *colon = 0;
     }
     term_text *term = &spec->terms[spec->n_terms++];
-    term->kind = gonio_analytic_kind_find(text);
-    if (term->kind == NULL) {
-        return unknown_kind(text, error);
+    term->formula = gonio_formula_find(text);
+    if (term->formula == NULL) {
+        return unknown_formula(text, error);
     }
     return parse_keys(spec, term, colon != NULL ? colon + 1 : text + strlen(text), error);
 }
@@ -203,11 +203,12 @@ static char *next_term(char *text) {
 static gonio_status count_channels(const spec_text *spec, int *channels, gonio_error *error) {
     *channels = 1;
     for (int t = 0; t < spec->n_terms; t++) {
-        for (int k = 0; k < spec->terms[t].kind->n; k++) {
+        for (int k = 0; k < spec->terms[t].formula->n; k++) {
             const int n = spec->terms[t].given[k];
             if (n > 1 && *channels > 1 && n != *channels) {
                 return gonio_fail(error, GONIO_E_USAGE, "%s: %s has %d values, another key has %d",
-                                  spec->terms[t].kind->name, spec->terms[t].kind->parameters[k].name, n, *channels);
+                                  spec->terms[t].formula->name, spec->terms[t].formula->parameters[k].name, n,
+                                  *channels);
             }
             *channels = n > *channels ? n : *channels;
         }
@@ -221,7 +222,7 @@ static gonio_status build(const spec_text *spec, gonio_model **out, gonio_error 
     if (status != GONIO_OK) {
         return status;
     }
-    const size_t stride = CHANNELS_MAX * GONIO_ANALYTIC_PARAMETERS_MAX;
+    const size_t stride = CHANNELS_MAX * GONIO_FORMULA_PARAMETERS_MAX;
     double *parameters = calloc((size_t)spec->n_terms * stride, sizeof *parameters);
     if (parameters == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for an analytic model");
@@ -230,9 +231,9 @@ static gonio_status build(const spec_text *spec, gonio_model **out, gonio_error 
     for (int t = 0; t < spec->n_terms; t++) {
         const term_text *text = &spec->terms[t];
         double *to = parameters + (size_t)t * stride;
-        terms[t] = (gonio_analytic_term){text->kind, to};
+        terms[t] = (gonio_analytic_term){text->formula, to};
         for (int c = 0; c < channels; c++) {
-            for (int k = 0; k < text->kind->n; k++) {
+            for (int k = 0; k < text->formula->n; k++) {
                 *to++ = text->values[k][text->given[k] > 1 ? c : 0];
             }
         }

@@ -1,4 +1,4 @@
-// The analytic kinds, and the model that sums terms of them.
+// Models of kind "analytic": sums of terms, each a formula with its parameters.
 #include "brdf/kind/analytic.h"
 
 #include <math.h>
@@ -6,91 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "brdf/model_file.h"
-
-// ---- kinds ----
-
-static double lambert(const gonio_lobe_geometry *g, const double *p) {
-    (void)g;
-    return p[0] / GONIO_PI;
-}
-
-static double ward(const gonio_lobe_geometry *g, const double *p) {
-    return p[0] / GONIO_PI + p[1] * gonio_lobe_ward(g, p[2], p[3]);
-}
-
-static double blinn_phong(const gonio_lobe_geometry *g, const double *p) {
-    return p[0] / GONIO_PI + p[1] * gonio_lobe_blinn_phong(g, p[2]);
-}
-
-static double cook_torrance(const gonio_lobe_geometry *g, const double *p) {
-    return p[0] / GONIO_PI + p[1] * gonio_lobe_cook_torrance(g, p[2], p[3]);
-}
-
-static double ggx(const gonio_lobe_geometry *g, const double *p) {
-    return p[0] / GONIO_PI + p[1] * gonio_lobe_ggx(g, p[2], p[3], p[4]);
-}
-
-static double oren_nayar(const gonio_lobe_geometry *g, const double *p) {
-    return p[0] / GONIO_PI * gonio_lobe_oren_nayar(g, p[1]);
-}
-
-static bool equal_alphas(const double *p) { return p[2] == p[3]; }
-
-#define STRENGTH_MAX 1e6 // a specular scale may exceed 1 (fits of real metals do), but not without end
-#define RHO_D                                                                                                          \
-    { "rho_d", 0, 1, 0, "diffuse albedo" }
-#define RHO_S                                                                                                          \
-    { "rho_s", 0, STRENGTH_MAX, NAN, "strength of the lobe" }
-// The narrowest lobe: at 1e-5 its peak is 1e9 times the base, as far as the fits go.
-#define ALPHA(name)                                                                                                    \
-    { name, 1e-5, 10, NAN, "roughness (slope)" }
-#define F0                                                                                                             \
-    { "f0", 0, 1, 1, "reflectance at normal incidence (Schlick); 1: no Fresnel term" }
-
-static const gonio_analytic_kind kind_lambert = {
-    .name = "lambert", .n = 1, .parameters = {{"rho", 0, 1, NAN, "albedo"}}, .value = lambert};
-static const gonio_analytic_kind kind_ward = {.name = "ward",
-                                              .n = 4,
-                                              .parameters = {RHO_D, RHO_S, ALPHA("alpha_x"), ALPHA("alpha_y")},
-                                              .alias = {"alpha", 2, 3, 1},
-                                              .value = ward,
-                                              .isotropic = equal_alphas};
-static const gonio_analytic_kind kind_blinn_phong = {
-    .name = "blinn-phong", .n = 3, .parameters = {RHO_D, RHO_S, {"n", 0, 1e9, NAN, "exponent"}}, .value = blinn_phong};
-static const gonio_analytic_kind kind_cook_torrance = {.name = "cook-torrance",
-                                                       .n = 4,
-                                                       .parameters = {RHO_D, RHO_S, ALPHA("m"), F0},
-                                                       .alias = {"alpha", 2, 2, 1},
-                                                       .value = cook_torrance};
-static const gonio_analytic_kind kind_ggx = {.name = "ggx",
-                                             .n = 5,
-                                             .parameters = {RHO_D, RHO_S, ALPHA("alpha_x"), ALPHA("alpha_y"), F0},
-                                             .alias = {"alpha", 2, 3, 1},
-                                             .value = ggx,
-                                             .isotropic = equal_alphas};
-static const gonio_analytic_kind kind_oren_nayar = {
-    .name = "oren-nayar",
-    .n = 2,
-    .parameters = {{"rho", 0, 1, NAN, "albedo"}, {"sigma", 0, GONIO_PI / 2, NAN, "facets' slope, rad"}},
-    .alias = {"sigma_deg", 1, 1, GONIO_PI / 180},
-    .value = oren_nayar};
-
-static const gonio_analytic_kind *const kinds[] = {
-    &kind_lambert, &kind_ward, &kind_blinn_phong, &kind_cook_torrance, &kind_ggx, &kind_oren_nayar, NULL};
-
-const gonio_analytic_kind *const *gonio_analytic_kinds(void) { return kinds; }
-
-const gonio_analytic_kind *gonio_analytic_kind_find(const char *name) {
-    for (const gonio_analytic_kind *const *k = kinds; *k != NULL; k++) {
-        if (strcmp((*k)->name, name) == 0) {
-            return *k;
-        }
-    }
-    return NULL;
-}
-
-// ---- the model ----
+#include "brdf/kind.h"
 
 typedef struct analytic_model {
     gonio_model head;
@@ -104,8 +20,8 @@ typedef struct analytic_model {
 static double value_of(const analytic_model *m, const gonio_lobe_geometry *g, int channel) {
     double sum = 0;
     for (int t = 0; t < m->n_terms; t++) {
-        const gonio_analytic_kind *kind = m->terms[t].kind;
-        sum += kind->value(g, m->terms[t].parameters + (ptrdiff_t)channel * kind->n);
+        const gonio_formula *formula = m->terms[t].formula;
+        sum += formula->value(g, m->terms[t].parameters + (ptrdiff_t)channel * formula->n);
     }
     return sum;
 }
@@ -135,7 +51,7 @@ static void release(gonio_model *model) {
 typedef struct description {
     uint32_t n_terms, reserved;
     struct {
-        char kind[16]; // zero-filled
+        char formula[GONIO_FORMULA_NAME_MAX]; // zero-filled
     } terms[GONIO_ANALYTIC_TERMS_MAX];
 } description;
 _Static_assert(sizeof(description) == 8 + 16 * GONIO_ANALYTIC_TERMS_MAX, "the description is written as it stands");
@@ -144,13 +60,13 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     const analytic_model *m = (const analytic_model *)model;
     description about = {.n_terms = (uint32_t)m->n_terms};
     for (int t = 0; t < m->n_terms; t++) {
-        snprintf(about.terms[t].kind, sizeof about.terms[t].kind, "%s", m->terms[t].kind->name);
+        snprintf(about.terms[t].formula, sizeof about.terms[t].formula, "%s", m->terms[t].formula->name);
     }
     const gonio_file_part parts[2] = {{&about, sizeof about}, {m->parameters, m->count * sizeof *m->parameters}};
     return gonio_model_file_write(model, path, parts, 2, error);
 }
 
-gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0, count = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     if (about == NULL || about->n_terms < 1 || about->n_terms > GONIO_ANALYTIC_TERMS_MAX) {
@@ -158,12 +74,12 @@ gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, 
     }
     gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX];
     for (uint32_t t = 0; t < about->n_terms; t++) {
-        const char *name = about->terms[t].kind;
-        terms[t].kind = memchr(name, 0, sizeof about->terms[t].kind) != NULL ? gonio_analytic_kind_find(name) : NULL;
-        if (terms[t].kind == NULL) {
+        const char *name = about->terms[t].formula;
+        terms[t].formula = memchr(name, 0, sizeof about->terms[t].formula) != NULL ? gonio_formula_find(name) : NULL;
+        if (terms[t].formula == NULL) {
             return gonio_mapped_fail(mapped, 0, "an unknown kind of analytic BRDF", error);
         }
-        count += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+        count += (size_t)mapped->channels * (size_t)terms[t].formula->n;
     }
     const size_t begin = at;
     const double *parameters = gonio_mapped_take(mapped, &at, count * sizeof *parameters);
@@ -172,7 +88,7 @@ gonio_status gonio_analytic_model_read(gonio_mapped *mapped, gonio_model **out, 
     }
     for (uint32_t t = 0; t < about->n_terms; t++) {
         terms[t].parameters = parameters;
-        parameters += (size_t)mapped->channels * (size_t)terms[t].kind->n;
+        parameters += (size_t)mapped->channels * (size_t)terms[t].formula->n;
     }
     if (gonio_analytic_new(terms, (int)about->n_terms, mapped->channels, mapped->names, out, error) != GONIO_OK) {
         return gonio_mapped_fail(mapped, begin, "a parameter is outside its bounds", error);
@@ -192,14 +108,14 @@ static const gonio_model_ops ops = {
 };
 
 static gonio_status check_term(const gonio_analytic_term *term, int channels, gonio_error *error) {
-    const gonio_analytic_kind *kind = term->kind;
+    const gonio_formula *formula = term->formula;
     for (int c = 0; c < channels; c++) {
-        for (int k = 0; k < kind->n; k++) {
-            const gonio_analytic_parameter *p = &kind->parameters[k];
-            const double value = term->parameters[c * kind->n + k];
+        for (int k = 0; k < formula->n; k++) {
+            const gonio_formula_parameter *p = &formula->parameters[k];
+            const double value = term->parameters[c * formula->n + k];
             if (!(value >= p->minimum && value <= p->maximum)) {
-                return gonio_fail(error, GONIO_E_RANGE, "%s: %s=%g; expected %g to %g (%s)", kind->name, p->name, value,
-                                  p->minimum, p->maximum, p->text);
+                return gonio_fail(error, GONIO_E_RANGE, "%s: %s=%g; expected %g to %g (%s)", formula->name, p->name,
+                                  value, p->minimum, p->maximum, p->text);
             }
         }
     }
@@ -223,12 +139,12 @@ static void fill(analytic_model *m, const gonio_analytic_term *terms, int n_term
     m->head.isotropic = true;
     double *at = m->parameters;
     for (int t = 0; t < n_terms; t++) {
-        const gonio_analytic_kind *kind = terms[t].kind;
-        const size_t count = (size_t)channels * (size_t)kind->n;
+        const gonio_formula *formula = terms[t].formula;
+        const size_t count = (size_t)channels * (size_t)formula->n;
         memcpy(at, terms[t].parameters, count * sizeof *at);
-        m->terms[t] = (gonio_analytic_term){kind, at};
-        for (int c = 0; c < channels && kind->isotropic != NULL; c++) {
-            m->head.isotropic = m->head.isotropic && kind->isotropic(at + c * kind->n);
+        m->terms[t] = (gonio_analytic_term){formula, at};
+        for (int c = 0; c < channels && formula->isotropic != NULL; c++) {
+            m->head.isotropic = m->head.isotropic && formula->isotropic(at + c * formula->n);
         }
         at += count;
     }
@@ -259,7 +175,7 @@ gonio_status gonio_analytic_new(const gonio_analytic_term *terms, int n_terms, i
         if (status != GONIO_OK) {
             return status;
         }
-        count += (size_t)channels * (size_t)terms[t].kind->n;
+        count += (size_t)channels * (size_t)terms[t].formula->n;
     }
     analytic_model *m = calloc(1, sizeof *m);
     if (m != NULL) {
@@ -289,3 +205,10 @@ double *gonio_analytic_parameters(gonio_model *model, size_t *count) {
     *count = m != NULL ? m->count : 0;
     return m != NULL ? m->parameters : NULL;
 }
+
+const gonio_kind gonio_kind_analytic = {
+    .name = "analytic",
+    .summary = "a sum of analytic formulae, each channel with its own parameters",
+    .ops = &ops,
+    .read = read_model,
+};

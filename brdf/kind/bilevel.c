@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "brdf/channels.h"
+#include "brdf/kind.h"
 #include "brdf/locate.h"
 #include "brdf/model_file.h"
 
@@ -227,7 +228,7 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
     return status == GONIO_OK ? gonio_channels_init(&m->channels, c, transforms, NULL, error) : status;
 }
 
-gonio_status gonio_bilevel_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     cbmba_model *m = calloc(1, sizeof *m);
     const gonio_status status =
         m != NULL ? read_parts(mapped, m, error)
@@ -243,3 +244,10 @@ gonio_status gonio_bilevel_model_read(gonio_mapped *mapped, gonio_model **out, g
     *out = &m->head;
     return GONIO_OK;
 }
+
+const gonio_kind gonio_kind_cbmba = {
+    .name = "cbmba",
+    .summary = "a coarse B-spline for the diffuse part and a sparse fine one for the lobes; isotropic",
+    .ops = &cbmba_ops,
+    .read = read_model,
+};

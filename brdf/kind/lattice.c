@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "brdf/channels.h"
+#include "brdf/kind.h"
 #include "brdf/locate.h"
 #include "brdf/model_file.h"
 #include "brdf/spline/lattice_eval.h"
@@ -196,7 +197,7 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     return GONIO_OK;
 }
 
-gonio_status gonio_lattice_model_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     gonio_status status = check_description(mapped, about, error);
@@ -253,3 +254,10 @@ void gonio_lattice_model_about(const gonio_model *model, gonio_coordinates *coor
         *transforms = m->channels.transforms;
     }
 }
+
+const gonio_kind gonio_kind_lattice = {
+    .name = "lattice",
+    .summary = "a tensor-product cubic B-spline over the coordinates of a direction pair",
+    .ops = &lattice_ops,
+    .read = read_model,
+};

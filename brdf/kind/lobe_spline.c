@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "brdf/kind.h"
 #include "brdf/kind/analytic.h"
 #include "brdf/model_file.h"
 #include "brdf/spline/profile.h"
@@ -375,7 +376,7 @@ static bool take_parts(const gonio_mapped *mapped, const description *about, siz
     return complete;
 }
 
-gonio_status gonio_lobe_spline_read(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
+static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     const gonio_status status = check_description(mapped, about, error);
@@ -408,3 +409,10 @@ gonio_status gonio_lobe_spline_read(gonio_mapped *mapped, gonio_model **out, gon
     *out = &m->head;
     return GONIO_OK;
 }
+
+const gonio_kind gonio_kind_lobe_spline = {
+    .name = "lobe-spline",
+    .summary = "analytic lobes times what a B-spline says about their error, with an uncertainty; either may be absent",
+    .ops = &ops_sigma,
+    .read = read_model,
+};

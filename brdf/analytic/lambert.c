@@ -1,0 +1,16 @@
+// Lambert 1760, *Photometria*: the same radiance in every direction, f_r = rho / pi, of albedo rho.
+#include "brdf/analytic/formula.h"
+
+static double value(const gonio_lobe_geometry *g, const double *p) {
+    (void)g;
+    return p[0] / GONIO_PI;
+}
+
+const gonio_formula gonio_formula_lambert = {
+    .name = "lambert",
+    .summary = "perfectly diffuse",
+    .source = "Lambert, Photometria (1760)",
+    .n = 1,
+    .parameters = {{"rho", 0, 1, NAN, "albedo"}},
+    .value = value,
+};

@@ -1,0 +1,22 @@
+// Oren & Nayar 1994, the qualitative model (their eq. 30): diffuse facets of slope angle sigma,
+//   rho/pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min theta)),
+//   A = 1 - 0.5 sigma^2 / (sigma^2 + 0.33), B = 0.45 sigma^2 / (sigma^2 + 0.09).
+#include "brdf/analytic/formula.h"
+
+static double value(const gonio_lobe_geometry *g, const double *p) {
+    const double s2 = p[1] * p[1];
+    const double a = 1 - 0.5 * s2 / (s2 + 0.33), b = 0.45 * s2 / (s2 + 0.09);
+    // sin(larger theta) tan(smaller theta) cos(phi difference) = (horizontal dot product) / (larger cosine).
+    const double dot = g->wi.x * g->wo.x + g->wi.y * g->wo.y;
+    return p[0] / GONIO_PI * (a + b * fmax(dot, 0) / fmax(g->wi.z, g->wo.z));
+}
+
+const gonio_formula gonio_formula_oren_nayar = {
+    .name = "oren-nayar",
+    .summary = "rough diffuse facets",
+    .source = "Oren and Nayar, Generalization of Lambert's reflectance model (1994), eq. 30",
+    .n = 2,
+    .parameters = {{"rho", 0, 1, NAN, "albedo"}, {"sigma", 0, GONIO_PI / 2, NAN, "facets' slope, rad"}},
+    .alias = {"sigma_deg", 1, 1, GONIO_PI / 180},
+    .value = value,
+};

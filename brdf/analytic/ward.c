@@ -1,0 +1,24 @@
+// Ward 1992, as in Kameya 2002, eq. 3.3: a Gaussian of the facets' slopes,
+//   exp(-tan^2(theta_h) / alpha^2) / (4 pi alpha^2 sqrt(cos_i cos_o)),
+// elliptical for alpha_x != alpha_y: (tan_x / alpha_x)^2 + (tan_y / alpha_y)^2 in the exponent, alpha_x alpha_y below.
+#include "brdf/analytic/formula.h"
+
+static double value(const gonio_lobe_geometry *g, const double *p) {
+    const double alpha_x = p[2], alpha_y = p[3];
+    const double exponent = gonio_square(g->tan_x / alpha_x) + gonio_square(g->tan_y / alpha_y);
+    const double lobe = exp(-exponent) / (4 * GONIO_PI * alpha_x * alpha_y * sqrt(g->wi.z * g->wo.z));
+    return p[0] / GONIO_PI + p[1] * lobe;
+}
+
+static bool isotropic(const double *p) { return p[2] == p[3]; }
+
+const gonio_formula gonio_formula_ward = {
+    .name = "ward",
+    .summary = "a Gaussian lobe of slopes, without Fresnel or shadowing",
+    .source = "Ward, Measuring and modeling anisotropic reflection (1992); Kameya 2002, eq. 3.3",
+    .n = 4,
+    .parameters = {GONIO_RHO_D, GONIO_RHO_S, GONIO_ALPHA("alpha_x"), GONIO_ALPHA("alpha_y")},
+    .alias = {"alpha", 2, 3, 1},
+    .value = value,
+    .isotropic = isotropic,
+};

@@ -1,0 +1,86 @@
+// What the kinds of model share of their files' form: writing head, names and the parts of a section; taking the parts
+// back, one by one, from a mapped file.
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+
+#include "brdf/model_file.h"
+#include "gonio/output.h"
+
+gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head) {
+    gonio_checksum sum = gonio_checksum_begin();
+    gonio_model_file_head copy = *head;
+    copy.checksum = 0;
+    gonio_checksum_add(&sum, &copy, sizeof copy);
+    return sum;
+}
+
+static size_t aligned(size_t length) {
+    return (length + GONIO_MODEL_FILE_ALIGN - 1) / GONIO_MODEL_FILE_ALIGN * GONIO_MODEL_FILE_ALIGN;
+}
+
+void gonio_mapped_release(gonio_mapped *mapped) {
+    if (mapped->base != NULL) {
+        munmap(mapped->base, mapped->length);
+    }
+    free(mapped->path);
+    *mapped = (gonio_mapped){0};
+}
+
+const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t length) {
+    if (*offset > mapped->section_length || length > mapped->section_length - *offset) {
+        return NULL;
+    }
+    const void *data = mapped->section + *offset;
+    *offset = aligned(*offset + length);
+    return data;
+}
+
+gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what,
+                               gonio_error *error) {
+    const size_t at = (size_t)(mapped->section - (const unsigned char *)mapped->base) + section_offset;
+    return gonio_fail_byte(error, GONIO_E_INPUT, mapped->path, (long long)at, "%s", what);
+}
+
+static const unsigned char zeros[GONIO_MODEL_FILE_ALIGN];
+
+static void write_part(FILE *stream, const gonio_file_part *part) {
+    fwrite(part->data, 1, part->length, stream);
+    fwrite(zeros, 1, aligned(part->length) - part->length, stream);
+}
+
+gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
+                                    gonio_error *error) {
+    gonio_model_file_head h = {.version = GONIO_MODEL_FILE_VERSION,
+                               .order = GONIO_MODEL_FILE_ORDER,
+                               .channels = (uint32_t)model->channels,
+                               .flags = model->isotropic ? GONIO_MODEL_FILE_ISOTROPIC : 0};
+    memcpy(h.magic, GONIO_MODEL_FILE_MAGIC, sizeof h.magic);
+    strncpy(h.kind, model->ops->kind, sizeof h.kind - 1);
+    const gonio_file_part names = {model->channel_names, 32 * (size_t)model->channels};
+    h.section = sizeof h + aligned(names.length);
+    h.length = h.section;
+    for (int i = 0; i < n; i++) {
+        h.length += aligned(parts[i].length);
+    }
+    // A part that ends inside a block of 64 is summed with zeros up to the block's end, as it is written.
+    gonio_checksum sum = gonio_model_file_checksum(&h);
+    gonio_checksum_add(&sum, names.data, names.length);
+    for (int i = 0; i < n; i++) {
+        gonio_checksum_add(&sum, parts[i].data, parts[i].length);
+    }
+    sum.length = h.length;
+    h.checksum = gonio_checksum_end(&sum);
+    gonio_output *output;
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    FILE *stream = gonio_output_stream(output);
+    fwrite(&h, 1, sizeof h, stream);
+    write_part(stream, &names);
+    for (int i = 0; i < n; i++) {
+        write_part(stream, &parts[i]);
+    }
+    return gonio_output_commit(output, error);
+}
