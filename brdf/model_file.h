@@ -50,6 +50,9 @@ gonio_status gonio_model_file_write(const gonio_model *model, const char *path, 
 
 // Cursor over a section: the next `length` bytes, aligned, or NULL where the section is too short.
 const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t length);
+// Are n pairs (scale, eps) what a fit can have made: scales powers of two, eps in units of the scale, above 0 where the
+// domain uses it?
+bool gonio_scales_possible(const double *pairs, size_t n, bool uses_eps);
 // GONIO_E_INPUT that names the file and the byte within it.
 gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what, gonio_error *error);
 

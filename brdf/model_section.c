@@ -1,5 +1,6 @@
 // What the kinds of model share of their files' form: writing head, names and the parts of a section; taking the parts
 // back, one by one, from a mapped file.
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -34,6 +35,19 @@ const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t
     const void *data = mapped->section + *offset;
     *offset = aligned(*offset + length);
     return data;
+}
+
+#define EPS_MAX 1e6 // a channel's noise is a part of its largest value, which is about 1 in these units
+
+bool gonio_scales_possible(const double *pairs, size_t n, bool uses_eps) {
+    bool possible = true;
+    for (size_t i = 0; i < n; i++) {
+        const double scale = pairs[2 * i], eps = pairs[2 * i + 1];
+        int exponent;
+        possible = possible && isfinite(scale) && frexp(scale, &exponent) == 0.5 && eps >= 0 && eps <= EPS_MAX &&
+                   (eps > 0 || !uses_eps);
+    }
+    return possible;
 }
 
 gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset, const char *what,

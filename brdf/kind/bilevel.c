@@ -222,6 +222,9 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
     if (diffuse == NULL) {
         return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
     }
+    if (!gonio_scales_possible(&transforms->scale, c, about->kind != GONIO_TRANSFORM_LINEAR)) {
+        return gonio_mapped_fail(mapped, sizeof *about, "a channel's scale or eps that no fit makes", error);
+    }
     m->parts.diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
     const gonio_status status =
         s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);

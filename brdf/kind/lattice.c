@@ -214,6 +214,9 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
         return gonio_mapped_fail(mapped, transforms == NULL ? transforms_at : points_at,
                                  "fewer control points than its level and channels need", error);
     }
+    if (!gonio_scales_possible(&transforms->scale, c, about->kind != GONIO_TRANSFORM_LINEAR)) {
+        return gonio_mapped_fail(mapped, transforms_at, "a channel's scale or eps that no fit makes", error);
+    }
     lattice_model *m = calloc(1, sizeof *m);
     status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, NULL, error)
                        : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);

@@ -376,6 +376,27 @@ static bool take_parts(const gonio_mapped *mapped, const description *about, siz
     return complete;
 }
 
+static bool all_finite(const double *numbers, size_t n) {
+    bool finite = true;
+    for (size_t i = 0; numbers != NULL && i < n; i++) {
+        finite = finite && isfinite(numbers[i]);
+    }
+    return finite;
+}
+
+// The numbers of which there are few; control points are not looked at.
+static bool numbers_possible(const gonio_lobe_spline_parts *p) {
+    const size_t c = (size_t)p->channels, row = 1 + GONIO_LOBES_MAX;
+    bool possible = gonio_scales_possible(&p->links->scale, c, p->kind != GONIO_LINK_LINEAR) &&
+                    all_finite(p->base.strength, c * row) && all_finite(p->range, 2 * c) &&
+                    all_finite(p->sigma_factor, c) && all_finite(p->shares, c * row);
+    for (int j = 0; j < p->base.lobes; j++) {
+        possible =
+            possible && p->base.alpha[j] > 0 && isfinite(p->base.alpha[j]) && p->base.f0[j] >= 0 && p->base.f0[j] <= 1;
+    }
+    return possible;
+}
+
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
@@ -396,6 +417,9 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
                                  .channel_names = mapped->names};
     if (!take_parts(mapped, about, at, &p)) {
         return gonio_mapped_fail(mapped, 0, "the section is shorter than its level, lobes and channels need", error);
+    }
+    if (!numbers_possible(&p)) {
+        return gonio_mapped_fail(mapped, sizeof *about, "scales, strengths or shapes that no fit makes", error);
     }
     lobe_model *m = calloc(1, sizeof *m);
     if (m == NULL) {

@@ -14,4 +14,5 @@
     X(convert)                                                                                                         \
     X(check)                                                                                                           \
     X(calibrate)                                                                                                       \
-    X(render)
+    X(render)                                                                                                          \
+    X(kinds)

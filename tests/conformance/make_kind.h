@@ -1,0 +1,192 @@
+// Models of every kind, for tests that go over the list of kinds.
+//
+// A kind has at least one line in the table below, a line for each form that its file can take; tests/conformance/
+// test_kinds.c fails for a kind that has none. The analytic kind has one for each formula beside.
+#ifndef TESTS_MAKE_KIND_H
+#define TESTS_MAKE_KIND_H
+
+#include "brdf/analytic/formula.h"
+#include "brdf/kind/analytic.h"
+#include "brdf/kind/lobe_spline.h"
+#include "gonio/fit.h"
+#include "tests/simulate.h"
+
+// What a constructed lobe-spline has.
+enum { KIND_SPLINE = 1, KIND_RANGE = 2, KIND_SIGMA = 4, KIND_GRAZING = 8, KIND_PROFILE = 16, KIND_SHARES = 32 };
+
+typedef struct kind_maker {
+    const char *kind;
+    const char *form; // for messages
+    bool isotropic_only;
+    const char *method, *storage; // of a fitted one
+    const gonio_formula *formula; // of one analytic term
+    int lobes, parts;             // of a constructed lobe-spline: how many lobes, KIND_ bits
+    gonio_domain domain;
+    gonio_coordinates coordinates;
+} kind_maker;
+
+static const kind_maker kind_forms[] = {
+    {"lattice", "linear", .method = "mba"},
+    {"lattice", "log, half-vector", .method = "mba", .domain = GONIO_LOG, .coordinates = GONIO_HALF_VECTOR},
+    {"cbmba", "float", true, "cbmba", "float", .domain = GONIO_LINEAR},
+    {"cbmba", "half", true, "cbmba", "half", .domain = GONIO_LOG},
+    {"cbmba", "byte", true, "cbmba", "byte", .coordinates = GONIO_HALF_VECTOR},
+    {"cbmba", "hash", true, "cbmba", "hash", .domain = GONIO_LINEAR},
+    {"lobe-spline", "lobes alone", .method = "cook-torrance"},
+    {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
+    {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
+    {"lobe-spline", "profile", true, .domain = GONIO_LOG, .coordinates = GONIO_HALF_VECTOR,
+     .parts = KIND_SPLINE | KIND_RANGE | KIND_SIGMA | KIND_PROFILE},
+    {"lobe-spline", "lobes and shares", .domain = GONIO_LOG, .coordinates = GONIO_REFLECTED, .lobes = 2,
+     .parts = KIND_SPLINE | KIND_RANGE | KIND_SIGMA | KIND_SHARES},
+};
+#define KIND_FORMS (sizeof kind_forms / sizeof *kind_forms)
+
+// The maker of that index, false behind the last one: the forms above, then a term of every formula.
+static inline bool kind_maker_at(size_t index, kind_maker *out) {
+    if (index < KIND_FORMS) {
+        *out = kind_forms[index];
+        return true;
+    }
+    const gonio_formula *const *formula = gonio_formulae();
+    for (index -= KIND_FORMS; *formula != NULL && index > 0; index--) {
+        formula++;
+    }
+    if (*formula != NULL) {
+        *out = (kind_maker){"analytic", (*formula)->name, (*formula)->isotropic == NULL, .formula = *formula};
+    }
+    return *formula != NULL;
+}
+
+// A value within the bounds of parameter k: 0.3, so that no lobe is narrow; without symmetry each parameter has
+// another.
+static inline double kind_parameter(const gonio_formula *formula, int k, bool isotropic, int channel) {
+    const gonio_formula_parameter *p = &formula->parameters[k];
+    return fmin(fmax((isotropic ? 0.3 : 0.3 + 0.1 * k) * (1 + 0.002 * channel), p->minimum), p->maximum);
+}
+
+static inline gonio_model *kind_make_analytic(const kind_maker *maker, bool isotropic, int channels) {
+    const gonio_formula *formula = maker->formula;
+    double *values = malloc((size_t)channels * (size_t)formula->n * sizeof *values);
+    for (int c = 0; values != NULL && c < channels; c++) {
+        for (int k = 0; k < formula->n; k++) {
+            // Both slopes of an isotropic lobe are the same number; elsewhere the channels differ.
+            values[c * formula->n + k] = kind_parameter(formula, k, isotropic, c);
+        }
+    }
+    const gonio_analytic_term term = {formula, values};
+    gonio_model *model;
+    gonio_error error = {0};
+    if (values == NULL || gonio_analytic_new(&term, 1, channels, NULL, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    free(values);
+    return model;
+}
+
+// Control points of a smooth function between 0 and 1.
+static inline gonio_lattice kind_lattice(int dims, int level, int channels) {
+    gonio_lattice lattice;
+    gonio_error error = {0};
+    if (gonio_lattice_init(&lattice, dims, level, channels, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    for (size_t i = 0; i < lattice.count; i++) {
+        double sum = 0;
+        size_t rest = i;
+        for (int d = 0; d < dims; d++, rest /= lattice.size) {
+            sum += sin(1 + d + 2 * (double)(rest % lattice.size) / (double)lattice.size) / dims;
+        }
+        for (int c = 0; c < channels; c++) {
+            lattice.points[i * (size_t)channels + (size_t)c] = (float)(0.5 + 0.5 * sum / (1 + 0.01 * c));
+        }
+    }
+    return lattice;
+}
+
+static inline double *kind_numbers(size_t n, double value) {
+    double *numbers = malloc(n * sizeof *numbers);
+    for (size_t i = 0; numbers != NULL && i < n; i++) {
+        numbers[i] = value * (1 + 0.001 * (double)i);
+    }
+    return numbers;
+}
+
+// A lobe-spline with the parts that the maker asks for; a fit of one takes seconds.
+static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotropic, int channels) {
+    char names[GONIO_CHANNELS_MAX][32] = {{0}};
+    const size_t c = (size_t)channels;
+    const int dims = isotropic ? 3 : 4, level = isotropic ? 2 : 1, has = maker->parts;
+    gonio_lobe_spline_parts p = {.channels = channels,
+                                 .dims = dims,
+                                 .coordinates = maker->coordinates,
+                                 .kind = maker->domain == GONIO_LOG ? GONIO_LINK_POSITIVE : GONIO_LINK_LINEAR,
+                                 .links = malloc(c * sizeof *p.links),
+                                 .base = {.lobes = maker->lobes,
+                                          .family = GONIO_LOBE_GGX,
+                                          .alpha = {0.3, 0.5},
+                                          .f0 = {0.04, 0.5},
+                                          .cosine_min = 0.05F,
+                                          .grazing = (has & KIND_GRAZING) != 0 ? 0.5F : 0},
+                                 .channel_names = (const char(*)[32])names};
+    for (size_t k = 0; k < c; k++) {
+        p.links[k] = (gonio_link){0.5, 1e-3};
+        snprintf(names[k], sizeof names[k], "%zunm", 400 + 10 * k);
+    }
+    p.base.strength = maker->lobes > 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.1) : NULL;
+    p.lattice = kind_lattice(dims, level, channels);
+    if ((has & KIND_RANGE) != 0) {
+        p.range = kind_numbers(2 * c, -2);
+        for (size_t k = 0; k < c; k++) {
+            p.range[2 * k + 1] = 2;
+        }
+    }
+    if ((has & KIND_SIGMA) != 0) {
+        p.sigma = kind_lattice(dims, 1, 1);
+        p.sigma_factor = kind_numbers(c, 0.01);
+        p.sigma_half_vector = maker->coordinates == GONIO_NUSSELT;
+    }
+    p.profile = (has & KIND_PROFILE) != 0 ? kind_lattice(2, 3, channels) : p.profile;
+    p.shares = (has & KIND_SHARES) != 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.2) : NULL;
+    gonio_model *model;
+    gonio_error error = {0};
+    if (gonio_lobe_spline_new(&p, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    return model;
+}
+
+// A model fitted to a few hundred samples of a smooth lobe.
+static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotropic, int channels) {
+    gonio_samples *samples = simulate_samples(isotropic ? "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
+                                                        : "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.25,alpha_y=0.4",
+                                              400, channels, 1);
+    gonio_fit_options options;
+    gonio_model *model;
+    gonio_error error = {0};
+    gonio_fit_options_default(&options);
+    options.method = maker->method;
+    options.level = options.specular_level = isotropic ? 3 : 1;
+    options.diffuse_level = 1;
+    options.drop_percent = 50;
+    options.storage = maker->storage;
+    options.hold_out = 0;
+    options.domain = maker->domain;
+    options.coordinates = maker->coordinates;
+    options.domain_set = options.coordinates_set = true;
+    if (gonio_fit(samples, &options, &model, NULL, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    gonio_samples_free(samples);
+    return model;
+}
+
+// A model of the maker's form on a small lattice: its file is short enough to be damaged byte by byte. The caller frees
+// it.
+static inline gonio_model *kind_make(const kind_maker *maker, bool isotropic, int channels) {
+    return maker->formula != NULL  ? kind_make_analytic(maker, isotropic, channels)
+           : maker->method != NULL ? kind_make_fitted(maker, isotropic, channels)
+                                   : kind_make_lobes(maker, isotropic, channels);
+}
+
+#endif
