@@ -22,7 +22,7 @@ typedef enum sim_effect {
     SIM_READ = 12,
     SIM_STRAY = 13,      // room's scatter, lens' glare
     SIM_STRAY_POSE = 14, // the room's scatter at a pose
-    SIM_AXES = 20,       // where an axis stands in space
+    SIM_AXES = 20, // where an axis stands in space
 } sim_effect;
 
 typedef struct sim_draw {

@@ -24,8 +24,8 @@ void gonio_sim_free(gonio_sim *sim);
 // An axis stands off by tilt_deg and offset_mm (k = 1 a component, 0 by default), drawn once: `gonio calibrate rig`.
 // A perfect white diffuser, lit and seen at normal incidence, gives camera.white_e_per_s = 500,000 e-/s.
 // camera.response: linear, gamma:G, or a CSV's path. A fault (camera_timeout, camera_error, stage_stall, stage_timeout,
-// stage_estop, lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as
-// a bound per process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
+// stage_estop, lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as a
+// bound per process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value, gonio_error *error);
 // What the fiducial's plate shows (copied): width x height greys 0..255, centred on the table, its right side toward
 // the sample's +x, its top toward +y. May be called before or after opening.

@@ -75,7 +75,7 @@ static inline gonio_model *kind_make_analytic(const kind_maker *maker, bool isot
         }
     }
     const gonio_analytic_term term = {formula, values};
-    gonio_model *model;
+    gonio_model *model = NULL;
     gonio_error error = {0};
     if (values == NULL || gonio_analytic_new(&term, 1, channels, NULL, &model, &error) != GONIO_OK) {
         simulate_die(&error);
@@ -148,7 +148,7 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
     }
     p.profile = (has & KIND_PROFILE) != 0 ? kind_lattice(2, 3, channels) : p.profile;
     p.shares = (has & KIND_SHARES) != 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.2) : NULL;
-    gonio_model *model;
+    gonio_model *model = NULL;
     gonio_error error = {0};
     if (gonio_lobe_spline_new(&p, &model, &error) != GONIO_OK) {
         simulate_die(&error);
@@ -162,7 +162,7 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
                                                         : "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.25,alpha_y=0.4",
                                               400, channels, 1);
     gonio_fit_options options;
-    gonio_model *model;
+    gonio_model *model = NULL;
     gonio_error error = {0};
     gonio_fit_options_default(&options);
     options.method = maker->method;

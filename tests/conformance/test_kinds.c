@@ -300,7 +300,7 @@ static void models_evaluate_alike_and_come_back(void **state) {
 // ---- damage ----
 
 #define PROBES 10  // pairs that are asked of a damaged model: the special ones
-#define SMALL 8192 // bytes of a file that is damaged at every place
+#define SMALL 3072 // bytes of a file that is damaged at every place
 
 static void put(int fd, const void *data, size_t length, size_t at) {
     assert_int_equal(pwrite(fd, data, length, (off_t)at), length);

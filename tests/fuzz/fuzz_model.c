@@ -1,5 +1,5 @@
-// Any bytes as a model file: refused, or evaluated without harm. The checksum would turn every mutation away, so this
-// build does not compare it.
+// Any bytes as a model file: refused, or evaluated in every way without harm. The checksum would turn every mutation
+// away, so this build does not compare it.
 #include <math.h>
 
 #include "gonio/model.h"
@@ -16,9 +16,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         }
         return 0;
     }
-    double values[1024];
+    double values[1024], gradient[4];
+    float narrow[1024];
     for (int k = 0; k < 20; k++) {
-        gonio_model_eval(model, gonio_direction(0.08 * k, k), gonio_direction(1.57 - 0.07 * k, 2 * k), values);
+        const gonio_pair pair = {0.08 * k, k, 1.57 - 0.07 * k, 2 * k};
+        const gonio_vec3 wi = gonio_direction(pair.theta_i, pair.phi_i), wo = gonio_direction(pair.theta_o, pair.phi_o);
+        gonio_model_eval(model, wi, wo, values);
+        gonio_model_eval_f32(model, wi, wo, narrow);
+        gonio_model_eval_many(model, 1, &wi, &wo, values);
+        gonio_model_eval_channel(model, wi, wo, k % model->channels);
+        gonio_model_gradient(model, &pair, k % model->channels, gradient);
+        gonio_model_sigma(model, wi, wo, values);
     }
     gonio_model_free(model);
     return 0;

@@ -3,8 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/fit.h"
-#include "gonio/io.h"
+#include "tests/conformance/make_kind.h"
 
 static void put(const char *folder, const char *name, const void *data, size_t size) {
     char path[600];
@@ -77,34 +76,19 @@ static void put_readable(const char *folder) {
     put_rgl(folder);
 }
 
+// A model of every kind in every form that its file takes.
 static void put_model(const char *folder) {
-    gonio_samples *s;
-    gonio_model *truth, *model;
-    gonio_pair pairs[64];
-    for (int i = 0; i < 64; i++) {
-        pairs[i] = (gonio_pair){0.02 * i, 0, 1.3 - 0.02 * i, 0.05 * i};
+    kind_maker maker;
+    for (size_t m = 0; kind_maker_at(m, &maker); m++) {
+        gonio_model *model = kind_make(&maker, true, 1);
+        gonio_error error = {0};
+        char path[600];
+        snprintf(path, sizeof path, "%s/%s-%zu", folder, maker.kind, m);
+        if (gonio_model_save(model, path, &error) != GONIO_OK) {
+            simulate_die(&error);
+        }
+        gonio_model_free(model);
     }
-    gonio_fit_options options;
-    gonio_fit_options_default(&options);
-    options.method = "mba";
-    options.level = 1;
-    options.hold_out = 0;
-    gonio_fit_report report;
-    char path[600];
-    snprintf(path, sizeof path, "%s/lattice", folder);
-    if (gonio_model_from_spec("lambert:rho=0.1/0.2/0.3", &truth, NULL) != GONIO_OK ||
-        gonio_samples_of_model(truth, pairs, 64, &s, NULL) != GONIO_OK ||
-        gonio_fit(s, &options, &model, &report, NULL) != GONIO_OK || gonio_model_save(model, path, NULL) != GONIO_OK) {
-        fprintf(stderr, "cannot make a model\n");
-        exit(1);
-    }
-    snprintf(path, sizeof path, "%s/analytic", folder);
-    if (gonio_model_save(truth, path, NULL) != GONIO_OK) {
-        exit(1);
-    }
-    gonio_model_free(truth);
-    gonio_model_free(model);
-    gonio_samples_free(s);
 }
 
 int main(int argc, char **argv) {

@@ -17,6 +17,7 @@
 #include "host/drivers/null.h"
 #include "tests/unit/session_folder.h"
 
+
 typedef struct bench {
     gonio_sim *sim;
     gonio_rig rig;
