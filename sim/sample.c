@@ -3,25 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const shape_keys[] = {"shape", "radius_mm", "plate_mm"};
-
-// The value of the last key=value of text where it is a shape's; NULL otherwise.
-static char *last_shape_value(char *text, const char **key, char **separator) {
-    char *comma = strrchr(text, ','), *colon = strchr(text, ':');
-    char *start = comma != NULL ? comma : colon;
-    if (start == NULL) {
-        return NULL;
-    }
-    for (size_t k = 0; k < sizeof shape_keys / sizeof *shape_keys; k++) {
-        const size_t length = strlen(shape_keys[k]);
-        if (strncmp(start + 1, shape_keys[k], length) == 0 && start[1 + length] == '=') {
-            *key = shape_keys[k];
-            *separator = start;
-            return start + 2 + length;
-        }
-    }
-    return NULL;
-}
+#include "io/spec.h"
 
 gonio_status sim_sample_parse(const char *spec, sim_settings *settings, gonio_model **out, gonio_error *error) {
     *out = NULL;
@@ -31,13 +13,11 @@ gonio_status sim_sample_parse(const char *spec, sim_settings *settings, gonio_mo
     }
     gonio_status status = GONIO_OK;
     const char *key;
-    char *separator;
-    for (char *value; status == GONIO_OK && (value = last_shape_value(text, &key, &separator)) != NULL;) {
+    for (const char *value; status == GONIO_OK && (value = gonio_spec_take_body(text, &key)) != NULL;) {
         gonio_error detail = {0};
         if (sim_settings_set(settings, "sample", key, value, &detail) != GONIO_OK) {
             status = gonio_fail(error, GONIO_E_USAGE, "sample '%s': %s", spec, detail.message);
         }
-        *separator = 0;
     }
     if (status == GONIO_OK) {
         status = gonio_model_from_spec(text, out, error);

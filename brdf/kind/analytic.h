@@ -17,6 +17,9 @@ typedef struct gonio_analytic_term {
 // three channels, or c1, c2 ...). GONIO_E_RANGE where a parameter is outside its bounds. The caller frees the model.
 gonio_status gonio_analytic_new(const gonio_analytic_term *terms, int n_terms, int channels, const char (*names)[32],
                                 gonio_model **out, gonio_error *error);
+// The same from "FORMULA:key=value,key=a/b/c+FORMULA:...", a value for every channel or one a channel. GONIO_E_USAGE
+// where the text is no such thing; the message lists what exists. The caller frees the model.
+gonio_status gonio_analytic_from_spec(const char *spec, gonio_model **out, gonio_error *error);
 // The model's terms, borrowed from it; 0 and NULL for a model of another kind.
 int gonio_analytic_terms(const gonio_model *model, const gonio_analytic_term **terms);
 // All parameters as one vector, term by term, channel by channel; change them only while nobody evaluates. Borrowed.

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "io/spec.h"
+#include "gonio/model.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

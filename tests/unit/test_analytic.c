@@ -263,19 +263,24 @@ static void bad_specs(void **state) {
     refused("lambert:rho=0.5,shape=sphere,radius_mm=-2", "expected a number above 0");
 }
 
-static void shapes(void **state) {
+// Keys of the sample's body are cut off the end, the last one first; they stand nowhere else.
+static void bodies(void **state) {
     (void)state;
-    gonio_shape shape;
-    double radius;
-    assert_int_equal(gonio_spec_parse("lambert:rho=1e-1,shape=sphere,radius_mm=15", NULL, &shape, &radius, NULL),
-                     GONIO_OK);
-    assert_int_equal(shape, GONIO_SHAPE_SPHERE);
-    assert_near(radius, 15, 0);
-    gonio_model *m;
-    assert_int_equal(gonio_spec_parse("lambert:rho=1e-1", &m, &shape, &radius, NULL), GONIO_OK);
-    assert_int_equal(shape, GONIO_SHAPE_FLAT);
+    char text[] = "lambert:rho=1e-1,shape=sphere,radius_mm=15";
+    const char *key;
+    assert_string_equal(gonio_spec_take_body(text, &key), "15");
+    assert_string_equal(key, "radius_mm");
+    assert_string_equal(gonio_spec_take_body(text, &key), "sphere");
+    assert_string_equal(key, "shape");
+    assert_null(gonio_spec_take_body(text, &key));
+    assert_string_equal(text, "lambert:rho=1e-1");
+    gonio_model *m = from("lambert:rho=1e-1,shape=sphere,radius_mm=15,plate_mm=40");
     assert_near(at(m, 0, 0, 0, 0), 0.1 / GONIO_PI, 1e-16);
     gonio_model_free(m);
+    // It was taken there, and the sample was flat all the same.
+    refused("lambert:rho=0.1,shape=sphere+ggx:rho_s=0.1,alpha=0.1", "unknown key 'shape'");
+    refused("file:", "the path is missing");
+    refused("file:,shape=flat", "the path is missing");
 }
 
 int main(void) {
@@ -287,7 +292,7 @@ int main(void) {
         cmocka_unit_test(parameters_are_one_vector),
         cmocka_unit_test(saved_and_opened),
         cmocka_unit_test(bad_specs),
-        cmocka_unit_test(shapes),
+        cmocka_unit_test(bodies),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
