@@ -197,6 +197,15 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     return GONIO_OK;
 }
 
+static gonio_lattice lattice_in(const description *about, int channels, const float *points) {
+    return (gonio_lattice){.dims = (int)about->dims,
+                           .level = (int)about->level,
+                           .channels = channels,
+                           .size = gonio_bspline_size((int)about->level),
+                           .count = gonio_lattice_count((int)about->dims, (int)about->level),
+                           .points = (float *)(uintptr_t)points}; // never written: models are immutable
+}
+
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
@@ -224,12 +233,7 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
         free(m);
         return status;
     }
-    m->lattice = (gonio_lattice){.dims = (int)about->dims,
-                                 .level = (int)about->level,
-                                 .channels = mapped->channels,
-                                 .size = gonio_bspline_size((int)about->level),
-                                 .count = count,
-                                 .points = (float *)(uintptr_t)points}; // never written: models are immutable
+    m->lattice = lattice_in(about, mapped->channels, points);
     m->coordinates = (gonio_coordinates)about->coordinates;
     m->kind = (gonio_transform_kind)about->kind;
     m->mapped = *mapped;

@@ -91,7 +91,7 @@ static void score_bases(const gonio_smooth_dense *dense, const gonio_dataset *da
     }
     for (int b = r->first; b < r->beyond && r->status == GONIO_OK; b++) {
         r->status = gonio_smooth_choose_lambda(dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
-                                            &r->score[b], &r->error);
+                                               &r->score[b], &r->error);
     }
 }
 
@@ -228,8 +228,8 @@ static gonio_status run_forms(const gonio_dataset *data, const gonio_fit_options
 }
 
 // A form one level finer than any before takes up to 8 times as long.
-static bool time_for(const gonio_deadline *watch, const gonio_auto_choice *choice, const gonio_smooth_form *forms, int n,
-                     double longest) {
+static bool time_for(const gonio_deadline *watch, const gonio_auto_choice *choice, const gonio_smooth_form *forms,
+                     int n, double longest) {
     int finest = 0, next = 0;
     for (int t = 0; t < choice->trials_n; t++) {
         finest = choice->trials[t].form.level > finest ? choice->trials[t].form.level : finest;
@@ -445,7 +445,8 @@ static gonio_status try_profile(const gonio_dataset *data, gonio_deadline *watch
             }
         }
     }
-    const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form, *now = gonio_smooth_dense_form(choice->dense);
+    const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form,
+                            *now = gonio_smooth_dense_form(choice->dense);
     if (status == GONIO_OK && (chosen->profile != now->profile || chosen->profile_level != now->profile_level)) {
         status = gonio_smooth_dense_profile(choice->dense, chosen, error);
     }

@@ -2,8 +2,8 @@
 #ifndef GONIO_FIT_AUTO_CHOOSE_H
 #define GONIO_FIT_AUTO_CHOOSE_H
 
-#include "fit/smooth/loo.h"
 #include "fit/deadline.h"
+#include "fit/smooth/loo.h"
 
 #define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
 #define GONIO_AUTO_TRIALS 64
@@ -22,10 +22,10 @@ typedef struct gonio_auto_choice {
     int bases_n;
     gonio_auto_trial trials[GONIO_AUTO_TRIALS * GONIO_AUTO_BASES];
     int trials_n;
-    int chosen;             // index of the trial
+    int chosen;                // index of the trial
     gonio_smooth_dense *dense; // of the chosen form
-    double *lambdas;        // [channels]
-    double longest;         // s, that forms compared side by side took
+    double *lambdas;           // [channels]
+    double longest;            // s, that forms compared side by side took
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.

@@ -24,16 +24,15 @@ void gonio_descent_release(gonio_descent *s) {
 }
 
 gonio_status gonio_descent_init(gonio_descent *s, const gonio_dataset *all, const gonio_holdout *in,
-                                   gonio_deadline *watch, const gonio_lobe_base *lobes, int finest,
-                                   gonio_error *error) {
+                                gonio_deadline *watch, const gonio_lobe_base *lobes, int finest, gonio_error *error) {
     *s = (gonio_descent){.in = in,
-                            .options = watch->options,
-                            .watch = watch,
-                            .all = all,
-                            .lobes = lobes,
-                            .finest = finest,
-                            .lambda = LAMBDA_FIRST,
-                            .score = INFINITY};
+                         .options = watch->options,
+                         .watch = watch,
+                         .all = all,
+                         .lobes = lobes,
+                         .finest = finest,
+                         .lambda = LAMBDA_FIRST,
+                         .score = INFINITY};
     gonio_status status = GONIO_OK;
     for (int side = 0; side < 2 && status == GONIO_OK; side++) {
         gonio_lobe_base own = {0};
@@ -42,7 +41,7 @@ gonio_status gonio_descent_init(gonio_descent *s, const gonio_dataset *all, cons
         }
         if (status == GONIO_OK) {
             status = gonio_smooth_base_init(side == 0 ? &s->train : &s->held, side == 0 ? &in->train : &in->held,
-                                         lobes != NULL ? &own : NULL, error);
+                                            lobes != NULL ? &own : NULL, error);
         }
         free(own.strength);
     }
@@ -101,8 +100,8 @@ static gonio_status score_points(gonio_descent *s, gonio_smooth_score *score, go
     const size_t c = (size_t)s->in->channels, count = gonio_smooth_cg_count(s->cg, s->form.level);
     gonio_status status = GONIO_OK;
     for (size_t k = 0; k < c && status == GONIO_OK; k++) {
-        status = gonio_smooth_cg_eval(s->cg, &s->in->held, s->form.level, s->points + k * count, s->in->residuals + k, c,
-                                   error);
+        status = gonio_smooth_cg_eval(s->cg, &s->in->held, s->form.level, s->points + k * count, s->in->residuals + k,
+                                      c, error);
     }
     for (size_t i = 0; i < s->in->held.n * c && status == GONIO_OK; i++) {
         // The held-out targets lost their own mean; the model adds the training mean.
@@ -143,7 +142,7 @@ static void keep_trial(const gonio_descent *s, double lambda, gonio_smooth_score
 }
 
 gonio_status gonio_descent_solve(gonio_descent *s, double lambda, bool warm, gonio_smooth_score *score,
-                                    gonio_error *error) {
+                                 gonio_error *error) {
     const size_t c = (size_t)s->in->channels, count = gonio_smooth_cg_count(s->cg, s->form.level);
     gonio_status status = GONIO_OK;
     for (size_t k = 0; k < c && status == GONIO_OK; k++) {
@@ -151,10 +150,10 @@ gonio_status gonio_descent_solve(gonio_descent *s, double lambda, bool warm, gon
         double *points = s->points + k * count;
         if (warm) {
             status = gonio_smooth_cg_solve(s->cg, s->train.rest + k, c, s->form.level, lambda, trial_iterations(s),
-                                        TOLERANCE, points, &report, error);
+                                           TOLERANCE, points, &report, error);
         } else {
             status = gonio_smooth_cg_cascade(s->cg, s->train.rest + k, c, lambda, 2 * trial_iterations(s), TOLERANCE,
-                                          points, &report, error);
+                                             points, &report, error);
         }
     }
     if (status == GONIO_OK) {
@@ -174,15 +173,15 @@ gonio_status gonio_descent_start(gonio_descent *s, gonio_smooth_score *score, go
     return score_points(s, score, error);
 }
 
-gonio_status gonio_descent_replicate(gonio_descent *s, const double *targets,
-                                        const gonio_iterative_choice *choice, double *out, gonio_error *error) {
+gonio_status gonio_descent_replicate(gonio_descent *s, const double *targets, const gonio_iterative_choice *choice,
+                                     double *out, gonio_error *error) {
     gonio_smooth_cg_report unused;
     gonio_status status = GONIO_OK;
     if (choice->start_only) {
         gonio_smooth_cg_start(s->cg, targets, 1, s->form.level, s->points);
     } else {
-        status = gonio_smooth_cg_cascade(s->cg, targets, 1, choice->lambda, 2 * trial_iterations(s), TOLERANCE, s->points,
-                                      &unused, error);
+        status = gonio_smooth_cg_cascade(s->cg, targets, 1, choice->lambda, 2 * trial_iterations(s), TOLERANCE,
+                                         s->points, &unused, error);
     }
     return status == GONIO_OK ? gonio_smooth_cg_eval(s->cg, &s->in->held, s->form.level, s->points, out, 1, error)
                               : status;
@@ -337,7 +336,7 @@ static gonio_status settle_lambda(gonio_descent *s, gonio_error *error) {
 }
 
 gonio_status gonio_descent_first(gonio_descent *s, const gonio_smooth_form *form, double lambda, double hopeless,
-                                    gonio_error *error) {
+                                 gonio_error *error) {
     gonio_status status = gonio_descent_set(s, form, error);
     bool better;
     if (status == GONIO_OK && s->options->lambda >= 0) {

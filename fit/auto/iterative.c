@@ -9,10 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/auto/descent.h"
 #include "fit/lobes/fit.h"
 #include "fit/smooth/cg.h"
 #include "fit/smooth/precondition.h"
-#include "fit/auto/descent.h"
 
 #define FINAL_ITERATIONS 200
 #define TOLERANCE 1e-3 // the gradient's fall that ends a solve: below what the held-out error can tell
@@ -300,8 +300,8 @@ static gonio_status solve_channels(const gonio_dataset *data, gonio_deadline *wa
         if (choice->start_only) {
             gonio_smooth_cg_start(cg, base->rest + k, c, lattice->level, points);
         } else {
-            status = gonio_smooth_cg_cascade(cg, base->rest + k, c, choice->lambda, iterations, TOLERANCE, points, &report,
-                                          error);
+            status = gonio_smooth_cg_cascade(cg, base->rest + k, c, choice->lambda, iterations, TOLERANCE, points,
+                                             &report, error);
         }
         choice->iterations = report.iterations > choice->iterations ? report.iterations : choice->iterations;
         choice->gradient = fmax(choice->gradient, report.gradient);

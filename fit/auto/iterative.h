@@ -3,20 +3,20 @@
 #define GONIO_FIT_AUTO_ITERATIVE_H
 
 #include "brdf/kind/lobe_spline.h"
-#include "fit/smooth/loo.h"
 #include "fit/deadline.h"
+#include "fit/smooth/loo.h"
 
 // A form and a base to try.
 typedef struct gonio_smooth_candidate {
-    gonio_smooth_form form;          // its level is where the search begins
+    gonio_smooth_form form;       // its level is where the search begins
     const gonio_lobe_base *lobes; // NULL: none; borrowed
     double lambda;                // with the form where it begins; 0: not known
 } gonio_smooth_candidate;
 
 #define GONIO_SMOOTH_GRAZING 2 // grazing factors that are tried beside none
 #define GONIO_SMOOTH_CANDIDATES (GONIO_COORDINATES * (2 + GONIO_SMOOTH_GRAZING))
-// Bases of a grazing factor alone, exponents 1/2 and 1 (brdf/kind/lobe_spline.h). Candidates without lobes stand in the order
-// of the exponent.
+// Bases of a grazing factor alone, exponents 1/2 and 1 (brdf/kind/lobe_spline.h). Candidates without lobes stand in the
+// order of the exponent.
 void gonio_smooth_grazing_bases(const gonio_dataset *data, gonio_lobe_base bases[GONIO_SMOOTH_GRAZING]);
 
 // The best that was scored of a base in some coordinates at a level.
@@ -36,10 +36,10 @@ typedef struct gonio_iterative_choice {
     const gonio_lobe_base *lobes;
     double lambda;
     gonio_smooth_score score, start_score; // on the held-out geometries: of the solution, of its multilevel start
-    double ns;                          // of an evaluation; 0: not asked for
-    bool start_only;                    // the start was better: it is the answer
-    int iterations;                     // of the final solve, the most of any channel
-    double gradient;                    // how far its gradient fell, the worst of any channel
+    double ns;                             // of an evaluation; 0: not asked for
+    bool start_only;                       // the start was better: it is the answer
+    int iterations;                        // of the final solve, the most of any channel
+    double gradient;                       // how far its gradient fell, the worst of any channel
 } gonio_iterative_choice;
 
 // Choose among the candidates; every fifth geometry is held out. compare_only: the level is searched

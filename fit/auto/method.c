@@ -256,8 +256,8 @@ static gonio_status fit_any(const gonio_samples *samples, const gonio_fit_option
                             gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     *out = NULL;
     const gonio_dataset_options how = {.mirror = mirrored(samples, options),
-                                        .domain = options->domain_set ? options->domain : GONIO_LOG,
-                                        .reciprocal = needs_swapped(options)};
+                                       .domain = options->domain_set ? options->domain : GONIO_LOG,
+                                       .reciprocal = needs_swapped(options)};
     gonio_deadline watch = gonio_deadline_begin(options);
     gonio_dataset data;
     gonio_status status = gonio_dataset_init(&data, samples, &how, error);

@@ -135,11 +135,9 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
     }
     p.base.strength = maker->lobes > 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.1) : NULL;
     p.lattice = kind_lattice(dims, level, channels);
-    if ((has & KIND_RANGE) != 0) {
-        p.range = kind_numbers(2 * c, -2);
-        for (size_t k = 0; k < c; k++) {
-            p.range[2 * k + 1] = 2;
-        }
+    p.range = (has & KIND_RANGE) != 0 ? kind_numbers(2 * c, -2) : NULL;
+    for (size_t k = 0; p.range != NULL && k < c; k++) {
+        p.range[2 * k + 1] = 2;
     }
     if ((has & KIND_SIGMA) != 0) {
         p.sigma = kind_lattice(dims, 1, 1);

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "gonio/output.h"
 #include "gonio/session_calibration.h"
+#include "gonio/output.h"
 #include "host/cli/calibrate/calibrate.h"
 #include "host/cli/rig_file.h"
 
