@@ -8,7 +8,7 @@
 
 #define MARK "#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI"
 
-static bool is_retro(const gonio_source *source) {
+static bool recognise(const gonio_source *source) {
     char head[4097];
     snprintf(head, sizeof head, "%.4096s", source->data);
     return head[0] == '#' && strstr(head, MARK) != NULL;
@@ -35,10 +35,10 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     return gonio_row_collector_add(sink, &pair, &numbers[3], NULL, NULL, error);
 }
 
-static gonio_status read_retro(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_retro(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, options, "retro");
+    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "retro");
     gonio_status status = gonio_samples_new(1, false, &sink.samples, error);
     if (status == GONIO_OK) {
         strcpy(sink.samples->channel_names[0], "value");
@@ -52,4 +52,11 @@ static gonio_status read_retro(const gonio_source *source, const gonio_read_opti
     return gonio_row_collector_end(&sink, status, out, report, error);
 }
 
-const gonio_format gonio_format_retro = {.name = "retro", .is = is_retro, .read = read_retro};
+static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+
+const gonio_format gonio_format_retro = {.name = "retro",
+                                         .summary = "CEA retro-reflection text",
+                                         .extensions = ".dat",
+                                         .recognise = recognise,
+                                         .read = read_retro,
+                                         .options = options};

@@ -12,7 +12,7 @@
 
 static double azimuth(double phi) { return gonio_angle_canonical(fmin(fmax(phi, -2 * GONIO_PI), 2 * GONIO_PI)); }
 
-static bool is_cornell(const gonio_source *source) {
+static bool recognise(const gonio_source *source) {
     char line[64], *end;
     const char *first = gonio_source_first_line(source, line, sizeof line);
     const long n = strtol(first, &end, 10);
@@ -93,10 +93,10 @@ static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collect
     return status;
 }
 
-static gonio_status read_cornell(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_cornell(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                  gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, options, "cornell");
+    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "cornell");
     char *fields[4 + GONIO_CHANNELS_MAX];
     const char *first = gonio_text_content(&text);
     const long channels = strtol(first, NULL, 10);
@@ -115,4 +115,11 @@ static gonio_status read_cornell(const gonio_source *source, const gonio_read_op
     return gonio_row_collector_end(&sink, status, out, report, error);
 }
 
-const gonio_format gonio_format_cornell = {.name = "cornell", .is = is_cornell, .read = read_cornell};
+static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+
+const gonio_format gonio_format_cornell = {.name = "cornell",
+                                           .summary = "Cornell gonioreflectometer text",
+                                           .extensions = ".brdf",
+                                           .recognise = recognise,
+                                           .read = read_cornell,
+                                           .options = options};

@@ -12,19 +12,44 @@ typedef struct gonio_source {
     size_t size;
 } gonio_source;
 
+// The values of a format's options, in the order of its table.
+typedef struct gonio_format_value {
+    const char *text; // as given, or the option's standard
+    size_t count;     // COUNT
+    int choice;       // CHOICE: which of the words
+} gonio_format_value;
+
+typedef struct gonio_format_values {
+    uint64_t seed;
+    double wavelength_nm;
+    gonio_format_value at[GONIO_FORMAT_SETTINGS_MAX];
+} gonio_format_values;
+
+// A format is one file, its registration last there, and one line in io/formats.def.
 typedef struct gonio_format {
-    const char *name;
+    const char *name, *summary, *extensions; // as in gonio_format_facts
     // Is it of this format? Must not change the data; a damaged file of the format still counts, its reader says why.
-    bool (*is)(const gonio_source *source);
+    // At most one format says yes to a file.
+    bool (*recognise)(const gonio_source *source);
     // The samples; the caller frees them. On failure *out is NULL.
-    gonio_status (*read)(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+    gonio_status (*read)(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                          gonio_read_report *report, gonio_error *error);
     // An interpolating model. NULL: the format holds scattered samples, which must be fitted.
     gonio_status (*table)(const gonio_source *source, gonio_model **out, gonio_error *error);
+    // Optional, both: samples, or a model as a table, to a stream. The stream's own failures are the caller's matter.
+    gonio_status (*write)(const gonio_samples *samples, FILE *stream, gonio_error *error);
+    gonio_status (*write_table)(const gonio_model *model, FILE *stream, gonio_error *error);
+    double precision;                   // as in gonio_format_facts
+    const gonio_format_option *options; // of read; NULL: none
 } gonio_format;
 
-extern const gonio_format gonio_format_samples, gonio_format_cornell, gonio_format_nist, gonio_format_retro,
-    gonio_format_merl, gonio_format_rgl;
+// By number, from 0 on; NULL past the last.
+const gonio_format *gonio_format_at(int number);
+// The values that the options give; GONIO_E_USAGE for an option that the format does not have, or a wrong value.
+gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_options *options,
+                                gonio_format_values *values, gonio_error *error);
+// " a, b and c" of every format for which `which` holds, for messages.
+void gonio_format_summaries(bool (*which)(const gonio_format *format), char *text, size_t size);
 
 // The first line of a text that is neither empty nor a comment, for recognising it; "" where there is none or the data
 // is binary. buffer holds it.
@@ -34,6 +59,22 @@ const char *gonio_source_first_line(const gonio_source *source, char *buffer, si
 // reads as a sigma column.
 gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
                                        gonio_error *error);
+
+// What becomes of negative values, in the order of the option's words.
+typedef enum gonio_negatives {
+    // Kept where the file states sigma and every one lies within GONIO_NOISE_SIGMAS of 0, as a calibrated measurement
+    // of
+    // something black scatters; else an error, as REJECT.
+    GONIO_NEGATIVES_NOISE,
+    GONIO_NEGATIVES_REJECT, // an error with the count and the first line
+    GONIO_NEGATIVES_CLAMP,  // raised to 0, counted
+    GONIO_NEGATIVES_KEEP,
+} gonio_negatives;
+#define GONIO_OPTION_NEGATIVES                                                                                         \
+    {                                                                                                                  \
+        "negatives", GONIO_FORMAT_CHOICE, "noise|reject|clamp|keep", "noise",                                          \
+            "negative values (noise: kept within 5 sigma of 0, else refused)"                                          \
+    }
 
 // Rows of a text file on their way into a set: the policy on negative values, and the counts.
 typedef struct gonio_row_collector {
@@ -48,8 +89,8 @@ typedef struct gonio_row_collector {
     double refused_value, refused_sigma;
 } gonio_row_collector;
 
-gonio_row_collector gonio_row_collector_begin(const gonio_text *text, const gonio_read_options *options,
-                                              const char *format);
+// Before the text's first line is read.
+gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format);
 // values may be changed (clamped). sigma_random and sigma_systematic: both NULL where the file states none. The line is
 // the text's current one.
 gonio_status gonio_row_collector_add(gonio_row_collector *sink, const gonio_pair *pair, double *values,

@@ -12,7 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/output.h"
 #include "io/format.h"
 
 #define N_H 90
@@ -33,7 +32,7 @@ static int32_t dimension(const gonio_source *source, int k) {
 }
 
 // Three plausible counts and a zero byte among them, so no text: then it is meant to be such a table.
-static bool is_merl(const gonio_source *source) {
+static bool recognise(const gonio_source *source) {
     if (source->size < HEADER || memchr(source->data, 0, HEADER) == NULL) {
         return false;
     }
@@ -145,24 +144,24 @@ static bool values_at(const gonio_source *source, size_t at, double values[3]) {
     return true;
 }
 
-static gonio_status add_cells(const gonio_source *source, const gonio_read_options *options, gonio_samples *samples,
+static gonio_status add_cells(const gonio_source *source, const gonio_format_values *values, gonio_samples *samples,
                               gonio_read_report *report, gonio_error *error) {
     // A cell is kept where its hash is below the share that the limit leaves; valid cells are about 4/5 of all.
-    const double share = options->limit > 0 ? (double)options->limit / (double)CELLS : 1;
-    const uint64_t key = mixed(options->seed + 0x9e3779b97f4a7c15u);
+    const double share = values->at[0].count > 0 ? (double)values->at[0].count / (double)CELLS : 1;
+    const uint64_t key = mixed(values->seed + 0x9e3779b97f4a7c15u);
     for (size_t at = 0; at < CELLS; at++) {
         if (share < 1 && (double)(mixed(key ^ at * 0x9e3779b97f4a7c15u) >> 11) * 0x1p-53 >= share) {
             continue;
         }
         const int p = (int)(at % N_P), d = (int)(at / N_P % N_D), h = (int)(at / N_P / N_D);
         gonio_pair pair;
-        double values[3];
+        double rgb[3];
         report->rows++;
-        if (!centre(h, d, p, &pair) || !values_at(source, at, values)) {
+        if (!centre(h, d, p, &pair) || !values_at(source, at, rgb)) {
             report->invalid++;
             continue;
         }
-        const gonio_status status = gonio_samples_add(samples, &pair, values, NULL, NULL, error);
+        const gonio_status status = gonio_samples_add(samples, &pair, rgb, NULL, NULL, error);
         if (status != GONIO_OK) {
             return status;
         }
@@ -170,7 +169,7 @@ static gonio_status add_cells(const gonio_source *source, const gonio_read_optio
     return GONIO_OK;
 }
 
-static gonio_status read_merl(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_merl(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     gonio_read_report own = {.format = "merl", .first_negative_line = -1};
     gonio_status status = check(source, error);
@@ -181,7 +180,7 @@ static gonio_status read_merl(const gonio_source *source, const gonio_read_optio
         return status;
     }
     memcpy((*out)->channel_names, names, sizeof names);
-    status = add_cells(source, options, *out, &own, error);
+    status = add_cells(source, values, *out, &own, error);
     if (status == GONIO_OK && (*out)->n == 0) {
         status = gonio_fail_byte(error, GONIO_E_INPUT, source->path, HEADER, "no valid value in the table");
     }
@@ -266,8 +265,6 @@ static gonio_status table_merl(const gonio_source *source, gonio_model **out, go
     return GONIO_OK;
 }
 
-const gonio_format gonio_format_merl = {.name = "merl", .is = is_merl, .read = read_merl, .table = table_merl};
-
 // ---- writing ----
 
 static void put_little(FILE *stream, const void *bits, size_t size) {
@@ -314,7 +311,7 @@ static void fill_planes(const gonio_model *model, double *planes) {
     }
 }
 
-gonio_status gonio_write_merl(const gonio_model *model, const char *path, gonio_error *error) {
+static gonio_status write_merl(const gonio_model *model, FILE *stream, gonio_error *error) {
     if (model->channels != 3 && model->channels != 1) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a MERL table holds r, g, b; the model has %d channels",
                           model->channels);
@@ -327,20 +324,26 @@ gonio_status gonio_write_merl(const gonio_model *model, const char *path, gonio_
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a MERL table");
     }
     fill_planes(model, planes);
-    gonio_output *output;
-    const gonio_status status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        free(planes);
-        return status;
-    }
-    FILE *stream = gonio_output_stream(output);
     const int32_t dimensions[3] = {N_H, N_D, N_P};
     for (int k = 0; k < 3; k++) {
         put_little(stream, &dimensions[k], 4);
     }
-    for (size_t i = 0; i < 3 * CELLS; i++) {
+    for (size_t i = 0; i < 3 * CELLS && !ferror(stream); i++) {
         put_little(stream, &planes[i], 8);
     }
     free(planes);
-    return gonio_output_commit(output, error);
+    return GONIO_OK;
 }
+
+static const gonio_format_option options[] = {
+    {"limit", GONIO_FORMAT_COUNT, "N", "0", "at most about N samples of a table"}, {0}};
+
+const gonio_format gonio_format_merl = {.name = "merl",
+                                        .summary = "MERL table",
+                                        .extensions = ".binary",
+                                        .recognise = recognise,
+                                        .read = read_merl,
+                                        .table = table_merl,
+                                        .write_table = write_merl,
+                                        .precision = 0x1p-51, // a value is divided by its plane's scale and multiplied
+                                        .options = options};

@@ -10,6 +10,7 @@
 #include "io/format.h"
 
 #define COLUMNS 21
+enum { NEGATIVES, MUELLER }; // options
 
 typedef struct nist_row {
     gonio_pair pair;
@@ -25,7 +26,7 @@ typedef struct nist_rows {
     int element; // column beside f_r11: 0 f_r11 itself, 1 f_r12 ... 15 f_r44
 } nist_rows;
 
-static bool is_nist(const gonio_source *source) {
+static bool recognise(const gonio_source *source) {
     char line[64];
     return strncmp(gonio_source_first_line(source, line, sizeof line), "lambda,", 7) == 0;
 }
@@ -225,20 +226,21 @@ static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collecto
     return status;
 }
 
-static gonio_status read_nist(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_nist(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, options, "nist");
-    nist_rows all = {.element = element_of(options->mueller != NULL ? options->mueller : "f_r11")};
+    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[NEGATIVES].choice, "nist");
+    nist_rows all = {.element = element_of(values->at[MUELLER].text)};
     if (all.element < 0) {
-        return gonio_fail(error, GONIO_E_USAGE, "Mueller element '%s'; expected f_r11 to f_r44", options->mueller);
+        return gonio_fail(error, GONIO_E_USAGE, "Mueller element '%s'; expected f_r11 to f_r44",
+                          values->at[MUELLER].text);
     }
     if (all.element > 0) {
         sink.policy = GONIO_NEGATIVES_KEEP; // every element but the first is signed by nature
     }
     gonio_status status = read_rows(&text, &all, error);
-    if (status == GONIO_OK && options->wavelength_um > 0) {
-        status = choose(&text, &all, options->wavelength_um, error);
+    if (status == GONIO_OK && values->wavelength_nm > 0) {
+        status = choose(&text, &all, values->wavelength_nm / 1000, error);
     }
     if (status == GONIO_OK) {
         status = collect(&text, &all, &sink, error);
@@ -247,4 +249,14 @@ static gonio_status read_nist(const gonio_source *source, const gonio_read_optio
     return gonio_row_collector_end(&sink, status, out, report, error);
 }
 
-const gonio_format gonio_format_nist = {.name = "nist", .is = is_nist, .read = read_nist};
+static const gonio_format_option options[] = {
+    [NEGATIVES] = GONIO_OPTION_NEGATIVES,
+    [MUELLER] = {"mueller", GONIO_FORMAT_TEXT, "ELEMENT", "f_r11", "Mueller element, f_r11 to f_r44"},
+    {0}};
+
+const gonio_format gonio_format_nist = {.name = "nist",
+                                        .summary = "NIST Mueller-matrix CSV",
+                                        .extensions = ".csv",
+                                        .recognise = recognise,
+                                        .read = read_nist,
+                                        .options = options};

@@ -5,24 +5,12 @@
 
 #include "io/format.h"
 
-// Binary formats first: their marks are the surest.
-static const gonio_format *const formats[] = {&gonio_format_rgl,
-                                              &gonio_format_merl,
-                                              &gonio_format_nist,
-                                              &gonio_format_retro,
-                                              &gonio_format_cornell,
-                                              &gonio_format_samples,
-                                              NULL};
+void gonio_read_options_default(gonio_read_options *options) { *options = (gonio_read_options){.seed = 1}; }
 
-#define KNOWN_TABLES "a MERL or RGL table"
-#define KNOWN "a samples CSV (header theta_i,phi_i,theta_o,phi_o,...), Cornell, NIST or CEA text, " KNOWN_TABLES
-
-void gonio_read_options_default(gonio_read_options *options) {
-    *options = (gonio_read_options){.negatives = GONIO_NEGATIVES_NOISE, .mueller = "f_r11", .seed = 1};
-}
-
-const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size) {
+// The line's number too.
+static const char *first_line(const gonio_source *source, char *buffer, size_t size, long long *number) {
     buffer[0] = 0;
+    *number = 1;
     const size_t looked_at = source->size < 65536 ? source->size : 65536;
     const char *at = source->data, *end = source->data + looked_at;
     if (memchr(at, 0, looked_at) != NULL) {
@@ -32,7 +20,9 @@ const char *gonio_source_first_line(const gonio_source *source, char *buffer, si
         at += 3;
     }
     while (at < end) {
-        at += strspn(at, " \t\r\n");
+        for (size_t blanks = strspn(at, " \t\r\n"); blanks > 0; blanks--) {
+            *number += *at++ == '\n';
+        }
         if (*at != '#' && *at != 0) {
             snprintf(buffer, size, "%.*s", (int)strcspn(at, "\r\n"), at);
             return buffer;
@@ -40,6 +30,11 @@ const char *gonio_source_first_line(const gonio_source *source, char *buffer, si
         at += strcspn(at, "\n");
     }
     return buffer;
+}
+
+const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size) {
+    long long number;
+    return first_line(source, buffer, size, &number);
 }
 
 #define MODEL_MAGIC "GONIOMDL"
@@ -81,27 +76,30 @@ static gonio_status unknown_format(const gonio_source *source, const char *expec
                                "it is a fitted model; expected samples or a measured table");
     }
     char line[81];
-    if (gonio_source_first_line(source, line, sizeof line)[0] != 0) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, -1, "unknown text, beginning with '%s'; expected %s",
-                               line, expected);
+    long long number;
+    if (first_line(source, line, sizeof line, &number)[0] != 0) {
+        return gonio_fail_line(error, GONIO_E_INPUT, source->path, number,
+                               "unknown text, beginning with '%s'; expected%s", line, expected);
     }
-    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "no BRDF file of a known format; expected %s",
+    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0, "no BRDF file of a known format; expected%s",
                            expected);
 }
 
-static gonio_status open_source(const char *path, const char *expected, gonio_source *source,
+// wanted: which formats the caller can use, for the message.
+static gonio_status open_source(const char *path, bool (*wanted)(const gonio_format *format), gonio_source *source,
                                 const gonio_format **format, gonio_error *error) {
     *source = (gonio_source){.path = path};
+    char expected[400];
+    gonio_format_summaries(wanted, expected, sizeof expected);
     gonio_status status = gonio_file_read(path, 0, &source->data, &source->size, error);
     if (status != GONIO_OK) {
         return status;
     }
     if (source->size == 0) {
-        status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected %s", expected);
+        status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected%s", expected);
     } else {
-        for (int i = 0; formats[i] != NULL; i++) {
-            if (formats[i]->is(source)) {
-                *format = formats[i];
+        for (int i = 0; (*format = gonio_format_at(i)) != NULL; i++) {
+            if ((*format)->recognise(source)) {
                 return GONIO_OK;
             }
         }
@@ -111,16 +109,24 @@ static gonio_status open_source(const char *path, const char *expected, gonio_so
     return status;
 }
 
+static bool any(const gonio_format *format) { return format->read != NULL; }
+static bool tables(const gonio_format *format) { return format->table != NULL; }
+
 gonio_status gonio_read(const char *path, const gonio_read_options *options, gonio_samples **out,
                         gonio_read_report *report, gonio_error *error) {
     *out = NULL;
     gonio_source source;
     const gonio_format *format;
-    gonio_status status = open_source(path, KNOWN, &source, &format, error);
-    if (status == GONIO_OK) {
-        status = format->read(&source, options, out, report, error);
-        free(source.data);
+    gonio_status status = open_source(path, any, &source, &format, error);
+    if (status != GONIO_OK) {
+        return status;
     }
+    gonio_format_values values;
+    status = gonio_format_parse(format, options, &values, error);
+    if (status == GONIO_OK) {
+        status = format->read(&source, &values, out, report, error);
+    }
+    free(source.data);
     if (status == GONIO_OK) {
         status = gonio_channel_names_check(path, (const char(*)[GONIO_CHANNEL_NAME_MAX])(*out)->channel_names,
                                            (*out)->channels, error);
@@ -136,7 +142,7 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
     *out = NULL;
     gonio_source source;
     const gonio_format *format;
-    gonio_status status = open_source(path, "a model file (GONIOMDL), " KNOWN_TABLES, &source, &format, error);
+    gonio_status status = open_source(path, tables, &source, &format, error);
     if (status != GONIO_OK) {
         return status;
     }

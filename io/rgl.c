@@ -38,7 +38,7 @@ typedef struct tensor_file {
     int n;
 } tensor_file;
 
-static bool is_rgl(const gonio_source *source) {
+static bool recognise(const gonio_source *source) {
     return source->size >= sizeof MAGIC && memcmp(source->data, MAGIC, sizeof MAGIC) == 0;
 }
 
@@ -443,9 +443,7 @@ static gonio_status table_rgl(const gonio_source *source, gonio_model **out, gon
 
 // ---- samples ----
 
-#define SAMPLES_DEFAULT 100000 // stratified in Nusselt coordinates: 46 a unit, where the file's own tables have 32
-
-static gonio_status read_rgl(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_rgl(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                              gonio_read_report *report, gonio_error *error) {
     gonio_model *model;
     gonio_status status = table_rgl(source, &model, error);
@@ -453,9 +451,9 @@ static gonio_status read_rgl(const gonio_source *source, const gonio_read_option
         return status;
     }
     char text[64];
-    snprintf(text, sizeof text, "nusselt:%zu", options->limit > 0 ? options->limit : SAMPLES_DEFAULT);
+    snprintf(text, sizeof text, "nusselt:%zu", values->at[0].count);
     gonio_plan *plan;
-    status = gonio_plan_make(text, options->seed, &plan, error);
+    status = gonio_plan_make(text, values->seed, &plan, error);
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, plan->poses, plan->n, out, error);
         gonio_plan_free(plan);
@@ -467,4 +465,14 @@ static gonio_status read_rgl(const gonio_source *source, const gonio_read_option
     return status;
 }
 
-const gonio_format gonio_format_rgl = {.name = "rgl", .is = is_rgl, .read = read_rgl, .table = table_rgl};
+// 100,000 pairs, stratified in Nusselt coordinates: 46 a unit, where the file's own tables have 32.
+static const gonio_format_option options[] = {
+    {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"}, {0}};
+
+const gonio_format gonio_format_rgl = {.name = "rgl",
+                                       .summary = "RGL/EPFL table",
+                                       .extensions = ".bsdf",
+                                       .recognise = recognise,
+                                       .read = read_rgl,
+                                       .table = table_rgl,
+                                       .options = options};

@@ -34,10 +34,10 @@ gonio_status gonio_channel_names_check(const char *path, const char (*names)[GON
     return GONIO_OK;
 }
 
-gonio_row_collector gonio_row_collector_begin(const gonio_text *text, const gonio_read_options *options,
-                                              const char *format) {
-    gonio_row_collector sink = {.text = text, .policy = options->negatives};
+gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format) {
+    gonio_row_collector sink = {.text = text, .policy = policy};
     sink.report.first_negative_line = -1;
+    sink.report.open_end = text->next < text->end && text->end[-1] != '\n';
     snprintf(sink.report.format, sizeof sink.report.format, "%s", format);
     return sink;
 }
@@ -66,6 +66,7 @@ gonio_status gonio_row_collector_add(gonio_row_collector *sink, const gonio_pair
                           sigma_random != NULL ? hypot(sigma_random[c], sigma_systematic[c]) : (double)NAN);
             if (sink->policy == GONIO_NEGATIVES_CLAMP) {
                 values[c] = 0;
+                sink->report.clamped++;
             }
         }
     }

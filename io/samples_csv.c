@@ -5,13 +5,10 @@
 // Angles in degrees, f_r in 1/sr. sigma_<channel> is the combined standard uncertainty. The two parts follow where the
 // systematic one is not zero throughout; a reader takes them then and the combined one only where they are missing. The
 // comment "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
-#include <ctype.h>
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "gonio/output.h"
 #include "io/format.h"
 
 #define COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX)
@@ -24,11 +21,17 @@ typedef struct layout {
     bool with_sigma, with_parts;
 } layout;
 
-static bool is_samples(const gonio_source *source) {
-    // A header of names: what is wrong with it, this reader says best.
+// A header that holds one of the angles: what else is wrong with it, this reader says best.
+static bool recognise(const gonio_source *source) {
+    static const char *const angles[] = {"theta_i", "phi_i", "theta_o", "phi_o"};
     char line[256];
     const char *first = gonio_source_first_line(source, line, sizeof line);
-    return strncmp(first, "theta_i", 7) == 0 || (isalpha((unsigned char)first[0]) && strchr(first, ',') != NULL);
+    for (size_t k = 0; k < sizeof angles / sizeof *angles; k++) {
+        if (strstr(first, angles[k]) != NULL) {
+            return true;
+        }
+    }
+    return false;
 }
 
 // ---- reading ----
@@ -201,12 +204,12 @@ static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_
     return read_rows(text, fields, l, sink, error);
 }
 
-static gonio_status read_samples(const gonio_source *source, const gonio_read_options *options, gonio_samples **out,
+static gonio_status read_samples(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                  gonio_read_report *report, gonio_error *error) {
     char **fields = malloc(COLUMNS_MAX * sizeof *fields);
     layout *l = malloc(sizeof *l);
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, options, "samples");
+    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "samples");
     gonio_status status = GONIO_OK;
     if (fields == NULL || l == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
@@ -217,8 +220,6 @@ static gonio_status read_samples(const gonio_source *source, const gonio_read_op
     free(fields);
     return gonio_row_collector_end(&sink, status, out, report, error);
 }
-
-const gonio_format gonio_format_samples = {.name = "samples", .is = is_samples, .read = read_samples};
 
 // ---- writing ----
 
@@ -277,7 +278,7 @@ static void put_row(const gonio_samples *s, size_t i, bool systematic, FILE *str
     fputc('\n', stream);
 }
 
-gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error) {
+static gonio_status write_samples(const gonio_samples *samples, FILE *stream, gonio_error *error) {
     const gonio_status status = gonio_channel_names_check(
         NULL, (const char(*)[GONIO_CHANNEL_NAME_MAX])samples->channel_names, samples->channels, error);
     if (status != GONIO_OK) {
@@ -288,22 +289,15 @@ gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stre
     for (size_t i = 0; i < samples->n && !ferror(stream); i++) {
         put_row(samples, i, systematic, stream);
     }
-    if (fflush(stream) != 0 || ferror(stream)) {
-        return gonio_fail(error, GONIO_E_IO, "cannot write the samples: %s", strerror(errno));
-    }
     return GONIO_OK;
 }
 
-gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error) {
-    gonio_output *output;
-    gonio_status status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = gonio_write_samples_stream(samples, gonio_output_stream(output), error);
-    if (status != GONIO_OK) {
-        gonio_output_abandon(output);
-        return status;
-    }
-    return gonio_output_commit(output, error);
-}
+static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+
+const gonio_format gonio_format_samples = {.name = "samples",
+                                           .summary = "samples CSV (header " GONIO_PAIR_HEADER ",...)",
+                                           .extensions = ".csv",
+                                           .recognise = recognise,
+                                           .read = read_samples,
+                                           .write = write_samples,
+                                           .options = options};

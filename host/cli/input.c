@@ -10,28 +10,91 @@
 // A wavelength is given in nm; nobody measures below 20 nm or beyond 20 um, so a small number is in um.
 static double wavelength_nm(double given) { return given < 20 ? 1000 * given : given; }
 
-static gonio_status fill_options(const cli_input *in, const cli_common *common, gonio_read_options *options,
-                                 gonio_error *error) {
-    gonio_read_options_default(options);
-    options->seed = common->seed;
-    options->limit = in->limit;
-    options->wavelength_um = wavelength_nm(in->wavelength) / 1000;
-    if (in->mueller != NULL) {
-        options->mueller = in->mueller;
-    }
-    if (in->negatives == NULL) {
-        return GONIO_OK;
-    }
-    static const char *const names[] = {"reject", "clamp", "keep", "noise"};
-    for (int k = 0; k < 4; k++) {
-        if (strcmp(in->negatives, names[k]) == 0) {
-            options->negatives = (gonio_negatives)k;
-            return GONIO_OK;
+// ---- the options of the formats ----
+
+static void append(char *text, const char *more) {
+    const size_t used = strlen(text);
+    snprintf(text + used, CLI_INPUT_HELP - used, "%s", more);
+}
+
+// The help of an option, then the formats that have it and its standard with each: "... (merl: 0; rgl: 100k)".
+static void put_help(const char *name, char *text) {
+    const char *standard = NULL;
+    gonio_format_facts f;
+    text[0] = 0;
+    for (int i = 0; gonio_format_get(i, &f); i++) {
+        for (const gonio_format_option *o = f.options; o->name != NULL; o++) {
+            if (strcmp(o->name, name) != 0) {
+                continue;
+            }
+            if (standard == NULL) {
+                append(text, o->help);
+                append(text, " (");
+            } else if (strcmp(standard, o->standard) == 0) {
+                append(text, ", ");
+            } else {
+                append(text, ": ");
+                append(text, standard);
+                append(text, "; ");
+            }
+            append(text, f.name);
+            standard = o->standard;
         }
     }
-    return gonio_fail(error, GONIO_E_USAGE, "--negatives: expected noise, reject, clamp or keep, found '%s'",
-                      in->negatives);
+    append(text, ": ");
+    append(text, standard);
+    append(text, ")");
 }
+
+static bool has_row(const cli_option *rows, int n, const char *name) {
+    for (int k = 0; k < n; k++) {
+        if (strcmp(rows[k].name, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+cli_option *cli_input_table(cli_input *in) {
+    int n = 0;
+    in->rows[n++] = (cli_option){"channel", 0, CLI_TEXT, &in->channel, NULL, "NAME", "only this channel"};
+    in->rows[n++] = (cli_option){"wavelength", 0, CLI_DOUBLE, &in->wavelength, NULL, "NM", "only this wavelength"};
+    gonio_format_facts f;
+    for (int i = 0; gonio_format_get(i, &f); i++) {
+        for (const gonio_format_option *o = f.options; o->name != NULL && n + 1 < CLI_INPUT_ROWS; o++) {
+            if (!has_row(in->rows, n, o->name)) {
+                put_help(o->name, in->help[n]);
+                in->rows[n] = (cli_option){o->name, 0, CLI_TEXT, &in->given[n], NULL, o->argument, in->help[n]};
+                n++;
+            }
+        }
+    }
+    in->rows[n] = (cli_option){0};
+    return in->rows;
+}
+
+gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error *error) {
+    for (int k = 0; k < CLI_INPUT_ROWS && in->rows[k].name != NULL; k++) {
+        if (in->given[k] != NULL) {
+            return gonio_fail(error, GONIO_E_USAGE, "%s: no option of %s; it belongs to file formats: `gonio formats`",
+                              in->rows[k].name, what);
+        }
+    }
+    return GONIO_OK;
+}
+
+static gonio_read_options options_of(const cli_input *in, const cli_common *common) {
+    gonio_read_options options = {.seed = common->seed, .wavelength_nm = wavelength_nm(in->wavelength)};
+    int n = 0;
+    for (int k = 0; k < CLI_INPUT_ROWS && in->rows[k].name != NULL && n < GONIO_FORMAT_SETTINGS_MAX; k++) {
+        if (in->given[k] != NULL) {
+            options.settings[n++] = (gonio_format_setting){in->rows[k].name, in->given[k]};
+        }
+    }
+    return options;
+}
+
+// ---- reading ----
 
 // The one channel that the user wants, if any: replaces *samples.
 static gonio_status choose_channel(const char *path, const cli_input *in, gonio_samples **samples, gonio_error *error) {
@@ -59,35 +122,36 @@ static gonio_status choose_channel(const char *path, const cli_input *in, gonio_
     return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "no channel '%s'; there are%s", wanted, list);
 }
 
-static void tell(const char *path, const gonio_read_options *options, const gonio_read_report *report) {
+static void tell(const char *path, const gonio_read_report *report) {
     if (report->negatives > 0) {
         fprintf(stderr, "gonio: %s: %zu negative values %s (first at line %lld)\n", path, report->negatives,
-                options->negatives == GONIO_NEGATIVES_CLAMP ? "raised to 0"
-                : report->noise == report->negatives        ? "within 5 sigma of 0 kept, as noise about zero"
-                                                            : "kept",
+                report->clamped > 0                  ? "raised to 0"
+                : report->noise == report->negatives ? "within 5 sigma of 0 kept, as noise about zero"
+                                                     : "kept",
                 report->first_negative_line);
     }
     if (report->invalid > 0) {
         fprintf(stderr, "gonio: %s: %zu of %zu entries are not valid and left out\n", path, report->invalid,
                 report->rows);
     }
+    if (report->open_end) {
+        fprintf(stderr, "gonio: %s: its last line has no line end; is the file whole?\n", path);
+    }
 }
 
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error) {
     *out = NULL;
-    gonio_read_options options;
-    gonio_status status = fill_options(in, common, &options, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
+    gonio_status status;
     if (gonio_session_is(path)) {
-        status = gonio_session_read(path, out, error);
+        status = cli_input_refuse(in, "a session", error);
+        status = status == GONIO_OK ? gonio_session_read(path, out, error) : status;
     } else {
+        const gonio_read_options options = options_of(in, common);
         gonio_read_report report;
         status = gonio_read(path, &options, out, &report, error);
         if (status == GONIO_OK) {
-            tell(path, &options, &report);
+            tell(path, &report);
         }
     }
     const bool choose = in->channel != NULL || (in->wavelength > 0 && status == GONIO_OK && (*out)->channels > 1);

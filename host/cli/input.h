@@ -5,27 +5,24 @@
 #include "gonio/io.h"
 #include "host/cli/cli.h"
 
-// What the options below fill; zero-initialise it.
+enum { CLI_INPUT_ROWS = 32, CLI_INPUT_HELP = 240 };
+
+// What the options below fill; zero-initialise it. It must stay where it is.
 typedef struct cli_input {
-    const char *negatives, *mueller, *channel;
+    const char *channel;
     double wavelength;
-    size_t limit;
+    // The options of all formats, each name once: a row of the table, what the user gave (NULL: nothing), its help.
+    cli_option rows[CLI_INPUT_ROWS];
+    const char *given[CLI_INPUT_ROWS];
+    char help[CLI_INPUT_ROWS][CLI_INPUT_HELP];
 } cli_input;
 
-// The options of every verb that takes INPUT; rows of its table.
+// The options of every verb that takes INPUT: a row of its table.
 #define CLI_INPUT_OPTIONS(in)                                                                                          \
-    {"negatives",                                                                                                      \
-     0,                                                                                                                \
-     CLI_TEXT,                                                                                                         \
-     &(in).negatives,                                                                                                  \
-     NULL,                                                                                                             \
-     "noise|reject|clamp|keep",                                                                                        \
-     "negative values (noise: kept within 5 sigma of 0, else refused)"},                                               \
-        {"channel", 0, CLI_TEXT, &(in).channel, NULL, "NAME", "only this channel"},                                    \
-        {"wavelength", 0, CLI_DOUBLE, &(in).wavelength, NULL, "NM", "only this wavelength"},                           \
-        {"mueller", 0, CLI_TEXT, &(in).mueller, NULL, "ELEMENT", "Mueller element of NIST data (f_r11)"}, {            \
-        "limit", 0, CLI_SIZE, &(in).limit, NULL, "N", "at most about N samples of a table (MERL: all, RGL: 100k)"      \
-    }
+    { "", 0, CLI_TABLE, cli_input_table(&(in)), NULL, NULL, NULL }
+cli_option *cli_input_table(cli_input *in);
+// GONIO_E_USAGE where an option of a file format was given; what: "a model", which has none of them.
+gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error *error);
 
 // Read INPUT; what was clamped or left out is told on stderr. The caller frees the samples.
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,

@@ -6,52 +6,41 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void help(const cli_verb *verb, const cli_option *options) {
-    printf("usage: gonio %s %s\n%s\n\n", verb->name, verb->arguments, verb->summary);
+#include "base/text.h"
+
+static void help_rows(const cli_option *options) {
     for (const cli_option *o = options; o != NULL && o->name != NULL; o++) {
+        if (o->kind == CLI_TABLE) {
+            help_rows(o->value);
+            continue;
+        }
         char left[64];
         snprintf(left, sizeof left, "--%s%s%s%s", o->name, o->argument ? " " : "", o->argument ? o->argument : "",
                  o->letter ? (char[]){',', ' ', '-', o->letter, 0} : "");
         printf("  %-32s %s\n", left, o->help);
     }
+}
+
+static void help(const cli_verb *verb, const cli_option *options) {
+    printf("usage: gonio %s %s\n%s\n\n", verb->name, verb->arguments, verb->summary);
+    help_rows(options);
     printf("  %-32s %s\n  %-32s %s\n  %-32s %s\n", "--json", "one JSON object on stdout", "--seed N",
            "seed of everything random (1)", "--threads N", "threads to use (all); results do not depend on it");
 }
 
 static const cli_option *find(const cli_option *options, const char *name, size_t length, char letter) {
     for (const cli_option *o = options; o != NULL && o->name != NULL; o++) {
-        if (name != NULL ? strlen(o->name) == length && strncmp(o->name, name, length) == 0 : o->letter == letter) {
+        if (o->kind == CLI_TABLE) {
+            const cli_option *nested = find(o->value, name, length, letter);
+            if (nested != NULL) {
+                return nested;
+            }
+        } else if (name != NULL ? strlen(o->name) == length && strncmp(o->name, name, length) == 0
+                                : o->letter == letter) {
             return o;
         }
     }
     return NULL;
-}
-
-static bool parse_size(const char *text, size_t *value) {
-    char *end;
-    const double number = strtod(text, &end);
-    double scale = 1;
-    switch (*end) {
-    case 'k':
-        scale = 1e3;
-        end++;
-        break;
-    case 'M':
-        scale = 1e6;
-        end++;
-        break;
-    case 'G':
-        scale = 1e9;
-        end++;
-        break;
-    default:
-        break;
-    }
-    if (end == text || *end != 0 || !(number >= 0) || number * scale > 1e18) {
-        return false;
-    }
-    *value = (size_t)(number * scale);
-    return true;
 }
 
 static bool store(const cli_option *option, const char *text) {
@@ -70,7 +59,7 @@ static bool store(const cli_option *option, const char *text) {
         *(uint64_t *)option->value = strtoull(text, &end, 10);
         return end != text && *end == 0 && errno == 0 && *text != '-';
     case CLI_SIZE:
-        return parse_size(text, option->value);
+        return gonio_text_count(text, option->value);
     case CLI_DOUBLE: {
         const double value = strtod(text, &end);
         *(double *)option->value = value;
@@ -79,6 +68,8 @@ static bool store(const cli_option *option, const char *text) {
     case CLI_TEXT:
         *(const char **)option->value = text;
         return true;
+    case CLI_TABLE: // never found
+        return false;
     case CLI_LIST: {
         cli_list *list = option->value;
         const bool room = list->n < (int)(sizeof list->items / sizeof *list->items);

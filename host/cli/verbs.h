@@ -12,6 +12,7 @@
     X(compare)                                                                                                         \
     X(tradeoff)                                                                                                        \
     X(convert)                                                                                                         \
+    X(formats)                                                                                                         \
     X(check)                                                                                                           \
     X(calibrate)                                                                                                       \
     X(render)                                                                                                          \

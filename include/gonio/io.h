@@ -11,34 +11,71 @@
 extern "C" {
 #endif
 
-typedef enum gonio_negatives {
-    GONIO_NEGATIVES_REJECT = 0, // an error with the count and the first line
-    GONIO_NEGATIVES_CLAMP = 1,  // raised to 0, counted
-    GONIO_NEGATIVES_KEEP = 2,
-    // The default: kept where the file states sigma and every one lies within GONIO_NOISE_SIGMAS of 0, as a calibrated
-    // measurement of something black scatters; else an error, as GONIO_NEGATIVES_REJECT.
-    GONIO_NEGATIVES_NOISE = 3,
-} gonio_negatives;
+// ---- the formats ----
+
+typedef enum gonio_format_option_type {
+    GONIO_FORMAT_TEXT,   // the reader says what it takes
+    GONIO_FORMAT_COUNT,  // a number of things, 0 or more; suffixes k, M, G
+    GONIO_FORMAT_CHOICE, // one of the words of `argument`, between which | stands
+} gonio_format_option_type;
+
+// An option of reading one format.
+typedef struct gonio_format_option {
+    const char *name; // "negatives"; NULL ends a list
+    gonio_format_option_type type;
+    const char *argument; // "noise|reject|clamp|keep", "N"
+    const char *standard; // its value where none is given
+    const char *help;     // one line
+} gonio_format_option;
+
+// What a format is and can do. Everything it points to is static.
+typedef struct gonio_format_facts {
+    const char *name;       // "merl"
+    const char *summary;    // "MERL table"
+    const char *extensions; // of its files, each with its dot, blanks between them; a reader goes by the content alone
+    bool reads;             // gonio_read
+    bool reads_table;       // gonio_read_table
+    bool writes;            // gonio_write_as
+    bool writes_table;      // gonio_write_table_as
+    double precision;       // of a value that is written and read again: relative error at most; 0: the same bits
+    const gonio_format_option *options; // of gonio_read
+} gonio_format_facts;
+
+// The formats by number, from 0 on; false past the last.
+bool gonio_format_get(int number, gonio_format_facts *facts);
+// The format that has a writer and that name or, where name is NULL, an extension in which path ends. GONIO_E_USAGE
+// with the list of writers.
+gonio_status gonio_format_writer(const char *name, const char *path, gonio_format_facts *facts, gonio_error *error);
+
+// ---- reading ----
+
 #define GONIO_NOISE_SIGMAS 5 // combined standard uncertainties; noise alone goes beyond once in 3.5 million values
 
-// How to read. gonio_read_options_default() first.
+typedef struct gonio_format_setting {
+    const char *name, *value; // of one of the format's options: "negatives", "clamp"
+} gonio_format_setting;
+enum { GONIO_FORMAT_SETTINGS_MAX = 16 };
+
+// How to read. gonio_read_options_default() first, or {.seed = 1}.
 typedef struct gonio_read_options {
-    gonio_negatives negatives;
-    double wavelength_um; // NIST: 0 = every wavelength a channel
-    const char *mueller;  // NIST: "f_r11" (default) or "f_r12" ... (multiplied back by f_r11)
-    size_t limit;         // tables: how many geometries to sample from them at most (0: the format's default)
-    uint64_t seed;
+    uint64_t seed;        // of what is drawn: which cells of a table, which pairs
+    double wavelength_nm; // of formats that hold wavelengths in rows of their own (NIST): only this one. 0: all
+    // A NULL name ends them; borrowed. An option that the file's format does not have is GONIO_E_USAGE and the message
+    // lists those it has.
+    gonio_format_setting settings[GONIO_FORMAT_SETTINGS_MAX];
 } gonio_read_options;
 
 typedef struct gonio_read_report {
     char format[32]; // "samples" "cornell" "nist" "merl" "rgl" ...
     size_t rows, negatives, invalid;
     size_t noise;                  // of the negatives: within GONIO_NOISE_SIGMAS of 0
+    size_t clamped;                // of the negatives: raised to 0
     long long first_negative_line; // -1: none
+    bool open_end;                 // a text whose last line has no line end: it may have been cut short inside a number
 } gonio_read_report;
 
 void gonio_read_options_default(gonio_read_options *options);
-// Read any known BRDF file as samples; the caller frees them. report may be NULL.
+// Read any known BRDF file as samples; the caller frees them. options and report may be NULL.
 gonio_status gonio_read(const char *path, const gonio_read_options *options, gonio_samples **out,
                         gonio_read_report *report, gonio_error *error);
 // Is it a file that begins as a Gonio model file does? Never blocks; false where it cannot be read.
@@ -46,7 +83,14 @@ bool gonio_model_file_is(const char *path);
 // A measured table (MERL, RGL ...) as a model that interpolates it. The caller frees it.
 gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *error);
 
-// Samples CSV (DESIGN section 4), written beside, synced and renamed; reading it gives the same bits.
+// ---- writing ----
+// Every writer writes beside, syncs and renames: a failure leaves what was there.
+
+// Samples, or a model as a table, as a format that gonio_format_writer finds: format NULL goes by the path's extension.
+// GONIO_E_USAGE where that format is not written from samples, or not from a model.
+gonio_status gonio_write_as(const gonio_samples *samples, const char *path, const char *format, gonio_error *error);
+gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, gonio_error *error);
+// The samples CSV, whatever the path ends in; reading it gives the same bits.
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error);
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error);
 
@@ -54,8 +98,6 @@ gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stre
 // them.
 gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, gonio_samples **out,
                                     gonio_error *error);
-// Write an isotropic model of 1 or 3 channels as a MERL .binary, each cell by the value at its centre.
-gonio_status gonio_write_merl(const gonio_model *model, const char *path, gonio_error *error);
 
 #ifdef __cplusplus
 }

@@ -345,7 +345,7 @@ static gonio_samples *load(const material *m) {
     gonio_samples *samples;
     gonio_error error = {0};
     gonio_read_options_default(&o);
-    o.wavelength_um = 0.633; // NIST files alone look at it
+    o.wavelength_nm = 633; // NIST files alone look at it
     if (gonio_read(path, &o, &samples, NULL, &error) != GONIO_OK) {
         simulate_die(&error);
     }

@@ -80,7 +80,7 @@ static gonio_samples *load(const material *m) {
     gonio_read_options o;
     gonio_samples *all, *one;
     gonio_read_options_default(&o);
-    o.wavelength_um = strcmp(m->name, "nist_ptfe") == 0 ? 0.633 : 0;
+    o.wavelength_nm = strcmp(m->name, "nist_ptfe") == 0 ? 633 : 0;
     check(gonio_read(path, &o, &all, NULL, &error), &error);
     check(gonio_samples_channel(all, m->channel, &one, &error), &error);
     gonio_samples_free(all);

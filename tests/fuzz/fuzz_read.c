@@ -30,7 +30,7 @@ static void check_samples(const gonio_samples *s) {
     fclose(stream);
     gonio_read_options options;
     gonio_read_options_default(&options);
-    options.negatives = GONIO_NEGATIVES_KEEP;
+    options.settings[0] = (gonio_format_setting){"negatives", "keep"};
     gonio_samples *again;
     require(gonio_read(memory_file((const uint8_t *)text, size), &options, &again, NULL, NULL) == GONIO_OK);
     require(again->n == s->n && memcmp(again->pairs, s->pairs, s->n * sizeof *s->pairs) == 0);
@@ -40,13 +40,17 @@ static void check_samples(const gonio_samples *s) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    gonio_read_options options;
-    gonio_read_options_default(&options);
-    options.negatives = GONIO_NEGATIVES_KEEP;
-    options.limit = 100;
+    // Which of the options there is depends on the format.
+    gonio_read_options options = {.seed = 1, .settings = {{"negatives", "keep"}}};
+    const char *path = memory_file(data, size);
     gonio_samples *samples;
     gonio_error error = {0};
-    if (gonio_read(memory_file(data, size), &options, &samples, NULL, &error) == GONIO_OK) {
+    gonio_status status = gonio_read(path, &options, &samples, NULL, &error);
+    if (status == GONIO_E_USAGE) {
+        options.settings[0] = (gonio_format_setting){"limit", "100"};
+        status = gonio_read(path, &options, &samples, NULL, &error);
+    }
+    if (status == GONIO_OK) {
         check_samples(samples);
         gonio_samples_free(samples);
     } else {

@@ -18,8 +18,8 @@ assert e['status']==$2 and e['line']==(None if '$3'=='null' else int('${3#null}'
 }
 bad "empty file" 3 null "empty" ''
 bad "blank file" 3 null "expected" '\n\n'
-bad "wrong header" 3 1 "expected a header" 'a,b,c,d,e\n1,2,3,4,5\n'
-bad "no header" 3 null "unknown text" '1,2,3,4,5\n'
+bad "wrong header" 3 1 "unknown text" 'a,b,c,d,e\n1,2,3,4,5\n'
+bad "no header" 3 1 "unknown text" '1,2,3,4,5\n'
 bad "no rows" 3 1 "no samples" "$header,r\n"
 bad "too few columns" 3 3 "expected 5 columns as in the header, found 4" "$header,r\n1,2,3,4,5\n1,2,3,4\n"
 bad "too many columns" 3 2 "found 6" "$header,r\n1,2,3,4,5,6\n"
@@ -37,10 +37,21 @@ for policy in clamp keep; do
 done
 check "clamped" grep -q '^1,2,4,4,0$' "$work/clamp.csv"
 check "kept" grep -q '^1,2,4,4,-1$' "$work/keep.csv"
+exits "an option of another format" 2 "$GONIO" fit "$work/n.csv" -o "$work/model" --limit 5
+says "an option of another format: lists its own" "format samples; it has negatives"
+exits "a text without its last line end" 0 sh -c "printf '$header,r\n1,2,3,4,5' >'$work/open.csv'; '$GONIO' convert '$work/open.csv' '$work/x.csv'"
+says "a text without its last line end: says so" "no line end"
+exits "an ending that no writer has" 2 "$GONIO" convert "$work/n.csv" "$work/x.dat" --negatives keep
+says "an ending that no writer has: lists those there are" "samples (.csv), merl (.binary), model (.gonio)"
+exits "a format that is not written" 2 "$GONIO" convert "$work/n.csv" "$work/x.csv" --to cornell
+says "a format that is not written: lists those that are" "samples (.csv), merl (.binary), model (.gonio)"
+exits "an option of files for a model" 2 "$GONIO" convert spec:lambert:rho=0.5 "$work/x.csv" --limit 5
+exits "a plan for a table" 2 "$GONIO" convert spec:lambert:rho=0.5 "$work/x.binary" --plan nusselt:5
 exits "an unknown policy" 2 "$GONIO" convert "$work/n.csv" "$work/x.csv" --negatives ignore
 
 # ---- binaries ----
 "$GONIO" convert spec:lambert:rho=0.5 "$work/t.binary"
+exits "a wrong count" 2 "$GONIO" convert "$work/t.binary" "$work/x.csv" --limit many
 head -c 1000000 "$work/t.binary" >"$work/cut.binary"
 exits "a truncated MERL" 3 "$GONIO" fit "$work/cut.binary" -o "$work/model"
 says "a truncated MERL: says the sizes" "the file has 1000000 bytes; a MERL table has 34992012"
@@ -93,7 +104,7 @@ exits "usage errors are JSON too" 2 "$GONIO" fit "$work/s.csv" --levle 3 --json
 check "with a status" python3 -c "import json; assert json.load(open('$work/out'))['error']['status']==2"
 
 # ---- full disks ----
-exits "a full device" 1 "$GONIO" convert "$work/s.csv" /dev/full
+exits "a full device" 1 "$GONIO" convert "$work/s.csv" /dev/full --to samples
 says "a full device: says so" "No space left"
 exits "a full standard output" 1 sh -c "printf '$header\n1,2,3,4\n' | '$GONIO' eval spec:lambert:rho=0.5 >/dev/full"
 exits "a folder that does not exist" 1 "$GONIO" fit "$work/s.csv" -o "$work/none/model" --method mba --level 2

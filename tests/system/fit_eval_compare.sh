@@ -61,6 +61,12 @@ exits "a limit on memory" 1 "$GONIO" fit "$work/s.csv" --method mba --level 9 --
 says "tells the need, the limit and what would fit" "there are 0.1 GB, enough for level 7"
 
 # ---- tables ----
+exits "the formats" 0 "$GONIO" formats
+check "with what they are" grep -q '^merl .*samples, model .*from a model .*\.binary' "$work/out"
+exits "the formats as JSON" 0 "$GONIO" formats --json
+check "with their options" python3 -c "
+import json
+for f in json.load(open('$work/out'))['formats']: assert f['reads'] and f['extensions'][0]=='.' and all(o['help'] for o in f['options']), f"
 exits "a MERL table from a spec" 0 "$GONIO" convert spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary"
 check "has the format's size" [ "$(wc -c <"$work/t.binary")" -eq 34992012 ]
 exits "the spec against the table's samples" 0 "$GONIO" compare spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary" --limit 20000 --json

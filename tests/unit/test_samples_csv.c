@@ -52,7 +52,7 @@ static void same_sets(const gonio_samples *a, const gonio_samples *b) {
 static gonio_samples *read_back(const char *path) {
     gonio_read_options options;
     gonio_read_options_default(&options);
-    options.negatives = GONIO_NEGATIVES_KEEP;
+    options.settings[0] = (gonio_format_setting){"negatives", "keep"};
     gonio_samples *s;
     gonio_error error = {0};
     if (gonio_read(path, &options, &s, NULL, &error) != GONIO_OK) {
@@ -147,13 +147,15 @@ static void a_comma_locale_changes_nothing(void **state) {
 
 // ---- reading by hand ----
 
-static gonio_status read_text(const char *text, size_t size, gonio_negatives policy, gonio_samples **s,
+static gonio_status read_text(const char *text, size_t size, const char *policy, gonio_samples **s,
                               gonio_read_report *report, gonio_error *error) {
     char path[64];
     scratch_file(path, text, size);
     gonio_read_options options;
     gonio_read_options_default(&options);
-    options.negatives = policy;
+    if (policy != NULL) {
+        options.settings[0] = (gonio_format_setting){"negatives", policy};
+    }
     const gonio_status status = gonio_read(path, &options, s, report, error);
     unlink(path);
     return status;
@@ -166,7 +168,7 @@ static void what_people_write_is_read(void **state) {
     gonio_samples *s;
     gonio_read_report report;
     gonio_error error = {0};
-    assert_int_equal(read_text(text, strlen(text), GONIO_NEGATIVES_REJECT, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(text, strlen(text), "reject", &s, &report, &error), GONIO_OK);
     assert_string_equal(report.format, "samples");
     assert_int_equal(s->n, 2);
     assert_string_equal(s->channel_names[0], "r");
@@ -175,7 +177,7 @@ static void what_people_write_is_read(void **state) {
     assert_null(s->sigma_random);
     gonio_samples_free(s);
     text = HEADER "r,sigma_r\n1,2,3,4,5,0.5\n";
-    assert_int_equal(read_text(text, strlen(text), GONIO_NEGATIVES_REJECT, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(text, strlen(text), "reject", &s, &report, &error), GONIO_OK);
     assert_near(gonio_samples_sigma(s, 0, 0), 0.5, 0);
     gonio_samples_free(s);
 }
@@ -186,16 +188,16 @@ static void negatives_follow_the_policy(void **state) {
     gonio_samples *s;
     gonio_read_report report;
     gonio_error error = {0};
-    assert_int_equal(read_text(text, strlen(text), GONIO_NEGATIVES_REJECT, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(read_text(text, strlen(text), "reject", &s, &report, &error), GONIO_E_INPUT);
     assert_null(s);
     assert_int_equal(error.line, 3);
     assert_non_null(strstr(error.message, "3 negative values, the first here: g = -0.25"));
-    assert_int_equal(read_text(text, strlen(text), GONIO_NEGATIVES_CLAMP, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(text, strlen(text), "clamp", &s, &report, &error), GONIO_OK);
     assert_int_equal(report.negatives, 3);
     assert_int_equal(report.first_negative_line, 3);
     assert_true(s->values[3] == 0 && s->values[4] == 0 && s->values[0] == 1);
     gonio_samples_free(s);
-    assert_int_equal(read_text(text, strlen(text), GONIO_NEGATIVES_KEEP, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(text, strlen(text), "keep", &s, &report, &error), GONIO_OK);
     assert_true(s->values[3] == -0.25 && s->values[5] == -2);
     gonio_samples_free(s);
 }
@@ -210,34 +212,31 @@ static void negative_noise_is_kept(void **state) {
     const char *exact = HEADER "r,sigma_r\n1,0,1,0,-1e-9,0\n";
     gonio_samples *s;
     gonio_read_report report;
-    gonio_read_options options;
     gonio_error error = {0};
-    gonio_read_options_default(&options);
-    assert_int_equal(options.negatives, GONIO_NEGATIVES_NOISE);
-    assert_int_equal(read_text(noise, strlen(noise), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(noise, strlen(noise), "noise", &s, &report, &error), GONIO_OK);
     assert_true(report.negatives == 2 && report.noise == 2 && report.first_negative_line == 3);
     assert_true(s->values[1] == -0.4 && s->values[2] == -0.5);
     gonio_samples_free(s);
-    assert_int_equal(read_text(noise, strlen(noise), GONIO_NEGATIVES_REJECT, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(read_text(noise, strlen(noise), "reject", &s, &report, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "2 negative values, the first here: r = -0.4;"));
-    assert_int_equal(read_text(beyond, strlen(beyond), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(read_text(beyond, strlen(beyond), "noise", &s, &report, &error), GONIO_E_INPUT);
     assert_int_equal(error.line, 4);
     assert_non_null(
         strstr(error.message, "2 negative values more than 5 sigma below 0, the first here: r = -0.6 with"));
-    assert_int_equal(read_text(beyond, strlen(beyond), GONIO_NEGATIVES_KEEP, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(beyond, strlen(beyond), "keep", &s, &report, &error), GONIO_OK);
     assert_true(report.negatives == 3 && report.noise == 1);
     gonio_samples_free(s);
-    assert_int_equal(read_text(parts, strlen(parts), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_OK);
+    assert_int_equal(read_text(parts, strlen(parts), "noise", &s, &report, &error), GONIO_OK);
     gonio_samples_free(s);
-    assert_int_equal(read_text(none, strlen(none), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(read_text(none, strlen(none), "noise", &s, &report, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "1 negative values, the first here: r = -1e-09;"));
-    assert_int_equal(read_text(exact, strlen(exact), GONIO_NEGATIVES_NOISE, &s, &report, &error), GONIO_E_INPUT);
+    assert_int_equal(read_text(exact, strlen(exact), "noise", &s, &report, &error), GONIO_E_INPUT);
 }
 
 static void refused(const char *text, long long line, const char *expected) {
     gonio_samples *s;
     gonio_error error = {.line = -1, .byte = -1};
-    const gonio_status status = read_text(text, strlen(text), GONIO_NEGATIVES_REJECT, &s, NULL, &error);
+    const gonio_status status = read_text(text, strlen(text), "reject", &s, NULL, &error);
     assert_null(s);
     if (status != GONIO_E_INPUT || error.line != line || strstr(error.message, expected) == NULL ||
         error.file[0] == 0) {
@@ -249,10 +248,10 @@ static void refused(const char *text, long long line, const char *expected) {
 static void bad_samples(void **state) {
     (void)state;
     refused("", -1, "empty");
-    refused("\n\n", -1, "expected a samples CSV");
-    refused("# only a comment\n", -1, "expected a samples CSV");
-    refused("1,2,3,4,5\n", -1, "unknown text, beginning with '1,2,3,4,5'");
-    refused("hello world\n", -1, "unknown text");
+    refused("\n\n", -1, "expected samples CSV");
+    refused("# only a comment\n", -1, "expected samples CSV");
+    refused("1,2,3,4,5\n", 1, "unknown text, beginning with '1,2,3,4,5'");
+    refused("# a\n\nhello world\n", 3, "unknown text");
     refused("theta,phi,theta_o,phi_o,r\n1,2,3,4,5\n", 1, "expected a header that begins with theta_i,phi_i");
     refused("theta_i,phi_i,theta_o,r\n1,2,3,4\n", 1, "expected a header that begins");
     refused("theta_i;phi_i;theta_o;phi_o;r\n", 1, "expected a header that begins");
@@ -324,7 +323,7 @@ static void bad_files_of_other_formats(void **state) {
 static void binary(const void *data, size_t size, long long byte, const char *expected) {
     gonio_samples *s;
     gonio_error error = {.line = -1, .byte = -1};
-    const gonio_status status = read_text(data, size, GONIO_NEGATIVES_REJECT, &s, NULL, &error);
+    const gonio_status status = read_text(data, size, NULL, &s, NULL, &error);
     assert_null(s);
     if (status != GONIO_E_INPUT || (byte >= 0 && error.byte != byte) || strstr(error.message, expected) == NULL) {
         fail_msg("%s, byte %lld: '%s'; expected byte %lld, '%s'", gonio_status_name(status), error.byte, error.message,

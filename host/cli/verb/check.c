@@ -74,7 +74,8 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
         return gonio_fail(error, GONIO_E_USAGE, "--apply changes samples; `gonio convert` makes them of a model");
     }
     if (is_model) {
-        status = gonio_model_resolve(name, &model, error);
+        status = cli_input_refuse(&a->input, "a model", error);
+        status = status == GONIO_OK ? gonio_model_resolve(name, &model, error) : status;
     } else {
         status = cli_input_read(name, &a->input, common, &samples, error);
         if (status == GONIO_OK) {

@@ -1,4 +1,5 @@
-// gonio convert: any readable BRDF -> a samples CSV or a MERL table; an analytic BRDF -> a model file.
+// gonio convert: what can be read, a session, a model or an analytic BRDF -> any format that has a writer, or a model
+// file.
 #include <stdio.h>
 #include <string.h>
 
@@ -6,6 +7,7 @@
 #include "host/cli/input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
+#define MODEL_EXTENSION ".gonio"
 
 typedef struct convert_arguments {
     const char *to, *plan;
@@ -19,60 +21,39 @@ static bool ends_with(const char *text, const char *end) {
 
 static bool is_model(const char *name) { return strncmp(name, "spec:", 5) == 0 || gonio_model_file_is(name); }
 
-// A model, or a table as one.
-static gonio_status open_model(const char *name, gonio_model **model, gonio_error *error) {
-    return is_model(name) ? gonio_model_resolve(name, model, error) : gonio_read_table(name, model, error);
+// A model, or a table as one. Neither is read as samples, so the options of that do not apply.
+static gonio_status open_model(const char *name, const cli_input *input, gonio_model **model, gonio_error *error) {
+    const gonio_status status = cli_input_refuse(input, "a model or a table taken as one", error);
+    return status == GONIO_OK ? gonio_model_resolve(name, model, error) : status;
 }
 
-static gonio_status to_merl(const char *in, const char *out, gonio_error *error) {
-    gonio_model *model;
-    gonio_status status = open_model(in, &model, error);
-    if (status == GONIO_OK) {
-        status = gonio_write_merl(model, out, error);
-        gonio_model_free(model);
-    }
-    return status;
-}
-
-static gonio_status to_model(const char *in, const char *out, gonio_error *error) {
-    gonio_model *model;
-    gonio_status status = open_model(in, &model, error);
-    if (status == GONIO_OK) {
-        status = gonio_model_save(model, out, error);
-        gonio_model_free(model);
-    }
-    return status;
-}
-
-static gonio_status sampled(const char *in, const char *plan_text, uint64_t seed, gonio_samples **samples,
+static gonio_status sampled(const gonio_model *model, const char *plan_text, uint64_t seed, gonio_samples **samples,
                             gonio_error *error) {
-    *samples = NULL;
-    gonio_model *model;
-    gonio_status status = open_model(in, &model, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
     gonio_plan *plan;
-    status = gonio_plan_make(plan_text, seed, &plan, error);
+    gonio_status status = gonio_plan_make(plan_text, seed, &plan, error);
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, plan->poses, plan->n, samples, error);
         gonio_plan_free(plan);
     }
-    gonio_model_free(model);
     return status;
 }
 
-static gonio_status to_samples(const char *in, const char *out, const convert_arguments *a, const cli_common *common,
-                               json_t *result, gonio_error *error) {
-    gonio_samples *samples;
+static gonio_status to_samples(const char *in, const char *out, const char *format, const convert_arguments *a,
+                               const cli_common *common, json_t *result, gonio_error *error) {
+    gonio_samples *samples = NULL;
     gonio_status status;
     if (is_model(in) || a->plan != NULL) {
-        status = sampled(in, a->plan != NULL ? a->plan : PLAN_DEFAULT, common->seed, &samples, error);
+        gonio_model *model;
+        status = open_model(in, &a->input, &model, error);
+        if (status == GONIO_OK) {
+            status = sampled(model, a->plan != NULL ? a->plan : PLAN_DEFAULT, common->seed, &samples, error);
+            gonio_model_free(model);
+        }
     } else {
         status = cli_input_read(in, &a->input, common, &samples, error);
     }
     if (status == GONIO_OK) {
-        status = gonio_write_samples(samples, out, error);
+        status = gonio_write_as(samples, out, format, error);
         json_object_set_new(result, "samples", json_integer((json_int_t)samples->n));
         json_object_set_new(result, "channels", json_integer(samples->channels));
     }
@@ -80,11 +61,61 @@ static gonio_status to_samples(const char *in, const char *out, const convert_ar
     return status;
 }
 
+// format NULL: a model file.
+static gonio_status to_table(const char *in, const char *out, const char *format, const convert_arguments *a,
+                             gonio_error *error) {
+    if (a->plan != NULL) {
+        return gonio_fail(error, GONIO_E_USAGE,
+                          "plan: says where to sample a model; %s is written from the model itself", out);
+    }
+    gonio_model *model;
+    gonio_status status = open_model(in, &a->input, &model, error);
+    if (status == GONIO_OK) {
+        status = format == NULL ? gonio_model_save(model, out, error) : gonio_write_table_as(model, out, format, error);
+        gonio_model_free(model);
+    }
+    return status;
+}
+
+static gonio_status convert(const char *const *names, const convert_arguments *a, const cli_common *common,
+                            json_t *result, gonio_error *error) {
+    gonio_format_facts facts;
+    if (a->to != NULL ? strcmp(a->to, "model") == 0 : ends_with(names[1], MODEL_EXTENSION)) {
+        json_object_set_new(result, "format", json_string("model"));
+        return to_table(names[0], names[1], NULL, a, error);
+    }
+    const gonio_status status = gonio_format_writer(a->to, names[1], &facts, error);
+    if (status != GONIO_OK) {
+        const size_t used = strlen(error->message);
+        snprintf(error->message + used, sizeof error->message - used, ", model (%s); choose one with --to",
+                 MODEL_EXTENSION);
+        return status;
+    }
+    json_object_set_new(result, "format", json_string(facts.name));
+    return facts.writes ? to_samples(names[0], names[1], facts.name, a, common, result, error)
+                        : to_table(names[0], names[1], facts.name, a, error);
+}
+
+// "samples (.csv), merl (.binary), model (.gonio)"
+static void list_writers(char *text, size_t size) {
+    gonio_format_facts f;
+    size_t used = 0;
+    for (int i = 0; gonio_format_get(i, &f) && used < size; i++) {
+        if (f.writes || f.writes_table) {
+            used += (size_t)snprintf(text + used, size - used, "%s (%s), ", f.name, f.extensions);
+        }
+    }
+    if (used < size) {
+        snprintf(text + used, size - used, "model (" MODEL_EXTENSION "); without it OUT's ending chooses");
+    }
+}
+
 static int run(int argc, char **argv) {
     convert_arguments a = {0};
+    char writers[300];
+    list_writers(writers, sizeof writers);
     const cli_option options[] = {
-        {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT",
-         "samples, merl or model (by OUT's ending: .binary, .gonio; else samples)"},
+        {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT", writers},
         {"plan", 0, CLI_TEXT, &a.plan, NULL, "PLAN", "where to sample a model or table (" PLAN_DEFAULT ")"},
         CLI_INPUT_OPTIONS(a.input),
         {0}};
@@ -95,31 +126,21 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common)) {
         return 2;
     }
-    const char *to = a.to != NULL                     ? a.to
-                     : ends_with(names[1], ".binary") ? "merl"
-                     : ends_with(names[1], ".gonio")  ? "model"
-                                                      : "samples";
-    const bool merl = strcmp(to, "merl") == 0, is_to_model = strcmp(to, "model") == 0;
-    if (!merl && !is_to_model && strcmp(to, "samples") != 0) {
-        return cli_usage(&common, "convert: --to: expected samples, merl or model, found '%s'", to);
-    }
     cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
-    json_t *result = json_pack("{s:s,s:s,s:s}", "input", names[0], "output", names[1], "format", to);
-    const gonio_status status = merl          ? to_merl(names[0], names[1], &error)
-                                : is_to_model ? to_model(names[0], names[1], &error)
-                                              : to_samples(names[0], names[1], &a, &common, result, &error);
-    if (status != GONIO_OK) {
+    json_t *result = json_pack("{s:s,s:s}", "input", names[0], "output", names[1]);
+    if (convert(names, &a, &common, result, &error) != GONIO_OK) {
         json_decref(result);
         return cli_fail(&common, &error);
     }
-    if (common.json) {
-        return cli_json(result);
+    if (!common.json) {
+        fprintf(stderr, "%s: %s\n", names[1], json_string_value(json_object_get(result, "format")));
+        json_decref(result);
+        return 0;
     }
-    json_decref(result);
-    fprintf(stderr, "%s: %s\n", names[1], to);
-    return 0;
+    return cli_json(result);
 }
 
 const cli_verb cmd_convert = {"convert", "IN OUT [options]",
-                              "any readable BRDF to a samples CSV, a MERL table, or a spec to a model file", run};
+                              "any readable BRDF, session or model to any format that is written, or to a model file",
+                              run};

@@ -1,0 +1,84 @@
+// Small sound files of the formats, made byte by byte from the formats' descriptions: for tests and fuzzing.
+#ifndef GONIO_TESTS_FORMAT_FILES_H
+#define GONIO_TESTS_FORMAT_FILES_H
+
+#include <stddef.h>
+#include <string.h>
+
+typedef struct format_file {
+    const char *name, *format; // of the file; that reads it
+    const void *data;
+    size_t size;
+} format_file;
+
+typedef struct format_bytes {
+    unsigned char data[8192];
+    size_t size;
+} format_bytes;
+
+static inline void format_number(format_bytes *b, unsigned long long value, int size) {
+    for (int k = 0; k < size; k++) {
+        b->data[b->size++] = (unsigned char)(value >> (8 * k));
+    }
+}
+
+// An RGL file of two incident angles and 3 x 3 tables, all ones.
+static inline void format_rgl(format_bytes *b) {
+    static const struct {
+        const char *name;
+        int ndim;
+        unsigned shape[5], count;
+    } fields[] = {{"phi_i", 1, {1}, 1},  {"theta_i", 1, {2}, 2},        {"sigma", 2, {3, 3}, 9},
+                  {"ndf", 2, {3, 3}, 9}, {"vndf", 4, {1, 2, 3, 3}, 18}, {"rgb", 5, {1, 2, 3, 3, 3}, 54}};
+    memset(b, 0, sizeof *b);
+    memcpy(b->data, "tensor_file\0\1\0", 14);
+    b->size = 14;
+    format_number(b, 6, 4);
+    size_t offset = 1024;
+    for (int k = 0; k < 6; k++) {
+        format_number(b, strlen(fields[k].name), 2);
+        memcpy(b->data + b->size, fields[k].name, strlen(fields[k].name));
+        b->size += strlen(fields[k].name);
+        format_number(b, (unsigned)fields[k].ndim, 2);
+        format_number(b, 10, 1);
+        format_number(b, offset, 8);
+        for (int d = 0; d < fields[k].ndim; d++) {
+            format_number(b, fields[k].shape[d], 8);
+        }
+        for (unsigned i = 0; i < fields[k].count; i++) {
+            const float value = k == 1 ? (float)i : 1;
+            memcpy(b->data + offset, &value, 4);
+            offset += 4;
+        }
+    }
+    b->size = offset;
+}
+
+enum { FORMAT_FILES = 6 };
+
+// rgl holds the bytes of the last file.
+static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
+    static const struct {
+        const char *name, *format, *text;
+    } texts[FORMAT_FILES - 1] = {
+        {"samples", "samples",
+         "# anisotropic\ntheta_i,phi_i,theta_o,phi_o,r,g,sigma_r,sigma_g,sigma_random_r,"
+         "sigma_random_g,sigma_systematic_r,sigma_systematic_g\n"
+         "10,0,20.5,180,1,2,5,5,3,3,4,4\n0,0,90,-90,1e-3,-2,0,0,0,0,0,0\n"},
+        {"plain", "samples", "theta_i,phi_i,theta_o,phi_o,550nm\n10,0,20.5,180,1\n# b\n\n12.5,0,30,180,0.25\n"},
+        {"cornell", "cornell", "# a\n2\n400 500\n0.1 0 0.2 3.141593 1 2\n1.570796 0 0.3 0 0 0.5\n"},
+        {"nist", "nist",
+         "lambda,thetai,phii,thetar,phir,f_r11,a,b,c,d,e,f,g,h,i,j,k,l,m,n,o\n"
+         "0.5,-10,0,20,30,1,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"
+         "0.5,-20,0,20,30,3,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"
+         "0.6,-10,0,20,30,2,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"
+         "0.6,-20,0,20,30,4,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"},
+        {"retro", "retro", "#SAMPLE\n#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI\n0.26 0.26 0 72.5\n0.26 -1.57 0 1e-3\n"}};
+    for (int k = 0; k + 1 < FORMAT_FILES; k++) {
+        files[k] = (format_file){texts[k].name, texts[k].format, texts[k].text, strlen(texts[k].text)};
+    }
+    format_rgl(rgl);
+    files[FORMAT_FILES - 1] = (format_file){"rgl", "rgl", rgl->data, rgl->size};
+}
+
+#endif
