@@ -236,21 +236,32 @@ void sim_settings_default(sim_settings *settings) {
     }
 }
 
-// The keys of the section, or the sections where it is unknown, with a blank before each.
-static void list(const char *section, char *text, size_t size) {
-    bool known = false;
+bool sim_settings_has(const char *section, const char *key) {
     for (size_t i = 0; i < COUNT; i++) {
-        known = known || strcmp(entries[i].section, section) == 0;
+        if (strcmp(entries[i].section, section) == 0 && strcmp(entries[i].key, key) == 0) {
+            return true;
+        }
     }
+    return false;
+}
+
+void sim_settings_list(const char *section, char *text, size_t size) {
     size_t used = 0;
     text[0] = 0;
     for (size_t i = 0; i < COUNT && used < size; i++) {
-        const entry *e = &entries[i];
-        const bool first = i == 0 || strcmp(e->section, entries[i - 1].section) != 0;
-        if (known && strcmp(e->section, section) == 0) {
-            used += (size_t)snprintf(text + used, size - used, " %s", e->key);
-        } else if (!known && first) {
-            used += (size_t)snprintf(text + used, size - used, " [%s]", e->section);
+        if (strcmp(entries[i].section, section) == 0) {
+            used += (size_t)snprintf(text + used, size - used, " %s", entries[i].key);
+        }
+    }
+}
+
+// The sections, with a blank before each.
+static void list_sections(char *text, size_t size) {
+    size_t used = 0;
+    text[0] = 0;
+    for (size_t i = 0; i < COUNT && used < size; i++) {
+        if (i == 0 || strcmp(entries[i].section, entries[i - 1].section) != 0) {
+            used += (size_t)snprintf(text + used, size - used, " [%s]", entries[i].section);
         }
     }
 }
@@ -263,7 +274,10 @@ gonio_status sim_settings_set(sim_settings *settings, const char *section, const
         }
     }
     char known[400];
-    list(section, known, sizeof known);
+    sim_settings_list(section, known, sizeof known);
+    if (known[0] == 0) {
+        list_sections(known, sizeof known);
+    }
     return gonio_fail(error, GONIO_E_INPUT, "the simulated rig has no [%.60s] %.60s; it has:%s", section, key, known);
 }
 

@@ -61,6 +61,10 @@ gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key,
     return status;
 }
 
+bool gonio_sim_has_key(const char *section, const char *key) { return sim_settings_has(section, key); }
+
+void gonio_sim_keys(const char *section, char *text, size_t size) { sim_settings_list(section, text, size); }
+
 gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,
                                 gonio_error *error) {
     if (width < 1 || height < 1 || !(mm_per_px > 0)) {

@@ -37,18 +37,26 @@ static gonio_status set_key(builder *b, const char *section, const char *key, co
     if (status != GONIO_OK || b->hardware_only || (known && (!shared || b->sim == NULL))) {
         return status;
     }
-    if (b->sim != NULL) {
+    if (b->driver_pass) { // devices are chosen by the drivers of these sections
+        return gonio_fail(error, GONIO_E_INPUT,
+                          "[%s] has no driver; stage, lamp, meter, camera, interlock and mount have", section);
+    }
+    if (b->sim != NULL && (known || gonio_sim_has_key(section, key))) {
         return gonio_sim_set(b->sim, section, key, value, error);
     }
-    char list[1024];
-    if (b->driver_pass) { // real devices are chosen by the drivers of these sections
-        return gonio_fail(error, GONIO_E_INPUT, "[%s] has no driver; stage, lamp, meter, camera and interlock have",
-                          section);
+    if (gonio_hardware_elsewhere(b->hardware, section, key, error)) {
+        return GONIO_E_INPUT;
     }
-    gonio_hardware_list(b->hardware, list, sizeof list);
-    const size_t used = strlen(list);
-    rig_keys_list(false, list + used, sizeof list - used);
-    return gonio_fail(error, GONIO_E_INPUT, "unknown key %s.%s; known are%.400s", section, key, list);
+    char list[400];
+    const bool real = gonio_hardware_list(b->hardware, section, list, sizeof list);
+    size_t used = strlen(list);
+    if (b->sim != NULL && !real) {
+        gonio_sim_keys(section, list + used, sizeof list - used);
+        used = strlen(list);
+    }
+    rig_keys_list(b->sim != NULL, section, list + used, sizeof list - used);
+    return list[0] != 0 ? gonio_fail(error, GONIO_E_INPUT, "unknown key [%.60s] %.60s; there are%s", section, key, list)
+                        : gonio_fail(error, GONIO_E_INPUT, "unknown section [%.60s]", section);
 }
 
 static int on_key(void *user, const char *section, const char *key, const char *value) {

@@ -192,11 +192,11 @@ gonio_status rig_keys_set(rig_keys *keys, bool stated, const char *section, cons
     return GONIO_OK;
 }
 
-void rig_keys_list(bool stated, char *text, size_t size) {
+void rig_keys_list(bool stated, const char *section, char *text, size_t size) {
     size_t at = 0;
     for (size_t i = 0; i < COUNT && at < size; i++) {
-        if (entries[i].always || !stated) {
-            at += (size_t)snprintf(text + at, size - at, " %s.%s", entries[i].section, entries[i].key);
+        if ((entries[i].always || !stated) && strcmp(entries[i].section, section) == 0) {
+            at += (size_t)snprintf(text + at, size - at, " %s", entries[i].key);
         }
     }
 }

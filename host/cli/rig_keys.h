@@ -18,7 +18,7 @@ void rig_keys_default(rig_keys *keys);
 // only the host's own keys are taken here. GONIO_E_INPUT where the value is impossible.
 gonio_status rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
                           bool *known, gonio_error *error);
-// " [section] key" of every key that would be taken, for messages.
-void rig_keys_list(bool stated, char *text, size_t size);
+// " key" of every key of the section that would be taken, for messages.
+void rig_keys_list(bool stated, const char *section, char *text, size_t size);
 
 #endif

@@ -7,6 +7,7 @@
     X(doctor)                                                                                                          \
     X(plan)                                                                                                            \
     X(rig)                                                                                                             \
+    X(drivers)                                                                                                         \
     X(fit)                                                                                                             \
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \

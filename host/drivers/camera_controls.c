@@ -1,6 +1,7 @@
 #include "host/drivers/camera_controls.h"
 
 #include <linux/videodev2.h>
+#include <math.h>
 
 const gonio_auto_function gonio_auto_functions[] = {
     {"automatic exposure", V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL},
@@ -76,4 +77,10 @@ gonio_status gonio_camera_controls_find(gonio_v4l2 *device, double exposure_unit
                           (long long)controls->exposure_min, (long long)controls->exposure_max);
     }
     return GONIO_OK;
+}
+
+int64_t gonio_camera_nearest_step(double value, int64_t minimum, int64_t maximum, int64_t step) {
+    const double steps = round((value - (double)minimum) / (double)step);
+    const int64_t result = minimum + (int64_t)(steps > 0 ? steps : 0) * step;
+    return result < maximum ? result : minimum + (maximum - minimum) / step * step;
 }

@@ -28,5 +28,7 @@ gonio_status gonio_camera_autos_off(gonio_v4l2 *device, gonio_error *error);
 // and such a control is then not used.
 gonio_status gonio_camera_controls_find(gonio_v4l2 *device, double exposure_unit_s, gonio_camera_controls *controls,
                                         gonio_error *error);
+// The value of a control's range that is nearest.
+int64_t gonio_camera_nearest_step(double value, int64_t minimum, int64_t maximum, int64_t step);
 
 #endif

@@ -8,6 +8,8 @@
 #include <string.h>
 
 #include "host/drivers/camera_controls.h"
+#include "host/drivers/driver.h"
+#include "host/drivers/lamp_gpio.h"
 #include "host/transport/clock.h"
 
 enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, LATENCY_MAX = 30, TRIES = 3 };
@@ -125,19 +127,13 @@ static gonio_status reconnect(camera *c, gonio_deadline deadline, gonio_error *e
     return status;
 }
 
-static int64_t nearest_step(double value, int64_t minimum, int64_t maximum, int64_t step) {
-    const double steps = round((value - (double)minimum) / (double)step);
-    const int64_t result = minimum + (int64_t)(steps > 0 ? steps : 0) * step;
-    return result < maximum ? result : minimum + (maximum - minimum) / step * step;
-}
-
 static gonio_status set_exposure(camera *c, double exposure_s, gonio_error *error) {
     const gonio_camera_controls *k = &c->controls;
     if (k->exposure == 0) {
         c->exposure_s = c->config.fixed_exposure_s;
     } else {
-        const int64_t steps =
-            nearest_step(exposure_s / k->exposure_unit_s, k->exposure_min, k->exposure_max, k->exposure_step);
+        const int64_t steps = gonio_camera_nearest_step(exposure_s / k->exposure_unit_s, k->exposure_min,
+                                                        k->exposure_max, k->exposure_step);
         if (steps != c->exposure_steps) {
             const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->exposure, (int32_t)steps, error);
             if (status != GONIO_OK) {
@@ -169,8 +165,8 @@ static gonio_status set_gain(camera *c, double gain_db, gonio_error *error) {
     }
     int64_t steps = k->gain_min;
     if (c->config.gain_unit_db > 0) {
-        steps = nearest_step((double)k->gain_min + gain_db / c->config.gain_unit_db, k->gain_min, k->gain_max,
-                             k->gain_step);
+        steps = gonio_camera_nearest_step((double)k->gain_min + gain_db / c->config.gain_unit_db, k->gain_min,
+                                          k->gain_max, k->gain_step);
         c->gain_db = (double)(steps - k->gain_min) * c->config.gain_unit_db;
     }
     if (fabs(c->gain_db - gain_db) > 0.51 * (double)k->gain_step * c->config.gain_unit_db) {
@@ -501,3 +497,101 @@ gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s
     *frames = settled;
     return GONIO_OK;
 }
+
+// ---- the driver: a record or a replay of the line, and a trigger, around the camera ----
+
+typedef struct settings {
+    gonio_camera_v4l2_config config;
+    char record[256], replay[256];
+    gonio_trigger_gpio trigger; // its line empty: none
+    gonio_tape *tape;
+    gonio_v4l2_recorder *recorder;
+} settings;
+
+#define KEY(key, kind, member, low, high)                                                                              \
+    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, false }
+static const gonio_driver_key keys[] = {KEY("device", TEXT, config.path, 0, 0),
+                                        KEY("format", TEXT, config.format, 0, 0),
+                                        KEY("width", WHOLE, config.width, 8, 65536),
+                                        KEY("height", WHOLE, config.height, 8, 65536),
+                                        KEY("bits", WHOLE, config.bits, 8, 16),
+                                        KEY("shift_bits", WHOLE, config.shift, 0, 15),
+                                        KEY("settle_frames", WHOLE, config.settle_frames, 0, 100),
+                                        KEY("buffers", WHOLE, config.buffers, 2, 16),
+                                        KEY("exposure_unit_us", MICRO, config.exposure_unit_s, 1e-3, 1e6),
+                                        KEY("fixed_exposure_ms", MILLI, config.fixed_exposure_s, 1e-3, 1e6),
+                                        KEY("exposure_tolerance_percent", PERCENT, config.exposure_tolerance, 0, 1000),
+                                        KEY("gain_db_per_step", REAL, config.gain_unit_db, 0, 20),
+                                        KEY("replug_s", REAL, config.replug_s, 0, 3600),
+                                        KEY("serial", TEXT, config.info.serial, 0, 0),
+                                        KEY("fx_px", REAL, config.info.fx, 1, 1e7),
+                                        KEY("fy_px", REAL, config.info.fy, 1, 1e7),
+                                        KEY("cx_px", REAL, config.info.cx, -1e5, 1e5),
+                                        KEY("cy_px", REAL, config.info.cy, -1e5, 1e5),
+                                        KEY("k1", REAL, config.info.k1, -1e3, 1e3),
+                                        KEY("k2", REAL, config.info.k2, -1e6, 1e6),
+                                        KEY("p1", REAL, config.info.p1, -10, 10),
+                                        KEY("p2", REAL, config.info.p2, -10, 10),
+                                        KEY("k3", REAL, config.info.k3, -1e9, 1e9),
+                                        KEY("read_out_s", REAL, config.info.read_out_s, 0, 100),
+                                        KEY("record", TEXT, record, 0, 0),
+                                        KEY("replay", TEXT, replay, 0, 0),
+                                        KEY("trigger_line", TEXT, trigger.line, 0, 0),
+                                        KEY("trigger_low", YES, trigger.low, 0, 0),
+                                        KEY("trigger_settle_ms", MILLI, trigger.settle_s, 0, 1e5),
+                                        KEY("trigger_pulse_ms", MILLI, trigger.pulse_s, 0, 1e3),
+                                        {0}};
+
+static void defaults(void *of) {
+    settings *s = of;
+    gonio_camera_v4l2_defaults(&s->config);
+    s->trigger = (gonio_trigger_gpio){.io = &gonio_gpio_system, .pulse_s = 0.001};
+}
+
+static gonio_status make(void *of, const gonio_driver_context *context, void **device, gonio_error *error) {
+    settings *s = of;
+    gonio_status status = GONIO_OK;
+    if (s->trigger.line[0] != 0) {
+        s->config.trigger = gonio_trigger_gpio_fire;
+        s->config.trigger_context = &s->trigger;
+        status = gonio_trigger_gpio_open(&s->trigger, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_tape_choose(s->record, s->replay, &s->tape, error);
+    }
+    if (status == GONIO_OK && s->tape != NULL) {
+        status = gonio_v4l2_recorder_new(s->tape, &gonio_v4l2_system, NULL, &s->recorder, error);
+    }
+    const gonio_v4l2_io *io = s->replay[0] != 0   ? &gonio_v4l2_replaying
+                              : s->record[0] != 0 ? &gonio_v4l2_recording
+                                                  : &gonio_v4l2_system;
+    if (status == GONIO_OK) {
+        status = gonio_camera_v4l2_open(&s->config, io, s->recorder, device, error);
+    }
+    const gonio_pixel_format *format = status == GONIO_OK ? gonio_camera_v4l2_format(*device) : NULL;
+    if (format != NULL && format->fitness == GONIO_FIT_WITH_WARNING && context->event != NULL) {
+        char text[160];
+        snprintf(text, sizeof text, "%s is %s", format->name, format->why);
+        context->event(context->event_context, "camera", text);
+    }
+    return status;
+}
+
+static void let_go(void *of) {
+    settings *s = of;
+    if (s->trigger.handle != NULL) {
+        gonio_trigger_gpio_close(&s->trigger);
+    }
+    gonio_v4l2_recorder_free(s->recorder);
+    gonio_tape_close(s->tape);
+}
+
+const gonio_driver gonio_driver_camera_v4l2 = {.name = "v4l2",
+                                               .device = GONIO_DEVICE_CAMERA,
+                                               .summary = "any V4L2 camera with a linear, uncompressed format",
+                                               .keys = keys,
+                                               .settings = sizeof(settings),
+                                               .defaults = defaults,
+                                               .ops = &gonio_camera_v4l2,
+                                               .open = make,
+                                               .release = let_go};

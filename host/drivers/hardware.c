@@ -4,17 +4,46 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "host/drivers/hardware_keys.h"
-#include "host/drivers/lamp_modbus.h"
+#include "host/drivers/keep_out.h"
 #include "host/drivers/shadow.h"
 
+// What the drivers behind the controller share.
+typedef struct controller_settings {
+    gonio_controller_config config;
+    char record[256], replay[256];
+} controller_settings;
+
+#define KEY(section, key, kind, type, member, low, high)                                                               \
+    { section, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(type, member), low, high, false }
+#define CONTROLLER(key, kind, member, low, high) KEY("controller", key, kind, controller_settings, member, low, high)
+const gonio_driver_key gonio_controller_keys[] = {CONTROLLER("port", TEXT, config.modbus.port, 0, 0),
+                                                  CONTROLLER("baud", WHOLE, config.modbus.baud, 1200, 1e6),
+                                                  CONTROLLER("parity", PARITY, config.modbus.parity, 0, 0),
+                                                  CONTROLLER("slave", WHOLE, config.modbus.slave, 1, 247),
+                                                  CONTROLLER("timeout_ms", WHOLE, config.modbus.timeout_ms, 5, 10000),
+                                                  CONTROLLER("retries", WHOLE, config.retries, 0, 100),
+                                                  CONTROLLER("deadman_s", REAL, config.deadman_s, 0, 3600),
+                                                  CONTROLLER("feed_s", REAL, config.feed_s, 0, 86400),
+                                                  CONTROLLER("replug_s", REAL, config.replug_s, 0, 3600),
+                                                  CONTROLLER("record", TEXT, record, 0, 0),
+                                                  CONTROLLER("replay", TEXT, replay, 0, 0),
+                                                  {0}};
+
+static const gonio_driver_key keep_out_keys[] = {KEY("keep-out", "retro_deg", REAL, gonio_keep_out, retro_deg, 0, 90),
+                                                 {0}};
+
+// One device: its driver (NULL: the rig's own device stays), the driver's settings, what it opened.
+typedef struct slot {
+    const gonio_driver *driver;
+    void *settings, *device; // the device is borrowed from the rig
+} slot;
+
 struct gonio_hardware {
-    hardware_settings settings;
+    slot slots[GONIO_DEVICES];
+    controller_settings line;
     gonio_controller *controller; // one user of it is this
-    gonio_tape *controller_tape, *camera_tape;
-    gonio_v4l2_recorder *recorder;
-    gonio_trigger_gpio trigger;
-    void *stage, *camera, *meter, *interlock; // borrowed from the rig
+    gonio_tape *tape;             // of the controller
+    gonio_keep_out keep_out;
 };
 
 gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardware **out, gonio_error *error) {
@@ -22,12 +51,20 @@ gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardwar
     if (h == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for the rig's devices");
     }
-    hardware_settings_default(&h->settings);
-    h->settings.controller.event = hooks->event;
-    h->settings.controller.event_context = hooks->context;
-    h->settings.controller.cancelled = hooks->cancelled;
+    gonio_controller_defaults(&h->line.config);
+    h->line.config.event = hooks->event;
+    h->line.config.event_context = hooks->context;
+    h->line.config.cancelled = hooks->cancelled;
     *out = h;
     return GONIO_OK;
+}
+
+static void empty(slot *s) {
+    if (s->driver != NULL && s->driver->release != NULL) {
+        s->driver->release(s->settings);
+    }
+    free(s->settings);
+    *s = (slot){0};
 }
 
 void gonio_hardware_free(gonio_hardware *h) {
@@ -35,210 +72,279 @@ void gonio_hardware_free(gonio_hardware *h) {
         return;
     }
     gonio_controller_release(h->controller);
-    if (h->trigger.handle != NULL) {
-        gonio_trigger_gpio_close(&h->trigger);
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        empty(&h->slots[k]);
     }
-    gonio_v4l2_recorder_free(h->recorder);
-    gonio_tape_close(h->controller_tape);
-    gonio_tape_close(h->camera_tape);
+    gonio_tape_close(h->tape);
     free(h);
 }
 
-gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const char *key, const char *value, bool *taken,
-                                bool *shared, gonio_error *error) {
-    return hardware_settings_set(&h->settings, section, key, value, taken, shared, error);
+// ---- keys ----
+
+static bool behind_controller(const gonio_hardware *h) {
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        if (h->slots[k].driver != NULL && h->slots[k].driver->controller) {
+            return true;
+        }
+    }
+    return false;
 }
 
-void gonio_hardware_list(const gonio_hardware *h, char *text, size_t size) {
-    hardware_settings_list(&h->settings, text, size);
+// A table of keys that stands in a section unless its keys name their own, and the settings that it fills.
+typedef struct table {
+    const gonio_driver_key *keys;
+    const char *section;
+    void *settings;
+} table;
+
+// The tables that are known with the drivers chosen so far; an empty one at the end.
+static void tables_of(gonio_hardware *h, table tables[GONIO_DEVICES + 3]) {
+    int n = 0;
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        const slot *s = &h->slots[k];
+        if (s->driver != NULL && s->driver->keys != NULL) {
+            tables[n++] = (table){s->driver->keys, gonio_device_name((gonio_device)k), s->settings};
+        }
+    }
+    if (behind_controller(h)) {
+        tables[n++] = (table){gonio_controller_keys, NULL, &h->line};
+    }
+    tables[n++] = (table){keep_out_keys, NULL, &h->keep_out};
+    tables[n] = (table){0};
 }
 
-static bool is(const char *driver, const char *name) { return strcmp(driver, name) == 0; }
-
-static gonio_status open_tape(const char *record, const char *replay, gonio_tape **tape, gonio_error *error) {
-    return replay[0] != 0   ? gonio_tape_open(replay, tape, error)
-           : record[0] != 0 ? gonio_tape_create(record, tape, error)
-                            : GONIO_OK;
+static const char *section_of(const gonio_driver_key *key, const char *own) {
+    return key->section != NULL ? key->section : own;
 }
+
+static const gonio_driver_key *find(const gonio_driver_key *keys, const char *own, const char *section,
+                                    const char *name) {
+    for (const gonio_driver_key *key = keys; key != NULL && key->name != NULL; key++) {
+        if (strcmp(section_of(key, own), section) == 0 && strcmp(key->name, name) == 0) {
+            return key;
+        }
+    }
+    return NULL;
+}
+
+// [keep-out NAME]: an axis's interval in degrees, "AXIS = LOW HIGH".
+static gonio_status set_zone(gonio_keep_out *keep_out, const char *section, const char *key, const char *value,
+                             bool *taken, gonio_error *error) {
+    static const char *const axes[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (strcmp(axes[k], key) != 0) {
+            continue;
+        }
+        *taken = true;
+        char *end, *last;
+        const double low = strtod(value, &end);
+        const double high = strtod(end, &last);
+        if (end == value || last == end || *last != 0 || !(low <= high)) {
+            return gonio_fail(error, GONIO_E_INPUT,
+                              "[%s] %s: found '%.80s', expected two angles in degrees, the lower first", section, key,
+                              value);
+        }
+        const int zone = gonio_keep_out_zone(keep_out, section + strlen("keep-out "));
+        if (zone < 0) {
+            return gonio_fail(error, GONIO_E_INPUT,
+                              "[%s]: expected at most 16 zones with names of at most 31 characters", section);
+        }
+        keep_out->zones[zone].minimum_deg[k] = low;
+        keep_out->zones[zone].maximum_deg[k] = high;
+    }
+    return GONIO_OK;
+}
+
+// Another driver for a device. Keys of the same name and kind keep what the earlier driver was given.
+static gonio_status choose(slot *s, const gonio_driver *driver, gonio_error *error) {
+    slot next = {.driver = driver};
+    if (driver != NULL && driver->settings > 0) {
+        next.settings = calloc(1, driver->settings);
+        if (next.settings == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for the settings of a driver");
+        }
+        if (driver->defaults != NULL) {
+            driver->defaults(next.settings);
+        }
+    }
+    for (const gonio_driver_key *to = s->driver != NULL && driver != NULL ? driver->keys : NULL;
+         to != NULL && to->name != NULL; to++) {
+        const gonio_driver_key *from = find(s->driver->keys, "", section_of(to, ""), to->name);
+        if (from != NULL && from->kind == to->kind && from->size == to->size) {
+            memcpy((char *)next.settings + to->offset, (const char *)s->settings + from->offset, to->size);
+        }
+    }
+    empty(s);
+    *s = next;
+    return GONIO_OK;
+}
+
+static gonio_status set_driver(gonio_hardware *h, const char *section, const char *value, bool *taken,
+                               gonio_error *error) {
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        const gonio_device device = (gonio_device)k;
+        if (strcmp(gonio_device_name(device), section) != 0) {
+            continue;
+        }
+        *taken = true;
+        const gonio_driver *driver = gonio_driver_find(device, value);
+        if (driver == NULL && strcmp(value, "none") != 0) { // none: the rig's own
+            char names[100];
+            gonio_driver_names(device, names, sizeof names);
+            return gonio_fail(error, GONIO_E_INPUT, "[%s] driver: found '%.80s', expected one of:%s none", section,
+                              value, names);
+        }
+        if (driver != h->slots[k].driver) {
+            return choose(&h->slots[k], driver, error);
+        }
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const char *name, const char *value,
+                                bool *taken, bool *shared, gonio_error *error) {
+    *taken = *shared = false;
+    if (strcmp(name, "driver") == 0) {
+        return set_driver(h, section, value, taken, error);
+    }
+    if (strncmp(section, "keep-out ", 9) == 0) {
+        return set_zone(&h->keep_out, section, name, value, taken, error);
+    }
+    table tables[GONIO_DEVICES + 3];
+    tables_of(h, tables);
+    for (const table *t = tables; t->keys != NULL; t++) {
+        const gonio_driver_key *key = find(t->keys, t->section, section, name);
+        if (key != NULL) {
+            *taken = true;
+            *shared = key->shared;
+            return gonio_driver_key_set(key, section, t->settings, value, error);
+        }
+    }
+    return GONIO_OK;
+}
+
+bool gonio_hardware_list(gonio_hardware *h, const char *section, char *text, size_t size) {
+    table tables[GONIO_DEVICES + 3];
+    tables_of(h, tables);
+    size_t used = 0;
+    bool any = false;
+    text[0] = 0;
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        if (strcmp(gonio_device_name((gonio_device)k), section) == 0) {
+            used = (size_t)snprintf(text, size, " driver");
+        }
+    }
+    for (const table *t = tables; t->keys != NULL; t++) {
+        for (const gonio_driver_key *key = t->keys; key->name != NULL && used < size; key++) {
+            if (strcmp(section_of(key, t->section), section) == 0) {
+                used += (size_t)snprintf(text + used, size - used, " %s", key->name);
+                any = true;
+            }
+        }
+    }
+    return any;
+}
+
+bool gonio_hardware_elsewhere(const gonio_hardware *h, const char *section, const char *name, gonio_error *error) {
+    char owners[120];
+    size_t used = 0;
+    const gonio_driver *present = NULL;
+    for (int i = 0; gonio_driver_at(i) != NULL; i++) {
+        const gonio_driver *d = gonio_driver_at(i);
+        const bool behind = d->controller && find(gonio_controller_keys, NULL, section, name) != NULL;
+        if ((behind || find(d->keys, gonio_device_name(d->device), section, name) != NULL) && used < sizeof owners) {
+            used += (size_t)snprintf(owners + used, sizeof owners - used, "%s[%s] driver = %s", used > 0 ? ", " : "",
+                                     gonio_device_name(d->device), d->name);
+            present = h->slots[d->device].driver;
+        }
+    }
+    if (used > 0) {
+        gonio_fail(error, GONIO_E_INPUT, "%s.%s is a key of %s; the driver here is %s", section, name, owners,
+                   present != NULL ? present->name : "the rig's own");
+    }
+    return used > 0;
+}
+
+// ---- opening ----
 
 static gonio_status open_controller(gonio_hardware *h, gonio_error *error) {
-    hardware_settings *s = &h->settings;
-    if (!is(s->stage_driver, "modbus") && !is(s->lamp_driver, "modbus") && !is(s->meter_driver, "modbus")) {
+    if (!behind_controller(h)) {
         return GONIO_OK;
     }
-    const gonio_status status = open_tape(s->controller_record, s->controller_replay, &h->controller_tape, error);
+    controller_settings *s = &h->line;
+    const gonio_status status = gonio_tape_choose(s->record, s->replay, &h->tape, error);
     if (status != GONIO_OK) {
         return status;
     }
-    s->controller.tape = h->controller_tape;
-    s->controller.mode = s->controller_replay[0] != 0   ? GONIO_TAPE_REPLAY
-                         : s->controller_record[0] != 0 ? GONIO_TAPE_RECORD
-                                                        : GONIO_TAPE_OFF;
-    return gonio_controller_open(&s->controller, &h->controller, error);
+    s->config.tape = h->tape;
+    s->config.mode = s->replay[0] != 0 ? GONIO_TAPE_REPLAY : s->record[0] != 0 ? GONIO_TAPE_RECORD : GONIO_TAPE_OFF;
+    return gonio_controller_open(&s->config, &h->controller, error);
 }
 
-static gonio_status open_interlock(gonio_hardware *h, gonio_rig *rig, gonio_error *error) {
-    if (!is(h->settings.interlock_driver, "gpio")) {
-        return GONIO_OK;
-    }
-    const gonio_status status =
-        gonio_interlock_gpio_open(&h->settings.interlock, &gonio_gpio_system, NULL, &h->interlock, error);
-    if (status == GONIO_OK) {
-        if (rig->interlock != NULL) {
-            rig->interlock->close(rig->interlock_device);
+// Where simulated devices follow the real stage and lamp, those stand in front of them.
+static gonio_status place(const slot *s, gonio_rig *rig, bool simulated, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    if (simulated && s->driver->device == GONIO_DEVICE_STAGE) {
+        const gonio_stage_ops *stage = s->driver->ops;
+        status = gonio_shadow_stage(rig, stage, s->device, error);
+        if (status != GONIO_OK) {
+            stage->close(s->device);
         }
-        rig->interlock = &gonio_interlock_gpio;
-        rig->interlock_device = h->interlock;
+    } else if (simulated && s->driver->device == GONIO_DEVICE_LAMP) {
+        const gonio_lamp_ops *lamp = s->driver->ops;
+        status = gonio_shadow_lamp(rig, lamp, s->device, error);
+        if (status != GONIO_OK) {
+            lamp->close(s->device);
+        }
+    } else {
+        gonio_driver_install(s->driver, s->device, rig);
     }
     return status;
 }
 
-static gonio_status open_stage(gonio_hardware *h, gonio_rig *rig, bool simulated, gonio_error *error) {
-    if (!is(h->settings.stage_driver, "modbus")) {
-        return GONIO_OK;
-    }
+static gonio_status open_slot(gonio_hardware *h, slot *s, gonio_rig *rig, bool simulated, gonio_error *error) {
     // Only a real interlock is watched in mid-move; a simulated one strikes by pose.
-    h->settings.stage.interlock = h->interlock != NULL ? &gonio_interlock_gpio : NULL;
-    h->settings.stage.interlock_device = h->interlock;
-    gonio_status status = gonio_stage_modbus_open(&h->settings.stage, h->controller, &h->stage, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    if (simulated) {
-        status = gonio_shadow_stage(rig, &gonio_stage_modbus, h->stage, error);
-        if (status != GONIO_OK) {
-            gonio_stage_modbus.close(h->stage);
-        }
-        return status;
-    }
-    rig->stage->close(rig->stage_device);
-    rig->stage = &gonio_stage_modbus;
-    rig->stage_device = h->stage;
-    return GONIO_OK;
-}
-
-static gonio_status open_lamp(gonio_hardware *h, gonio_rig *rig, bool simulated, gonio_error *error) {
-    const bool modbus = is(h->settings.lamp_driver, "modbus");
-    if (h->settings.lamp_driver[0] == 0) {
-        return GONIO_OK;
-    }
+    const slot *interlock = &h->slots[GONIO_DEVICE_INTERLOCK];
+    const gonio_driver_context context = {.controller = h->controller,
+                                          .interlock = interlock->driver != NULL ? interlock->driver->ops : NULL,
+                                          .interlock_device = interlock->device,
+                                          .event = h->line.config.event,
+                                          .event_context = h->line.config.event_context};
     void *device = NULL;
-    const gonio_lamp_ops *ops = modbus ? &gonio_lamp_modbus : &gonio_lamp_gpio;
-    h->settings.lamp.shutter_settle_s = h->settings.shutter_settle_s;
-    gonio_status status = modbus ? gonio_lamp_modbus_open(h->controller, h->settings.shutter_settle_s, &device, error)
-                                 : gonio_lamp_gpio_open(&h->settings.lamp, &gonio_gpio_system, NULL, &device, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    if (simulated) {
-        status = gonio_shadow_lamp(rig, ops, device, error);
-        if (status != GONIO_OK) {
-            ops->close(device);
-        }
-        return status;
-    }
-    rig->lamp->close(rig->lamp_device);
-    rig->lamp = ops;
-    rig->lamp_device = device;
-    return GONIO_OK;
-}
-
-static gonio_status open_meter(gonio_hardware *h, gonio_rig *rig, gonio_error *error) {
-    const gonio_meter_usbtmc_config *c = &h->settings.meter;
-    if (h->settings.meter_driver[0] == 0) {
-        return GONIO_OK;
-    }
-    void *device = NULL;
-    const bool usb = is(h->settings.meter_driver, "usbtmc");
-    const gonio_status status =
-        usb ? gonio_meter_usbtmc_open(c, &device, error)
-            : gonio_meter_modbus_open(h->controller, c->scale, c->relative_sigma, &device, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    if (rig->meter != NULL) {
-        rig->meter->close(rig->meter_device);
-    }
-    rig->meter = usb ? &gonio_meter_usbtmc : &gonio_meter_modbus;
-    rig->meter_device = device;
-    h->meter = usb ? device : NULL;
-    return GONIO_OK;
-}
-
-static gonio_status open_trigger(gonio_hardware *h, gonio_error *error) {
-    const hardware_settings *s = &h->settings;
-    if (s->trigger_line[0] == 0) {
-        return GONIO_OK;
-    }
-    h->trigger = (gonio_trigger_gpio){.io = &gonio_gpio_system,
-                                      .low = s->trigger_low,
-                                      .settle_s = s->trigger_settle_s,
-                                      .pulse_s = s->trigger_pulse_s};
-    memcpy(h->trigger.line, s->trigger_line, sizeof h->trigger.line);
-    h->settings.camera.trigger = gonio_trigger_gpio_fire;
-    h->settings.camera.trigger_context = &h->trigger;
-    return gonio_trigger_gpio_open(&h->trigger, error);
-}
-
-static gonio_status open_camera(gonio_hardware *h, gonio_rig *rig, gonio_error *error) {
-    hardware_settings *s = &h->settings;
-    if (!is(s->camera_driver, "v4l2")) {
-        return GONIO_OK;
-    }
-    gonio_status status = open_trigger(h, error);
+    gonio_status status = s->driver->open(s->settings, &context, &device, error);
     if (status == GONIO_OK) {
-        status = open_tape(s->camera_record, s->camera_replay, &h->camera_tape, error);
-    }
-    if (status == GONIO_OK && h->camera_tape != NULL) {
-        status = gonio_v4l2_recorder_new(h->camera_tape, &gonio_v4l2_system, NULL, &h->recorder, error);
+        s->device = device;
+        status = place(s, rig, simulated, error);
     }
     if (status != GONIO_OK) {
-        return status;
-    }
-    const gonio_v4l2_io *io = s->camera_replay[0] != 0   ? &gonio_v4l2_replaying
-                              : s->camera_record[0] != 0 ? &gonio_v4l2_recording
-                                                         : &gonio_v4l2_system;
-    status = gonio_camera_v4l2_open(&s->camera, io, h->recorder, &h->camera, error);
-    if (status == GONIO_OK) {
-        rig->camera->close(rig->camera_device);
-        rig->camera = &gonio_camera_v4l2;
-        rig->camera_device = h->camera;
-        const gonio_pixel_format *format = gonio_camera_v4l2_format(h->camera);
-        if (format->fitness == GONIO_FIT_WITH_WARNING && s->controller.event != NULL) {
-            char text[160];
-            snprintf(text, sizeof text, "%s is %s", format->name, format->why);
-            s->controller.event(s->controller.event_context, "camera", text);
-        }
+        s->device = NULL;
     }
     return status;
 }
 
 gonio_status gonio_hardware_open(gonio_hardware *h, gonio_rig *rig, bool simulated, gonio_error *error) {
     gonio_status status = open_controller(h, error);
-    if (status == GONIO_OK) {
-        status = open_interlock(h, rig, error);
+    for (int k = 0; k < GONIO_DEVICES && status == GONIO_OK; k++) {
+        if (h->slots[k].driver != NULL) {
+            status = open_slot(h, &h->slots[k], rig, simulated, error);
+        }
     }
-    if (status == GONIO_OK) {
-        status = open_stage(h, rig, simulated, error);
-    }
-    if (status == GONIO_OK) {
-        status = open_lamp(h, rig, simulated, error);
-    }
-    if (status == GONIO_OK) {
-        status = open_meter(h, rig, error);
-    }
-    if (status == GONIO_OK) {
-        status = open_camera(h, rig, error);
-    }
-    const gonio_keep_out *keep_out = &h->settings.keep_out;
-    const bool guarded = keep_out->n > 0 || keep_out->retro_deg > 0;
-    return status == GONIO_OK && guarded ? gonio_keep_out_guard(keep_out, rig, error) : status;
+    const bool guarded = h->keep_out.n > 0 || h->keep_out.retro_deg > 0;
+    return status == GONIO_OK && guarded ? gonio_keep_out_guard(&h->keep_out, rig, error) : status;
+}
+
+static void *opened(const gonio_hardware *h, gonio_device device, const void *ops) {
+    const slot *s = &h->slots[device];
+    return s->driver != NULL && s->driver->ops == ops ? s->device : NULL;
 }
 
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }
-void *gonio_hardware_stage(const gonio_hardware *h) { return h->stage; }
-void *gonio_hardware_camera(const gonio_hardware *h) { return h->camera; }
-void *gonio_hardware_interlock(const gonio_hardware *h) { return h->interlock; }
+void *gonio_hardware_stage(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus); }
+void *gonio_hardware_camera(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_CAMERA, &gonio_camera_v4l2); }
+void *gonio_hardware_interlock(const gonio_hardware *h) {
+    return opened(h, GONIO_DEVICE_INTERLOCK, &gonio_interlock_gpio);
+}
 const char *gonio_hardware_meter(const gonio_hardware *h) {
-    return h->meter != NULL ? gonio_meter_usbtmc_identity(h->meter) : NULL;
+    const void *meter = opened(h, GONIO_DEVICE_METER, &gonio_meter_usbtmc);
+    return meter != NULL ? gonio_meter_usbtmc_identity(meter) : NULL;
 }

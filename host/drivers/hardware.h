@@ -5,6 +5,7 @@
 #include "gonio/rig.h"
 #include "host/drivers/camera_v4l2.h"
 #include "host/drivers/controller.h"
+#include "host/drivers/driver.h"
 #include "host/drivers/interlock_gpio.h"
 #include "host/drivers/lamp_gpio.h"
 #include "host/drivers/meter_usbtmc.h"
@@ -25,8 +26,11 @@ void gonio_hardware_free(gonio_hardware *hardware);
 // here; *shared: the simulator has a key of the same name, which means the same. GONIO_E_INPUT for a bad value.
 gonio_status gonio_hardware_set(gonio_hardware *hardware, const char *section, const char *key, const char *value,
                                 bool *taken, bool *shared, gonio_error *error);
-// " section.key" of every key that is known with the drivers chosen so far, for messages.
-void gonio_hardware_list(const gonio_hardware *hardware, char *text, size_t size);
+// " key" of every key of the section that is known with the drivers chosen so far, for messages. False where there is none
+// but `driver`.
+bool gonio_hardware_list(gonio_hardware *hardware, const char *section, char *text, size_t size);
+// Whether drivers that were not chosen have such a key; the error then names them.
+bool gonio_hardware_elsewhere(const gonio_hardware *hardware, const char *section, const char *key, gonio_error *error);
 // Open every device that has a driver in place of the rig's own. simulated: the rig's stage and lamp are simulated and
 // follow the real ones. On failure the rig keeps what it has; close it as a whole either way.
 gonio_status gonio_hardware_open(gonio_hardware *hardware, gonio_rig *rig, bool simulated, gonio_error *error);

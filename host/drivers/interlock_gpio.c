@@ -7,6 +7,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "host/drivers/driver.h"
+
 typedef struct contact {
     gonio_contact_config config;
     void *handle;
@@ -203,3 +205,32 @@ const gonio_debounce *gonio_interlock_gpio_contact(const void *opaque, int index
     *name = device->contacts[index].config.name;
     return &device->contacts[index].filter;
 }
+
+typedef gonio_interlock_gpio_config settings;
+#define KEY(key, kind, member, low, high)                                                                              \
+    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, false }
+static const gonio_driver_key keys[] = {KEY("estop_line", TEXT, contacts[0].line, 0, 0),
+                                        KEY("estop_normally_open", NO, contacts[0].normally_closed, 0, 0),
+                                        KEY("estop_bias", BIAS, contacts[0].bias, 0, 0),
+                                        KEY("door_line", TEXT, contacts[1].line, 0, 0),
+                                        KEY("door_normally_open", NO, contacts[1].normally_closed, 0, 0),
+                                        KEY("door_bias", BIAS, contacts[1].bias, 0, 0),
+                                        KEY("debounce_ms", MILLI, debounce_s, 0, 1000),
+                                        {0}};
+
+static void defaults(void *config) { gonio_interlock_gpio_defaults(config); }
+
+static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)context;
+    return gonio_interlock_gpio_open(config, &gonio_gpio_system, NULL, device, error);
+}
+
+const gonio_driver gonio_driver_interlock_gpio = {.name = "gpio",
+                                                  .device = GONIO_DEVICE_INTERLOCK,
+                                                  .summary =
+                                                      "emergency stop and door contacts on lines of this computer",
+                                                  .keys = keys,
+                                                  .settings = sizeof(settings),
+                                                  .defaults = defaults,
+                                                  .ops = &gonio_interlock_gpio,
+                                                  .open = make};

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "host/drivers/driver.h"
 #include "host/transport/clock.h"
 
 typedef struct lamp {
@@ -117,3 +118,30 @@ void gonio_trigger_gpio_close(gonio_trigger_gpio *t) {
     t->io->close(t->state, t->handle);
     t->handle = NULL;
 }
+
+typedef gonio_lamp_gpio_config settings;
+#define KEY(key, kind, member, low, high, shared)                                                                      \
+    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, shared }
+static const gonio_driver_key keys[] = {KEY("enable_line", TEXT, enable_line, 0, 0, false),
+                                        KEY("enable_low", YES, enable_low, 0, 0, false),
+                                        KEY("shutter_line", TEXT, shutter_line, 0, 0, false),
+                                        KEY("shutter_low", YES, shutter_low, 0, 0, false),
+                                        KEY("shutter_settle_s", REAL, shutter_settle_s, 0, 60, false),
+                                        KEY("warm_up_s", REAL, warm_up_s, 0, 1e5, true),
+                                        {0}};
+
+static void defaults(void *config) { ((settings *)config)->shutter_settle_s = GONIO_SHUTTER_SETTLE_S; }
+
+static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)context;
+    return gonio_lamp_gpio_open(config, &gonio_gpio_system, NULL, device, error);
+}
+
+const gonio_driver gonio_driver_lamp_gpio = {.name = "gpio",
+                                             .device = GONIO_DEVICE_LAMP,
+                                             .summary = "lamp and shutter on lines of this computer",
+                                             .keys = keys,
+                                             .settings = sizeof(settings),
+                                             .defaults = defaults,
+                                             .ops = &gonio_lamp_gpio,
+                                             .open = make};

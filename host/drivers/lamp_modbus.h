@@ -1,4 +1,4 @@
-// Lamp, shutter and the lamp's monitor photodiode behind the controller.
+// Lamp and shutter behind the controller.
 #ifndef GONIO_DRIVERS_LAMP_MODBUS_H
 #define GONIO_DRIVERS_LAMP_MODBUS_H
 
@@ -9,10 +9,5 @@ extern const gonio_lamp_ops gonio_lamp_modbus;
 // Nothing is switched on opening. Shares the controller. shutter_settle_s: waited after each switching of the shutter.
 gonio_status gonio_lamp_modbus_open(gonio_controller *controller, double shutter_settle_s, void **device,
                                     gonio_error *error);
-
-extern const gonio_meter_ops gonio_meter_modbus;
-// scale: readings of a full-scale photodiode. relative_sigma: stated, of one reading. Shares the controller.
-gonio_status gonio_meter_modbus_open(gonio_controller *controller, double scale, double relative_sigma, void **device,
-                                     gonio_error *error);
 
 #endif

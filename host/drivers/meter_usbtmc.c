@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "host/drivers/driver.h"
 #include "host/transport/clock.h"
 
 // SCPI-1999 section 7.2.1: these numbers stand for infinity and for "not a number".
@@ -184,3 +185,34 @@ gonio_status gonio_meter_usbtmc_open(const gonio_meter_usbtmc_config *config, vo
 }
 
 const char *gonio_meter_usbtmc_identity(const void *device) { return ((const meter *)device)->identity; }
+
+typedef gonio_meter_usbtmc_config settings;
+#define KEY(key, kind, member, low, high)                                                                              \
+    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, false }
+static const gonio_driver_key keys[] = {KEY("vendor", HEX, match.vendor, 0, 0),
+                                        KEY("product", HEX, match.product, 0, 0),
+                                        KEY("serial", TEXT, match.serial, 0, 0),
+                                        KEY("setup", TEXT, setup, 0, 0),
+                                        KEY("query", TEXT, query, 0, 0),
+                                        KEY("scale", REAL, scale, -1e30, 1e30),
+                                        KEY("sigma_percent", PERCENT, relative_sigma, 0, 100),
+                                        KEY("retries", WHOLE, retries, 0, 100),
+                                        KEY("timeout_ms", WHOLE, timeout_ms, 10, 100000),
+                                        KEY("replug_s", REAL, replug_s, 0, 3600),
+                                        {0}};
+
+static void defaults(void *config) { gonio_meter_usbtmc_defaults(config); }
+
+static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)context;
+    return gonio_meter_usbtmc_open(config, device, error);
+}
+
+const gonio_driver gonio_driver_meter_usbtmc = {.name = "usbtmc",
+                                                .device = GONIO_DEVICE_METER,
+                                                .summary = "an SCPI power meter on USB",
+                                                .keys = keys,
+                                                .settings = sizeof(settings),
+                                                .defaults = defaults,
+                                                .ops = &gonio_meter_usbtmc,
+                                                .open = make};

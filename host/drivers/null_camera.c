@@ -1,7 +1,7 @@
 // A camera behind a cap: frames of the right size that are black.
 #include <string.h>
 
-#include "host/drivers/null.h"
+#include "host/drivers/driver.h"
 
 enum { WIDTH = 640, HEIGHT = 512 };
 
@@ -47,9 +47,14 @@ static const gonio_camera_ops ops = {.api_version = GONIO_RIG_API_VERSION,
                                      .capture = capture,
                                      .close = nothing_to_close};
 
-gonio_status gonio_null_camera_open(gonio_rig *rig, gonio_error *error) {
-    (void)error;
-    rig->camera = &ops;
-    rig->camera_device = NULL;
+static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)settings, (void)context, (void)error;
+    *device = NULL;
     return GONIO_OK;
 }
+
+const gonio_driver gonio_driver_null_camera = {.name = "null",
+                                               .device = GONIO_DEVICE_CAMERA,
+                                               .summary = "a camera behind a cap: 640 x 512, 12 bit, black",
+                                               .ops = &ops,
+                                               .open = make};

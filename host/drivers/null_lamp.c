@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-#include "host/drivers/null.h"
+#include "host/drivers/driver.h"
 
 static gonio_status set_level(void *device, double level, gonio_error *error) {
     (void)device;
@@ -32,9 +32,11 @@ static const gonio_lamp_ops ops = {.api_version = GONIO_RIG_API_VERSION,
                                    .wait_ready = wait_ready,
                                    .close = nothing_to_close};
 
-gonio_status gonio_null_lamp_open(gonio_rig *rig, gonio_error *error) {
-    (void)error;
-    rig->lamp = &ops;
-    rig->lamp_device = NULL;
+static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)settings, (void)context, (void)error;
+    *device = NULL;
     return GONIO_OK;
 }
+
+const gonio_driver gonio_driver_null_lamp = {
+    .name = "null", .device = GONIO_DEVICE_LAMP, .summary = "a lamp that is always warm", .ops = &ops, .open = make};

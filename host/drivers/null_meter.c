@@ -1,7 +1,7 @@
 // A lamp monitor that sees a constant lamp.
 #include <stddef.h>
 
-#include "host/drivers/null.h"
+#include "host/drivers/driver.h"
 
 static gonio_status read_value(void *device, const gonio_stamp *stamp, double integration_s, double *value,
                                double *sigma, gonio_error *error) {
@@ -16,9 +16,11 @@ static void nothing_to_close(void *device) { (void)device; }
 static const gonio_meter_ops ops = {
     .api_version = GONIO_RIG_API_VERSION, .name = "null meter", .read = read_value, .close = nothing_to_close};
 
-gonio_status gonio_null_meter_open(gonio_rig *rig, gonio_error *error) {
-    (void)error;
-    rig->meter = &ops;
-    rig->meter_device = NULL;
+static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)settings, (void)context, (void)error;
+    *device = NULL;
     return GONIO_OK;
 }
+
+const gonio_driver gonio_driver_null_meter = {
+    .name = "null", .device = GONIO_DEVICE_METER, .summary = "reads 1 +- 0.1 %", .ops = &ops, .open = make};

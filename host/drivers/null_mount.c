@@ -1,7 +1,7 @@
 // A sample changer without samples.
 #include <stddef.h>
 
-#include "host/drivers/null.h"
+#include "host/drivers/driver.h"
 
 static gonio_status mount(void *device, gonio_target target, gonio_error *error) {
     (void)device, (void)target, (void)error;
@@ -13,9 +13,14 @@ static void nothing_to_close(void *device) { (void)device; }
 static const gonio_mount_ops ops = {
     .api_version = GONIO_RIG_API_VERSION, .name = "null sample changer", .mount = mount, .close = nothing_to_close};
 
-gonio_status gonio_null_mount_open(gonio_rig *rig, gonio_error *error) {
-    (void)error;
-    rig->mount = &ops;
-    rig->mount_device = NULL;
+static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)settings, (void)context, (void)error;
+    *device = NULL;
     return GONIO_OK;
 }
+
+const gonio_driver gonio_driver_null_mount = {.name = "null",
+                                              .device = GONIO_DEVICE_MOUNT,
+                                              .summary = "a sample changer without samples",
+                                              .ops = &ops,
+                                              .open = make};

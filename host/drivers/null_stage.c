@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "host/drivers/null.h"
+#include "host/drivers/driver.h"
 
 typedef struct null_stage {
     double position_rad[GONIO_AXES];
@@ -46,12 +46,14 @@ static const gonio_stage_ops ops = {.api_version = GONIO_RIG_API_VERSION,
                                     .duration_s = stage_duration_s,
                                     .close = free};
 
-gonio_status gonio_null_stage_open(gonio_rig *rig, gonio_error *error) {
-    null_stage *stage = calloc(1, sizeof *stage);
-    if (stage == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a null stage");
-    }
-    rig->stage = &ops;
-    rig->stage_device = stage;
-    return GONIO_OK;
+static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
+    (void)settings, (void)context;
+    *device = calloc(1, sizeof(null_stage));
+    return *device != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a null stage");
 }
+
+const gonio_driver gonio_driver_null_stage = {.name = "null",
+                                              .device = GONIO_DEVICE_STAGE,
+                                              .summary = "axes that are wherever they were told to be",
+                                              .ops = &ops,
+                                              .open = make};

@@ -1,6 +1,7 @@
 // A rig as a whole.
 #include <stddef.h>
 
+#include "host/drivers/driver.h"
 #include "host/drivers/null.h"
 
 void gonio_rig_close(gonio_rig *rig) {
@@ -28,12 +29,14 @@ void gonio_rig_close(gonio_rig *rig) {
 
 gonio_status gonio_null_rig_open(gonio_rig *rig, gonio_error *error) {
     *rig = (gonio_rig){0};
-    gonio_status (*const openers[])(gonio_rig *, gonio_error *) = {gonio_null_stage_open,     gonio_null_lamp_open,
-                                                                   gonio_null_camera_open,    gonio_null_meter_open,
-                                                                   gonio_null_interlock_open, gonio_null_mount_open};
     gonio_status status = GONIO_OK;
-    for (size_t i = 0; status == GONIO_OK && i < sizeof openers / sizeof *openers; i++) {
-        status = openers[i](rig, error);
+    for (int k = 0; status == GONIO_OK && k < GONIO_DEVICES; k++) {
+        const gonio_driver *driver = gonio_driver_find((gonio_device)k, "null");
+        void *device;
+        status = driver->open(NULL, NULL, &device, error);
+        if (status == GONIO_OK) {
+            gonio_driver_install(driver, device, rig);
+        }
     }
     if (status != GONIO_OK) {
         gonio_rig_close(rig);

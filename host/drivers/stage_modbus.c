@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "host/drivers/controller_map.h"
+#include "host/drivers/driver.h"
 
 enum { ALL_AXES = 15 };
 
@@ -425,3 +426,50 @@ double gonio_stage_modbus_user_deg(const void *device, int k, double dial_deg) {
 }
 
 int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage *)device)->lost_steps; }
+
+#define KEY(key, kind, member, low, high)                                                                              \
+    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(gonio_stage_modbus_config, member), low, high, false }
+#define AXIS_KEY(axis, key, kind, member, low, high, shared)                                                           \
+    { "axis " axis, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(gonio_stage_modbus_config, member), low, high, shared }
+#define AXIS(axis, k)                                                                                                  \
+    AXIS_KEY(axis, "steps_per_deg", REAL, axes[k].steps_per_deg, 0.001, 4e6, false),                                   \
+        AXIS_KEY(axis, "speed_deg_per_s", REAL, axes[k].speed_deg_per_s, 1e-3, 1e4, true),                             \
+        AXIS_KEY(axis, "acceleration_deg_per_s2", REAL, axes[k].acceleration_deg_per_s2, 1e-3, 1e6, true),             \
+        AXIS_KEY(axis, "jerk_deg_per_s3", REAL, axes[k].jerk_deg_per_s3, 0, 1e9, true),                                \
+        AXIS_KEY(axis, "min_deg", REAL, axes[k].min_deg, -720, 720, true),                                             \
+        AXIS_KEY(axis, "max_deg", REAL, axes[k].max_deg, -720, 720, true),                                             \
+        AXIS_KEY(axis, "backlash_deg", REAL, axes[k].backlash_deg, -10, 10, true),                                     \
+        AXIS_KEY(axis, "home_deg", REAL, axes[k].home_deg, -720, 720, false),                                          \
+        AXIS_KEY(axis, "home_fast_deg_per_s", REAL, axes[k].home_fast_deg_per_s, 1e-3, 1e4, false),                    \
+        AXIS_KEY(axis, "home_slow_deg_per_s", REAL, axes[k].home_slow_deg_per_s, 1e-4, 1e3, false),                    \
+        AXIS_KEY(axis, "home_travel_deg", REAL, axes[k].home_travel_deg, 1e-3, 1440, false),                           \
+        AXIS_KEY(axis, "home_order", WHOLE, axes[k].home_order, 0, 4, false),                                          \
+        AXIS_KEY(axis, "home_up", WHOLE, axes[k].home_up, 0, 1, false),                                                \
+        AXIS_KEY(axis, "zero_deg", REAL, axes[k].zero_deg, -720, 720, false),                                          \
+        AXIS_KEY(axis, "invert", SIGN, axes[k].sign, 0, 0, false)
+static const gonio_driver_key keys[] = {KEY("audit_deg", REAL, audit_deg, 0, 10),
+                                        KEY("home_pressed", WHOLE, home_pressed, 0, 1),
+                                        AXIS("light_theta", GONIO_LIGHT_THETA),
+                                        AXIS("light_phi", GONIO_LIGHT_PHI),
+                                        AXIS("camera_theta", GONIO_CAMERA_THETA),
+                                        AXIS("camera_phi", GONIO_CAMERA_PHI),
+                                        {0}};
+
+static void defaults(void *config) { gonio_stage_modbus_defaults(config); }
+
+static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
+    gonio_stage_modbus_config *c = config;
+    c->interlock = context->interlock;
+    c->interlock_device = context->interlock_device;
+    return gonio_stage_modbus_open(c, context->controller, device, error);
+}
+
+const gonio_driver gonio_driver_stage_modbus = {.name = "modbus",
+                                                .device = GONIO_DEVICE_STAGE,
+                                                .summary = "four axes behind the controller",
+                                                .keys = keys,
+                                                .settings = sizeof(gonio_stage_modbus_config),
+                                                .defaults = defaults,
+                                                .controller = true,
+                                                .ops = &gonio_stage_modbus,
+                                                .open = make};

@@ -31,6 +31,13 @@ static gonio_status tape_new(const char *path, const char *mode, gonio_tape **ou
     return GONIO_OK;
 }
 
+gonio_status gonio_tape_choose(const char *record, const char *replay, gonio_tape **out, gonio_error *error) {
+    *out = NULL;
+    return replay[0] != 0   ? gonio_tape_open(replay, out, error)
+           : record[0] != 0 ? gonio_tape_create(record, out, error)
+                            : GONIO_OK;
+}
+
 gonio_status gonio_tape_create(const char *path, gonio_tape **out, gonio_error *error) {
     const gonio_status status = tape_new(path, "wx", out, error); // never over an earlier record
     if (status == GONIO_OK) {

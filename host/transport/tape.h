@@ -12,6 +12,8 @@ typedef struct gonio_tape gonio_tape;
 
 gonio_status gonio_tape_create(const char *path, gonio_tape **out, gonio_error *error); // to record; flushed each line
 gonio_status gonio_tape_open(const char *path, gonio_tape **out, gonio_error *error);   // to replay
+// To replay where that names a file, else to record where that does, else none: *out is NULL.
+gonio_status gonio_tape_choose(const char *record, const char *replay, gonio_tape **out, gonio_error *error);
 void gonio_tape_close(gonio_tape *tape);                                                // NULL is allowed
 
 // Add one exchange; a failure to write shows as the tape's end, never as the device's fault.

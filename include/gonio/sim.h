@@ -27,6 +27,9 @@ void gonio_sim_free(gonio_sim *sim);
 // stage_estop, lamp_off, meter_error, interlock_open, lost_steps) strikes at POSE, or POSE:FRAME, either with xTIMES as a
 // bound per process. lost_steps: from this move on an axis stands half a degree off, until it is homed.
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value, gonio_error *error);
+// Whether gonio_sim_set knows the key; and " key" of every key of a section, for messages (empty: no such section).
+bool gonio_sim_has_key(const char *section, const char *key);
+void gonio_sim_keys(const char *section, char *text, size_t size);
 // What the fiducial's plate shows (copied): width x height greys 0..255, centred on the table, its right side toward
 // the sample's +x, its top toward +y. May be called before or after opening.
 gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,

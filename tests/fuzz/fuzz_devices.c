@@ -12,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 static void keys(const uint8_t *data, size_t size) {
     const gonio_hardware_hooks hooks = {0};
     gonio_hardware *hardware;
-    char text[400], list[8192];
+    char text[400], list[1024];
     if (size >= sizeof text || gonio_hardware_new(&hooks, &hardware, NULL) != GONIO_OK) {
         return;
     }
@@ -29,7 +29,8 @@ static void keys(const uint8_t *data, size_t size) {
             abort();
         }
     }
-    gonio_hardware_list(hardware, list, sizeof list);
+    gonio_hardware_list(hardware, "camera", list, sizeof list);
+    gonio_hardware_elsewhere(hardware, "camera", "device", NULL);
     gonio_hardware_free(hardware);
 }
 

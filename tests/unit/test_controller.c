@@ -10,6 +10,7 @@
 #include "host/drivers/controller.h"
 #include "host/drivers/controller_map.h"
 #include "host/drivers/lamp_modbus.h"
+#include "host/drivers/meter_modbus.h"
 #include "host/drivers/stage_modbus.h"
 #include "host/transport/clock.h"
 #include "tests/unit/controller_bench.h"

@@ -105,7 +105,7 @@ static void test_guard_refuses_before_anything_moves(void **state) {
     const gonio_stamp stamp = {0};
     const double beyond[GONIO_AXES] = {0, 0, gonio_radians(60), 0}, before[GONIO_AXES] = {0, 0, gonio_radians(20), 0};
     double at[GONIO_AXES];
-    assert_int_equal(gonio_null_stage_open(&rig, NULL), GONIO_OK);
+    assert_int_equal(gonio_null_rig_open(&rig, NULL), GONIO_OK);
     assert_int_equal(gonio_keep_out_guard(&keep_out, &rig, NULL), GONIO_OK);
     assert_int_equal(rig.stage->move(rig.stage_device, before, 1, &stamp, 1, NULL), GONIO_OK);
     assert_int_equal(rig.stage->move(rig.stage_device, beyond, 2, &stamp, 1, NULL), GONIO_E_RANGE);

@@ -1,0 +1,92 @@
+// The drivers of a rig's devices. A driver is one file, its registration the last thing there, and one line in
+// drivers.def; `driver = NAME` in the device's section of a rig file chooses it, and its keys are then the section's.
+#ifndef GONIO_DRIVERS_DRIVER_H
+#define GONIO_DRIVERS_DRIVER_H
+
+#include <stddef.h>
+
+#include "gonio/rig.h"
+#include "host/drivers/controller.h"
+
+// In the order in which they are opened: the interlock watches the stage, the stage stands before anything looks.
+typedef enum gonio_device {
+    GONIO_DEVICE_INTERLOCK,
+    GONIO_DEVICE_STAGE,
+    GONIO_DEVICE_LAMP,
+    GONIO_DEVICE_METER,
+    GONIO_DEVICE_CAMERA,
+    GONIO_DEVICE_MOUNT,
+    GONIO_DEVICES
+} gonio_device;
+
+const char *gonio_device_name(gonio_device device); // "stage", which is its section of a rig file
+
+typedef enum gonio_driver_kind {
+    GONIO_DRIVER_TEXT,    // array of char, not empty
+    GONIO_DRIVER_WHOLE,   // int
+    GONIO_DRIVER_REAL,    // double, as are the next three, which are given in another unit
+    GONIO_DRIVER_MILLI,   // thousandths
+    GONIO_DRIVER_MICRO,   // millionths
+    GONIO_DRIVER_PERCENT, // hundredths
+    GONIO_DRIVER_YES,     // bool, 1 is true
+    GONIO_DRIVER_NO,      // bool, 1 is false
+    GONIO_DRIVER_HEX,     // int of 16 bits
+    GONIO_DRIVER_PARITY,  // char
+    GONIO_DRIVER_BIAS,    // gonio_gpio_bias
+    GONIO_DRIVER_SIGN,    // int, 1 is -1 and 0 is +1
+} gonio_driver_kind;
+
+// One key of a rig file and the member of the driver's settings that it fills.
+typedef struct gonio_driver_key {
+    const char *section; // NULL: the device's own
+    const char *name;    // NULL ends a table
+    gonio_driver_kind kind;
+    size_t offset, size;
+    double low, high; // of numbers, as they are given
+    bool shared;      // the simulator has a key of this name, which means the same
+} gonio_driver_key;
+#define GONIO_DRIVER_AT(type, member) offsetof(type, member), sizeof(((type *)0)->member)
+
+// Take the value from text. GONIO_E_INPUT with what was expected where it is impossible. section: for the message.
+gonio_status gonio_driver_key_set(const gonio_driver_key *key, const char *section, void *settings, const char *value,
+                                  gonio_error *error);
+// What a value may be: "a number from 0 to 90".
+void gonio_driver_key_expected(const gonio_driver_key *key, char *text, size_t size);
+
+#define GONIO_SHUTTER_SETTLE_S 0.1 // waited after each switching of a shutter, where its key says nothing else
+
+// What a driver may use while it opens.
+typedef struct gonio_driver_context {
+    gonio_controller *controller;         // where the driver asks for it; a device that keeps it shares it
+    const gonio_interlock_ops *interlock; // a real one, opened before; NULL: none
+    void *interlock_device;
+    void (*event)(void *context, const char *kind, const char *text); // what a session should note; NULL: nobody
+    void *event_context;
+} gonio_driver_context;
+
+typedef struct gonio_driver {
+    const char *name; // "v4l2"
+    gonio_device device;
+    const char *summary;
+    const gonio_driver_key *keys;     // ends with a name of NULL; NULL: none
+    size_t settings;                  // bytes of the struct that the keys fill; 0: none
+    void (*defaults)(void *settings); // NULL: zeros
+    bool controller;                  // behind the controller: the keys of [controller] belong to it as well
+    const void *ops;                  // gonio_stage_ops, gonio_lamp_ops ... by the device
+    // Make the device, which ops->close frees. The settings outlive it.
+    gonio_status (*open)(void *settings, const gonio_driver_context *context, void **device, gonio_error *error);
+    // Optional: release what open has put into the settings, after the device is closed, or could not be opened.
+    void (*release)(void *settings);
+} gonio_driver;
+
+// By number, from 0 on; NULL past the last.
+const gonio_driver *gonio_driver_at(int number);
+const gonio_driver *gonio_driver_find(gonio_device device, const char *name); // NULL: none
+// " a b" of the drivers of a device, for messages.
+void gonio_driver_names(gonio_device device, char *text, size_t size);
+// The keys of [controller].
+extern const gonio_driver_key gonio_controller_keys[];
+// Put the device into the rig in place of the one that is there, which is closed.
+void gonio_driver_install(const gonio_driver *driver, void *device, gonio_rig *rig);
+
+#endif
