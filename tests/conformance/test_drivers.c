@@ -130,6 +130,19 @@ static void drivers_are_whole(void **state) {
 
 // ---- null devices ----
 
+static void null_camera_answers(const gonio_rig *rig) {
+    const gonio_stamp stamp = {0};
+    gonio_camera_info info;
+    assert_int_equal(rig->camera->info(rig->camera_device, &info, NULL), GONIO_OK);
+    uint16_t pixels[6] = {1, 1, 1, 1, 1, 1};
+    const gonio_window window = {info.width - 3, info.height - 2, 3, 2}, outside = {info.width - 2, 0, 3, 2};
+    gonio_frame frame = {.pixels = pixels};
+    assert_int_equal(rig->camera->capture(rig->camera_device, &window, 0.1, 0, &stamp, 1, &frame, NULL), GONIO_OK);
+    assert_true(pixels[0] == 0 && pixels[5] == 0);
+    assert_int_equal(rig->camera->capture(rig->camera_device, &outside, 0.1, 0, &stamp, 1, &frame, NULL),
+                     GONIO_E_RANGE);
+}
+
 static void null_devices_answer(void **state) {
     (void)state;
     gonio_rig rig = {0};
@@ -165,14 +178,7 @@ static void null_devices_answer(void **state) {
     for (int target = GONIO_TARGET_SAMPLE; target <= GONIO_TARGET_MIRROR; target++) {
         assert_int_equal(rig.mount->mount(rig.mount_device, (gonio_target)target, NULL), GONIO_OK);
     }
-    gonio_camera_info info;
-    assert_int_equal(rig.camera->info(rig.camera_device, &info, NULL), GONIO_OK);
-    uint16_t pixels[6] = {1, 1, 1, 1, 1, 1};
-    const gonio_window window = {info.width - 3, info.height - 2, 3, 2}, outside = {info.width - 2, 0, 3, 2};
-    gonio_frame frame = {.pixels = pixels};
-    assert_int_equal(rig.camera->capture(rig.camera_device, &window, 0.1, 0, &stamp, 1, &frame, NULL), GONIO_OK);
-    assert_true(pixels[0] == 0 && pixels[5] == 0);
-    assert_int_equal(rig.camera->capture(rig.camera_device, &outside, 0.1, 0, &stamp, 1, &frame, NULL), GONIO_E_RANGE);
+    null_camera_answers(&rig);
     gonio_rig_close(&rig);
     gonio_hardware_free(hardware);
     cases += GONIO_DEVICES;

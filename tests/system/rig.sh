@@ -78,6 +78,18 @@ exits "a wrong axis is wrong usage" 2 "$GONIO" rig move shoulder=4 --rig "$work/
 exits "no port is a device fault" 1 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set controller.port=/dev/null/x
 exits "an unknown key is bad input" 3 sh -c "printf '[controller]\nport = x\nbauds = 3\n' > $work/bad.ini; $GONIO rig status --rig $work/bad.ini --sample $sample"
 
+exits "a key of another driver is bad input" 3 sh -c "printf '[rig]\ndriver = null\n[lamp]\ndriver = gpio\n[controller]\nport = x\n' > $work/bad.ini; $GONIO rig status --rig $work/bad.ini"
+says "which says whose it is, with its line" "bad.ini:6: controller.port is a key of [stage] driver = modbus"
+exits "the drivers" 0 "$GONIO" drivers
+check "with their keys" grep -q '\[camera\] trigger_pulse_ms .*a number from 0 to 1000' "$work/out"
+exits "the drivers as JSON" 0 "$GONIO" drivers --json
+check "with what they are" python3 -c "
+import json
+all=json.load(open('$work/out'))['drivers']
+assert {d['device'] for d in all if d['driver']=='null'} == {'stage','lamp','meter','camera','interlock','mount'}
+assert all(k['value'] for d in all for k in d['keys'])"
+exits "a null device on a simulated rig" 0 "$GONIO" rig identify --sample $sample --set camera.driver=null
+
 exits "a travel of nothing is refused" 2 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.home_travel_deg=0"
 says "with what was expected" "[axis light_theta] home_travel_deg: found '0', expected a number from 0.001 to 1440"
 exits "home_pressed is 0 or 1" 3 sh -c "(cat '$work/tcp.ini'; printf '[stage]\nhome_pressed = 2\n') >'$work/bad.ini'; '$GONIO' rig status --rig '$work/bad.ini' --sample $sample"
