@@ -85,9 +85,9 @@ check "with their keys" grep -q '\[camera\] trigger_pulse_ms .*a number from 0 t
 exits "the drivers as JSON" 0 "$GONIO" drivers --json
 check "with what they are" python3 -c "
 import json
-all=json.load(open('$work/out'))['drivers']
-assert {d['device'] for d in all if d['driver']=='null'} == {'stage','lamp','meter','camera','interlock','mount'}
-assert all(k['value'] for d in all for k in d['keys'])"
+drivers=json.load(open('$work/out'))['drivers']
+assert {d['device'] for d in drivers if d['driver']=='null'} == {'stage','lamp','meter','camera','interlock','mount'}
+assert all(k['value'] for d in drivers for k in d['keys'])"
 exits "a null device on a simulated rig" 0 "$GONIO" rig identify --sample $sample --set camera.driver=null
 
 exits "a travel of nothing is refused" 2 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.home_travel_deg=0"
