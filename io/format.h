@@ -38,7 +38,7 @@ typedef struct gonio_format {
     gonio_status (*table)(const gonio_source *source, gonio_model **out, gonio_error *error);
     // Optional, both: samples, or a model as a table, to a stream. The stream's own failures are the caller's matter.
     gonio_status (*write)(const gonio_samples *samples, FILE *stream, gonio_error *error);
-    gonio_status (*write_table)(const gonio_model *model, FILE *stream, gonio_error *error);
+    gonio_status (*write_table)(const gonio_model *model, FILE *stream, int threads, gonio_error *error);
     double precision;                   // as in gonio_format_facts
     const gonio_format_option *options; // of read; NULL: none
 } gonio_format;

@@ -173,25 +173,30 @@ gonio_status gonio_format_writer(const char *name, const char *path, gonio_forma
     return status;
 }
 
-// samples or model: the other is NULL. path: for messages; NULL where it is not known.
-static gonio_status put(const gonio_format *f, const gonio_samples *samples, const gonio_model *model, FILE *stream,
-                        const char *path, gonio_error *error) {
+// What is written: samples or a model, the other is NULL.
+typedef struct content {
+    const gonio_samples *samples;
+    const gonio_model *model;
+    int threads;
+} content;
+
+// path: for messages; NULL where it is not known.
+static gonio_status put(const gonio_format *f, const content *c, FILE *stream, const char *path, gonio_error *error) {
     const gonio_status status =
-        samples != NULL ? f->write(samples, stream, error) : f->write_table(model, stream, error);
+        c->samples != NULL ? f->write(c->samples, stream, error) : f->write_table(c->model, stream, c->threads, error);
     if (status == GONIO_OK && (fflush(stream) != 0 || ferror(stream))) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
     }
     return status;
 }
 
-static gonio_status put_file(const gonio_format *f, const gonio_samples *samples, const gonio_model *model,
-                             const char *path, gonio_error *error) {
+static gonio_status put_file(const gonio_format *f, const content *c, const char *path, gonio_error *error) {
     gonio_output *output;
     gonio_status status = gonio_output_open(path, &output, error);
     if (status != GONIO_OK) {
         return status;
     }
-    status = put(f, samples, model, gonio_output_stream(output), path, error);
+    status = put(f, c, gonio_output_stream(output), path, error);
     if (status != GONIO_OK) {
         gonio_output_abandon(output);
         return status;
@@ -206,22 +211,23 @@ gonio_status gonio_write_as(const gonio_samples *samples, const char *path, cons
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from a model, not from samples; `gonio fit` makes one",
                           f->summary);
     }
-    return status == GONIO_OK ? put_file(f, samples, NULL, path, error) : status;
+    return status == GONIO_OK ? put_file(f, &(content){.samples = samples}, path, error) : status;
 }
 
-gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, gonio_error *error) {
+gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, int threads,
+                                  gonio_error *error) {
     const gonio_format *f;
     const gonio_status status = find_writer(format, path, &f, error);
     if (status == GONIO_OK && f->write_table == NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from samples, not from a model", f->summary);
     }
-    return status == GONIO_OK ? put_file(f, NULL, model, path, error) : status;
+    return status == GONIO_OK ? put_file(f, &(content){.model = model, .threads = threads}, path, error) : status;
 }
 
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error) {
-    return put_file(&gonio_format_samples, samples, NULL, path, error);
+    return put_file(&gonio_format_samples, &(content){.samples = samples}, path, error);
 }
 
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error) {
-    return put(&gonio_format_samples, samples, NULL, stream, NULL, error);
+    return put(&gonio_format_samples, &(content){.samples = samples}, stream, NULL, error);
 }

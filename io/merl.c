@@ -9,6 +9,7 @@
 // it). The model interpolates between centres, linearly in the three indices, over the valid ones.
 #include <endian.h>
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -296,8 +297,8 @@ static void cell_values(const gonio_model *model, int h, int d, int p, double ou
     }
 }
 
-static void fill_planes(const gonio_model *model, double *planes) {
-#pragma omp parallel for
+static void fill_planes(const gonio_model *model, int threads, double *planes) {
+#pragma omp parallel for num_threads(threads)
     for (int h = 0; h < N_H; h++) {
         for (int d = 0; d < N_D; d++) {
             for (int p = 0; p < N_P; p++) {
@@ -311,7 +312,7 @@ static void fill_planes(const gonio_model *model, double *planes) {
     }
 }
 
-static gonio_status write_merl(const gonio_model *model, FILE *stream, gonio_error *error) {
+static gonio_status write_merl(const gonio_model *model, FILE *stream, int threads, gonio_error *error) {
     if (model->channels != 3 && model->channels != 1) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a MERL table holds r, g, b; the model has %d channels",
                           model->channels);
@@ -323,7 +324,7 @@ static gonio_status write_merl(const gonio_model *model, FILE *stream, gonio_err
     if (planes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a MERL table");
     }
-    fill_planes(model, planes);
+    fill_planes(model, threads > 0 ? threads : omp_get_max_threads(), planes);
     const int32_t dimensions[3] = {N_H, N_D, N_P};
     for (int k = 0; k < 3; k++) {
         put_little(stream, &dimensions[k], 4);

@@ -87,9 +87,11 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
 // Every writer writes beside, syncs and renames: a failure leaves what was there.
 
 // Samples, or a model as a table, as a format that gonio_format_writer finds: format NULL goes by the path's extension.
-// GONIO_E_USAGE where that format is not written from samples, or not from a model.
+// GONIO_E_USAGE where that format is not written from samples, or not from a model. threads 0: all; the bytes do not
+// depend on it.
 gonio_status gonio_write_as(const gonio_samples *samples, const char *path, const char *format, gonio_error *error);
-gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, gonio_error *error);
+gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, int threads,
+                                  gonio_error *error);
 // The samples CSV, whatever the path ends in; reading it gives the same bits.
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error);
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error);

@@ -177,7 +177,7 @@ static void samples_come_back(const gonio_format *f, int channels, int sigma, bo
 
 // A table holds values at places of its own: there it must say what the model says.
 static void table_comes_back(const gonio_format *f, const char *path, const gonio_model *model) {
-    assert_int_equal(gonio_write_table_as(model, path, f->name, NULL), GONIO_OK);
+    assert_int_equal(gonio_write_table_as(model, path, f->name, 0, NULL), GONIO_OK);
     gonio_samples *s = read_whole(path, f);
     for (size_t i = 0; i < s->n; i++) {
         double v[3];
@@ -448,7 +448,7 @@ static void written_tables_are_checked_as_well(void **state) {
             char path[64];
             assert_int_equal(gonio_model_from_spec("lambert:rho=0.3", &model, NULL), GONIO_OK);
             scratch_file(path, "", 0);
-            assert_int_equal(gonio_write_table_as(model, path, f->name, NULL), GONIO_OK);
+            assert_int_equal(gonio_write_table_as(model, path, f->name, 0, NULL), GONIO_OK);
             gonio_model_free(model);
             damaged_table(f, path);
             unlink(path);
@@ -510,7 +510,7 @@ static void the_writer_is_found(void **state) {
             assert_int_equal(gonio_write_as(s, "/nonexistent/a", facts.name, NULL), GONIO_E_USAGE);
         }
         if (!facts.writes_table) {
-            assert_int_equal(gonio_write_table_as(model, "/nonexistent/a", facts.name, NULL), GONIO_E_USAGE);
+            assert_int_equal(gonio_write_table_as(model, "/nonexistent/a", facts.name, 0, NULL), GONIO_E_USAGE);
         }
         gonio_model_free(model);
         gonio_samples_free(s);

@@ -63,7 +63,7 @@ static gonio_status to_samples(const char *in, const char *out, const char *form
 
 // format NULL: a model file.
 static gonio_status to_table(const char *in, const char *out, const char *format, const convert_arguments *a,
-                             gonio_error *error) {
+                             int threads, gonio_error *error) {
     if (a->plan != NULL) {
         return gonio_fail(error, GONIO_E_USAGE,
                           "plan: says where to sample a model; %s is written from the model itself", out);
@@ -71,7 +71,8 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     gonio_model *model;
     gonio_status status = open_model(in, &a->input, &model, error);
     if (status == GONIO_OK) {
-        status = format == NULL ? gonio_model_save(model, out, error) : gonio_write_table_as(model, out, format, error);
+        status = format == NULL ? gonio_model_save(model, out, error)
+                                : gonio_write_table_as(model, out, format, threads, error);
         gonio_model_free(model);
     }
     return status;
@@ -82,7 +83,7 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
     gonio_format_facts facts;
     if (a->to != NULL ? strcmp(a->to, "model") == 0 : ends_with(names[1], MODEL_EXTENSION)) {
         json_object_set_new(result, "format", json_string("model"));
-        return to_table(names[0], names[1], NULL, a, error);
+        return to_table(names[0], names[1], NULL, a, common->threads, error);
     }
     const gonio_status status = gonio_format_writer(a->to, names[1], &facts, error);
     if (status != GONIO_OK) {
@@ -93,7 +94,7 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
     }
     json_object_set_new(result, "format", json_string(facts.name));
     return facts.writes ? to_samples(names[0], names[1], facts.name, a, common, result, error)
-                        : to_table(names[0], names[1], facts.name, a, error);
+                        : to_table(names[0], names[1], facts.name, a, common->threads, error);
 }
 
 // "samples (.csv), merl (.binary), model (.gonio)"
