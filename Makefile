@@ -20,9 +20,9 @@ WARN     := -Wall -Wextra -Wpedantic -Wconversion -Werror
 OPT      ?= -O2 -g
 SANITIZE ?=
 CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE -DGONIO_VERSION='"$(VERSION)"'
-CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -fopenmp $(SANITIZE)
-CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -fopenmp $(SANITIZE)
-LDFLAGS  += -fopenmp $(SANITIZE)
+CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
+CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -pthread $(SANITIZE)
+LDFLAGS  += -pthread $(SANITIZE)
 
 # Each folder's files.mk says what of it goes where, and adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),
 # unit-y (cmocka programs, run under sanitizers), bench-y, pkgs-y (pkg-config
@@ -117,7 +117,7 @@ install: all ## install under $(DESTDIR)$(PREFIX): program, libraries, headers, 
 	install -m 755 $(B)/gonio $(DESTDIR)$(PREFIX)/bin/
 	install -m 644 $(B)/libgonio.a $(B)/libgonio-eval.a $(DESTDIR)$(PREFIX)/lib/
 	install -m 644 include/gonio/*.h $(DESTDIR)$(PREFIX)/include/gonio/
-	printf 'prefix=%s\nName: gonio\nDescription: gonioreflectometer acquisition, calibration and BRDF fitting\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio -fopenmp %s\n' '$(PREFIX)' '$(VERSION)' '$(PKG_LIBS)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio.pc
+	printf 'prefix=%s\nName: gonio\nDescription: gonioreflectometer acquisition, calibration and BRDF fitting\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio -pthread %s\n' '$(PREFIX)' '$(VERSION)' '$(PKG_LIBS)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio.pc
 	printf 'prefix=%s\nName: gonio-eval\nDescription: evaluate Gonio BRDF models\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio-eval -lm\n' '$(PREFIX)' '$(VERSION)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio-eval.pc
 
 clean: ## remove build/

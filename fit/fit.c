@@ -179,7 +179,7 @@ static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_fit
             gonio_fit_report unused = {0};
             status = method->fit(samples, options, &model, &unused, error);
             if (status == GONIO_OK) {
-                status = gonio_errors_model(model, samples, NULL, &errors, error);
+                status = gonio_errors_model(model, samples, NULL, options->threads, &errors, error);
             }
             gonio_model_free(model);
         }
@@ -221,7 +221,7 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method
     report->channels = samples->channels;
     report->control_points = (*out)->control_points;
     report->bytes = (*out)->bytes;
-    status = gonio_errors_model(*out, samples, NULL, &report->train, error);
+    status = gonio_errors_model(*out, samples, NULL, options->threads, &report->train, error);
     if (status == GONIO_OK) {
         status = held_out_errors(samples, method, options, &report->held_out, error);
     }

@@ -13,6 +13,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/thread_pool.h"
+
 #define RELATIVE_FLOOR 1e-3 // 1/sr
 // 70 deg and the rounding of angles that a file gives in radians with six decimals.
 #define THETA_70 (70 * GONIO_PI / 180 + 1e-6)
@@ -158,18 +160,25 @@ gonio_status gonio_errors_of(const gonio_samples *samples, const double *predict
 // Evaluate in blocks: each is one call of eval_many, and they run in any thread.
 #define BLOCK 4096
 
-static void predict(const gonio_model *model, const gonio_samples *samples, size_t first, size_t count,
-                    double *values) {
+typedef struct prediction {
+    const gonio_model *model;
+    const gonio_samples *samples;
+    double *values;
+} prediction;
+
+static void predict(void *context, size_t block) {
+    const prediction *all = context;
+    const size_t first = block * BLOCK, left = all->samples->n - first, count = left < BLOCK ? left : BLOCK;
     gonio_vec3 wi[BLOCK], wo[BLOCK];
     for (size_t i = 0; i < count; i++) {
-        const gonio_pair *p = &samples->pairs[first + i];
+        const gonio_pair *p = &all->samples->pairs[first + i];
         wi[i] = gonio_direction(p->theta_i, p->phi_i);
         wo[i] = gonio_direction(p->theta_o, p->phi_o);
     }
-    gonio_model_eval_many(model, count, wi, wo, values + first * (size_t)samples->channels);
+    gonio_model_eval_many(all->model, count, wi, wo, all->values + first * (size_t)all->samples->channels);
 }
 
-gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *samples, const bool *which,
+gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *samples, const bool *which, int threads,
                                 gonio_errors *out, gonio_error *error) {
     if (model->channels != samples->channels) {
         return gonio_fail(error, GONIO_E_INPUT, "the model has %d channels, the samples have %d", model->channels,
@@ -180,12 +189,7 @@ gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *s
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to evaluate %zu samples of %d channels (%.3g GB)",
                           samples->n, samples->channels, 8e-9 * (double)samples->n * samples->channels);
     }
-    const size_t blocks = (samples->n + BLOCK - 1) / BLOCK;
-#pragma omp parallel for schedule(dynamic) if (blocks > 1)
-    for (size_t b = 0; b < blocks; b++) {
-        const size_t first = b * BLOCK, left = samples->n - first;
-        predict(model, samples, first, left < BLOCK ? left : BLOCK, predicted);
-    }
+    gonio_pool_for(threads, (samples->n + BLOCK - 1) / BLOCK, predict, &(prediction){model, samples, predicted});
     const gonio_status status = gonio_errors_of(samples, predicted, which, out, error);
     free(predicted);
     return status;

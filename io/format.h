@@ -21,6 +21,7 @@ typedef struct gonio_format_value {
 
 typedef struct gonio_format_values {
     uint64_t seed;
+    int threads; // 0: all
     double wavelength_nm;
     gonio_format_value at[GONIO_FORMAT_SETTINGS_MAX];
 } gonio_format_values;

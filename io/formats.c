@@ -122,6 +122,7 @@ gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_opt
     gonio_status status = GONIO_OK;
     if (options != NULL) {
         values->seed = options->seed;
+        values->threads = options->threads;
         values->wavelength_nm = options->wavelength_nm;
         for (int k = 0; k < GONIO_FORMAT_SETTINGS_MAX && options->settings[k].name != NULL && status == GONIO_OK; k++) {
             status = parse_setting(format, &options->settings[k], values, error);

@@ -9,10 +9,10 @@
 // it). The model interpolates between centres, linearly in the three indices, over the valid ones.
 #include <endian.h>
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "io/format.h"
 
 #define N_H 90
@@ -297,16 +297,19 @@ static void cell_values(const gonio_model *model, int h, int d, int p, double ou
     }
 }
 
-static void fill_planes(const gonio_model *model, int threads, double *planes) {
-#pragma omp parallel for num_threads(threads)
-    for (int h = 0; h < N_H; h++) {
-        for (int d = 0; d < N_D; d++) {
-            for (int p = 0; p < N_P; p++) {
-                double values[3];
-                cell_values(model, h, d, p, values);
-                for (size_t c = 0; c < 3; c++) {
-                    planes[c * CELLS + cell(h, d, p)] = values[c];
-                }
+typedef struct filling {
+    const gonio_model *model;
+    double *planes;
+} filling;
+
+static void fill_planes(void *context, size_t h) {
+    const filling *f = context;
+    for (int d = 0; d < N_D; d++) {
+        for (int p = 0; p < N_P; p++) {
+            double values[3];
+            cell_values(f->model, (int)h, d, p, values);
+            for (size_t c = 0; c < 3; c++) {
+                f->planes[c * CELLS + cell((int)h, d, p)] = values[c];
             }
         }
     }
@@ -324,7 +327,7 @@ static gonio_status write_merl(const gonio_model *model, FILE *stream, int threa
     if (planes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a MERL table");
     }
-    fill_planes(model, threads > 0 ? threads : omp_get_max_threads(), planes);
+    gonio_pool_for(threads, N_H, fill_planes, &(filling){model, planes});
     const int32_t dimensions[3] = {N_H, N_D, N_P};
     for (int k = 0; k < 3; k++) {
         put_little(stream, &dimensions[k], 4);

@@ -455,7 +455,7 @@ static gonio_status read_rgl(const gonio_source *source, const gonio_format_valu
     gonio_plan *plan;
     status = gonio_plan_make(text, values->seed, &plan, error);
     if (status == GONIO_OK) {
-        status = gonio_samples_of_model(model, plan->poses, plan->n, out, error);
+        status = gonio_samples_of_model(model, plan->poses, plan->n, values->threads, out, error);
         gonio_plan_free(plan);
     }
     if (status == GONIO_OK && report != NULL) {

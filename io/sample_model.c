@@ -2,14 +2,36 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "gonio/io.h"
 
-gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, gonio_samples **out,
-                                    gonio_error *error) {
+#define BLOCK 256
+
+typedef struct job {
+    const gonio_model *model;
+    gonio_samples *samples;
+} job;
+
+static void fill_block(void *context, size_t block) {
+    const job *j = context;
+    gonio_samples *s = j->samples;
+    const size_t c = (size_t)s->channels, begin = block * BLOCK, end = s->n - begin < BLOCK ? s->n : begin + BLOCK;
+    for (size_t i = begin; i < end; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        const gonio_vec3 wi = gonio_direction(p->theta_i, p->phi_i), wo = gonio_direction(p->theta_o, p->phi_o);
+        gonio_model_eval(j->model, wi, wo, s->values + i * c);
+        if (s->sigma_random != NULL) {
+            memset(s->sigma_random + i * c, 0, c * sizeof(double));
+            gonio_model_sigma(j->model, wi, wo, s->sigma_systematic + i * c);
+        }
+    }
+}
+
+gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, int threads,
+                                    gonio_samples **out, gonio_error *error) {
     *out = NULL;
-    const bool sigma = model->ops->sigma != NULL;
     gonio_samples *s;
-    gonio_status status = gonio_samples_new(model->channels, sigma, &s, error);
+    gonio_status status = gonio_samples_new(model->channels, model->ops->sigma != NULL, &s, error);
     if (status == GONIO_OK) {
         status = gonio_samples_reserve(s, n, error);
     }
@@ -18,20 +40,10 @@ gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *
         return status;
     }
     s->isotropic = model->isotropic;
-    const size_t c = (size_t)model->channels;
-    memcpy(s->channel_names, model->channel_names, c * sizeof *s->channel_names);
+    memcpy(s->channel_names, model->channel_names, (size_t)model->channels * sizeof *s->channel_names);
     memcpy(s->pairs, pairs, n * sizeof *pairs);
     s->n = n;
-#pragma omp parallel for schedule(static, 256)
-    for (size_t i = 0; i < n; i++) {
-        const gonio_vec3 wi = gonio_direction(pairs[i].theta_i, pairs[i].phi_i);
-        const gonio_vec3 wo = gonio_direction(pairs[i].theta_o, pairs[i].phi_o);
-        gonio_model_eval(model, wi, wo, s->values + i * c);
-        if (sigma) {
-            memset(s->sigma_random + i * c, 0, c * sizeof(double));
-            gonio_model_sigma(model, wi, wo, s->sigma_systematic + i * c);
-        }
-    }
+    gonio_pool_for(threads, (n + BLOCK - 1) / BLOCK, fill_block, &(job){model, s});
     *out = s;
     return GONIO_OK;
 }

@@ -1,12 +1,12 @@
 // The preview: one directional light, direct reflection and shadows, nothing else, so that what a picture shows is the
 // BRDF. Radiance is f_r cos(theta_i) pi: a white diffuser that faces the light has 1.
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <png.h>
 
+#include "base/thread_pool.h"
 #include "gonio/output.h"
 #include "gonio/sample.h"
 #include "gonio/sim.h"
@@ -121,13 +121,11 @@ static pixel trace_pixel(const tile *t, int column, int row) {
     return (pixel){{(float)sum[0], (float)sum[1], (float)sum[2]}, (float)cover};
 }
 
-static void trace_tile(const tile *t, int threads) {
-    const int width = t->options->width, height = t->options->height;
-#pragma omp parallel for schedule(dynamic, 4) num_threads(threads) if (threads > 1)
-    for (int row = 0; row < height; row++) {
-        for (int column = 0; column < width; column++) {
-            t->pixels[(size_t)row * (size_t)width + (size_t)column] = trace_pixel(t, column, row);
-        }
+static void trace_row(void *context, size_t row) {
+    const tile *t = context;
+    const int width = t->options->width;
+    for (int column = 0; column < width; column++) {
+        t->pixels[row * (size_t)width + (size_t)column] = trace_pixel(t, column, (int)row);
     }
 }
 
@@ -208,7 +206,7 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                   .pixels = pixels + (size_t)k * size};
         status = sim_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
         if (status == GONIO_OK) {
-            trace_tile(&t, o->threads > 0 ? o->threads : omp_get_max_threads());
+            gonio_pool_for(o->threads, (size_t)o->height, trace_row, &t);
             sim_colour_free(&t.colour);
         }
     }

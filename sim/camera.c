@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "base/thread_pool.h"
 #include "sim/internal.h"
 #include "sim/random.h"
 
@@ -77,6 +78,8 @@ typedef struct exposure {
     double well_e, scale;       // scale: relative exposure an electron
     double black, full_scale;
     const unsigned char *colour;
+    const gonio_window *window;
+    uint16_t *pixels;
 } exposure;
 
 static uint16_t digitise(const exposure *e, double electrons) {
@@ -116,14 +119,12 @@ static uint16_t expose_pixel(const exposure *e, int column, int row) {
     return digitise(e, electrons + e->sim->settings.camera.read_noise_e * normals[1]);
 }
 
-static void expose(const exposure *e, const gonio_window *window, uint16_t *pixels) {
-    const int threads = e->sim->threads;
-#pragma omp parallel for schedule(static) num_threads(threads) if (threads > 1)
-    for (int row = 0; row < window->height; row++) {
-        uint16_t *line = pixels + (size_t)row * (size_t)window->width;
-        for (int column = 0; column < window->width; column++) {
-            line[column] = expose_pixel(e, window->x + column, window->y + row);
-        }
+static void expose_row(void *context, size_t row) {
+    const exposure *e = context;
+    const gonio_window *window = e->window;
+    uint16_t *line = e->pixels + row * (size_t)window->width;
+    for (int column = 0; column < window->width; column++) {
+        line[column] = expose_pixel(e, window->x + column, window->y + (int)row);
     }
 }
 
@@ -234,11 +235,13 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
                   .scale = pow(10, gain_db / 20) / s->camera.full_well_e,
                   .black = floor((full_scale + 1) / BLACK_FRACTION),
                   .full_scale = full_scale,
-                  .colour = colours[sim_camera_pattern(sim)]};
+                  .colour = colours[sim_camera_pattern(sim)],
+                  .window = window,
+                  .pixels = frame->pixels};
     if (e.white_e > 0) {
         find_stray(sim, &scene, stamp, e.stray);
     }
-    expose(&e, window, frame->pixels);
+    gonio_pool_for(sim->threads, (size_t)window->height, expose_row, &e);
     frame->window = *window;
     frame->exposure_s = exposure_s;
     frame->gain_db = gain_db;

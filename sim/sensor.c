@@ -1,8 +1,10 @@
 #include "sim/sensor.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
+#include "base/thread_pool.h"
 #include "sim/random.h"
 
 // OpenCV's forward model (rig.h) and its Jacobian [[xx, xy], [xy, yy]], which is symmetric.
@@ -72,6 +74,23 @@ static bool make_pixel(const sim_settings *s, const gonio_camera_info *c, uint64
     return true;
 }
 
+typedef struct making {
+    const sim_settings *settings;
+    const gonio_camera_info *info;
+    uint64_t seed;
+    sim_pixel *pixels;
+    atomic_int folded;
+} making;
+
+static void make_row(void *context, size_t row) {
+    making *m = context;
+    const int width = m->info->width;
+    for (int column = 0; column < width; column++) {
+        m->folded += !make_pixel(m->settings, m->info, m->seed, column, (int)row,
+                                 &m->pixels[row * (size_t)width + (size_t)column]);
+    }
+}
+
 gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_info *info, uint64_t seed, int threads,
                             sim_sensor **out, gonio_error *error) {
     *out = NULL;
@@ -85,20 +104,14 @@ gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_inf
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a sensor of %d x %d pixels (%.3g MB)", info->width,
                           info->height, (double)(n * sizeof(sim_pixel)) / 1e6);
     }
-    int folded = 0;
-#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : folded)
-    for (int row = 0; row < info->height; row++) {
-        for (int column = 0; column < info->width; column++) {
-            folded += !make_pixel(settings, info, seed, column, row,
-                                  &sensor->pixels[(size_t)row * (size_t)info->width + (size_t)column]);
-        }
-    }
-    if (folded > 0) {
+    making m = {.settings = settings, .info = info, .seed = seed, .pixels = sensor->pixels};
+    gonio_pool_for(threads, (size_t)info->height, make_row, &m);
+    if (m.folded > 0) {
         sim_sensor_free(sensor);
         return gonio_fail(error, GONIO_E_INPUT,
                           "[camera] k1, k2, p1, p2, k3: the distortion folds the image over at %d pixels; choose "
                           "smaller ones",
-                          folded);
+                          m.folded);
     }
     *out = sensor;
     return GONIO_OK;

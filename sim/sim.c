@@ -1,7 +1,6 @@
 #include "sim/internal.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -229,7 +228,7 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
         return status;
     }
     release_devices(sim);
-    sim->threads = threads > 0 ? threads : omp_get_max_threads();
+    sim->threads = threads;
     draw_truth(sim);
     draw_axes(sim);
     status = sim_stage_start(sim, error);

@@ -7,7 +7,7 @@ set -u
 build=$1
 shift
 export GONIO_BUILD=$build GONIO="$PWD/$build/gonio" GONIO_DATA="${GONIO_DATA:-../shared/data}"
-export CMOCKA_MESSAGE_OUTPUT=TAP ASAN_OPTIONS="${ASAN_OPTIONS:-detect_leaks=1}" OMP_WAIT_POLICY=passive
+export CMOCKA_MESSAGE_OUTPUT=TAP ASAN_OPTIONS="${ASAN_OPTIONS:-detect_leaks=1}"
 logs=$build/test-logs
 # Run one test: its output to a log, its counts beside it, and a line about it.
 one() {

@@ -6,8 +6,8 @@
 // in float: the maps are float and a frame's own noise is far above their rounding. Rows are shared out among threads;
 // pixels are independent, so the result does not depend on their number.
 #include <math.h>
-#include <omp.h>
 
+#include "base/thread_pool.h"
 #include "calib/internal.h"
 
 // A frame's constants.
@@ -15,8 +15,8 @@ typedef struct frame_terms {
     float exposure_s, scale, dn_per_e, read_variance, saturation;
 } frame_terms;
 
-static void linear_row(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n,
-                       const uint16_t *restrict in, float *restrict radiance, float *restrict variance) {
+static void linear_pixels(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n,
+                          const uint16_t *restrict in, float *restrict radiance, float *restrict variance) {
     const float *restrict bias = calib->bias + first, *restrict rate = calib->dark_rate + first;
     const float *restrict flat = calib->flat + first, *restrict flat_variance = calib->flat_variance + first;
     const float *restrict stray = calib->stray + first;
@@ -33,8 +33,8 @@ static void linear_row(const gonio_calib *calib, const frame_terms *f, size_t fi
     }
 }
 
-static void curved_row(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n, const uint16_t *in,
-                       float *radiance, float *variance) {
+static void curved_pixels(const gonio_calib *calib, const frame_terms *f, size_t first, size_t n, const uint16_t *in,
+                          float *radiance, float *variance) {
     for (size_t i = 0; i < n; i++) {
         const size_t p = first + i;
         const float dark = calib->dark_rate[p] * f->exposure_s + calib->stray[p] * f->scale;
@@ -46,6 +46,23 @@ static void curved_row(const gonio_calib *calib, const frame_terms *f, size_t fi
         radiance[i] = valid ? value : NAN;
         variance[i] = valid ? noise * inverse * inverse + value * value * calib->flat_variance[p] : NAN;
     }
+}
+
+typedef struct job {
+    const gonio_calib *calib;
+    const frame_terms *terms;
+    const uint16_t *pixels;
+    float *radiance, *variance;
+} job;
+
+#define ROWS 32 // at once: about as long as it takes to wake a thread
+
+static void do_rows(void *context, size_t block) {
+    const job *j = context;
+    const size_t width = (size_t)j->calib->window.width, first = block * ROWS * width;
+    const size_t left = (size_t)j->calib->window.height * width - first, n = left < ROWS * width ? left : ROWS * width;
+    (j->calib->response.linear == NULL ? linear_pixels : curved_pixels)(j->calib, j->terms, first, n, j->pixels + first,
+                                                                        j->radiance + first, j->variance + first);
 }
 
 gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure *exposure, int threads,
@@ -63,13 +80,7 @@ gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure
                            .dn_per_e = (float)calib->noise.dn_per_e,
                            .read_variance = (float)calib->noise.read_variance,
                            .saturation = (float)calib->saturation};
-    const size_t width = (size_t)calib->window.width;
-    const int rows = calib->window.height;
-#pragma omp parallel for schedule(static) num_threads(threads > 0 ? threads : omp_get_max_threads())
-    for (int row = 0; row < rows; row++) {
-        const size_t first = (size_t)row * width;
-        (calib->response.linear == NULL ? linear_row : curved_row)(calib, &f, first, width, frame->pixels + first,
-                                                                   radiance + first, variance + first);
-    }
+    gonio_pool_for(threads, ((size_t)calib->window.height + ROWS - 1) / ROWS, do_rows,
+                   &(job){calib, &f, frame->pixels, radiance, variance});
     return GONIO_OK;
 }

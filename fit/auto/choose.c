@@ -16,9 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "fit/eval_cost.h"
 #include "fit/lobes/fit.h"
-#include "fit/team.h"
 
 void gonio_auto_choice_release(gonio_auto_choice *choice) {
     for (int b = 0; b < choice->bases_n; b++) {
@@ -51,12 +51,12 @@ static void fit_family(void *context, size_t f) {
     job->usable[f] = gonio_lobe_fit(job->data, families[f], 2, &job->fitted[f], NULL) == GONIO_OK;
 }
 
-static gonio_status fit_bases(const gonio_dataset *data, gonio_team *team, bool lobes, gonio_auto_choice *choice,
+static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool lobes, gonio_auto_choice *choice,
                               gonio_error *error) {
     lobe_job job = {.data = data};
     // Two lobes and a diffuse term have seven numbers: below some thirty samples they follow the noise.
     if (lobes && data->kind == GONIO_LINK_POSITIVE && data->n >= 30) {
-        gonio_team_run(team, 2, fit_family, &job);
+        gonio_pool_run(pool, 2, fit_family, &job);
     }
     gonio_status status = gonio_smooth_base_init(&choice->bases[choice->bases_n++], data, NULL, error);
     for (int f = 0; f < 2; f++) {
@@ -205,11 +205,11 @@ static void run_form(void *context, size_t f) {
     score_form(job->data, job->choice, &job->forms[f], job->lambda, &job->results[f]);
 }
 
-static gonio_status run_forms(const gonio_dataset *data, const gonio_fit_options *options, gonio_team *team,
+static gonio_status run_forms(const gonio_dataset *data, const gonio_fit_options *options, gonio_pool *pool,
                               const gonio_smooth_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
     round_job job = {.data = data, .choice = choice, .forms = forms, .lambda = options->lambda};
     round_result *results = job.results;
-    gonio_team_run(team, (size_t)n, run_form, &job);
+    gonio_pool_run(pool, (size_t)n, run_form, &job);
     gonio_status status = GONIO_OK;
     for (int f = 0; f < n; f++) {
         if (results[f].status == GONIO_OK && status == GONIO_OK &&
@@ -241,7 +241,7 @@ static bool time_for(const gonio_deadline *watch, const gonio_auto_choice *choic
 }
 
 // A few forms at a time, as many as run side by side: between them the caller may stop, and the time is looked at.
-static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, gonio_team *team,
+static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, gonio_pool *pool,
                               const gonio_smooth_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
     const int side_by_side = isinf(watch->until) ? SIDE_BY_SIDE : 1;
     gonio_status status = GONIO_OK;
@@ -251,7 +251,7 @@ static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, 
         if (!time_for(watch, choice, forms + f, count, choice->longest)) {
             continue;
         }
-        status = run_forms(data, watch->options, team, forms + f, count, choice, error);
+        status = run_forms(data, watch->options, pool, forms + f, count, choice, error);
         choice->longest = fmax(choice->longest, gonio_deadline_now() - start);
         if (status == GONIO_OK) {
             status = gonio_deadline_poll(watch, error);
@@ -503,19 +503,19 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
                                              "comparing lobe widths", "comparing stiffness"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
     gonio_smooth_form forms[ROUND_FORMS];
-    gonio_team *team = gonio_team_new(watch->options->threads);
+    gonio_pool *pool = gonio_pool_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     if (status == GONIO_OK) {
         status = gonio_deadline_report(watch, 0, "fitting lobes", error);
     }
     if (status == GONIO_OK) {
-        status = fit_bases(data, team, lobes, choice, error);
+        status = fit_bases(data, pool, lobes, choice, error);
     }
     for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
         status = gonio_deadline_report(watch, 0.1 + 0.13 * round, what[round], error);
         if (status == GONIO_OK) {
             const int n = round_forms(round, data, watch->options, choice, forms);
-            status = run_round(data, watch, team, forms, n, choice, error);
+            status = run_round(data, watch, pool, forms, n, choice, error);
         }
     }
     if (status == GONIO_OK && terms) {
@@ -531,7 +531,7 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
     if (status == GONIO_OK && terms) {
         status = try_shares(data, watch, choice, error);
     }
-    gonio_team_free(team);
+    gonio_pool_free(pool);
     if (status != GONIO_OK) {
         gonio_auto_choice_release(choice);
     }

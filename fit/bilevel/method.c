@@ -137,7 +137,7 @@ static gonio_status try_drops(search *search, triple t, gonio_error *error) {
             break;
         }
         if (status == GONIO_OK) {
-            status = gonio_errors_model(model, search->judge, NULL, &errors, error);
+            status = gonio_errors_model(model, search->judge, NULL, search->source->options->threads, &errors, error);
         }
         const bool meets = status == GONIO_OK && errors.rmse <= search->source->options->max_error;
         search->least = status == GONIO_OK ? fmin(search->least, errors.rmse) : search->least;

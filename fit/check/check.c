@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/thread_pool.h"
 #include "gonio/plan.h"
 
 #define PAIRS ((size_t)4000)
@@ -136,16 +137,24 @@ void gonio_check_albedo(const gonio_model *model, double theta_i_rad, double *al
 
 #define ALBEDO_ANGLES 18
 
-static gonio_status check_energy(const gonio_model *model, gonio_check_report *report, gonio_error *error) {
+typedef struct albedo_job {
+    const gonio_model *model;
+    double *albedos;
+} albedo_job;
+
+static void find_albedo(void *context, size_t t) {
+    const albedo_job *job = context;
+    gonio_check_albedo(job->model, gonio_radians(5 * (double)t), job->albedos + t * (size_t)job->model->channels);
+}
+
+static gonio_status check_energy(const gonio_model *model, int threads, gonio_check_report *report,
+                                 gonio_error *error) {
     const size_t c = (size_t)model->channels;
     double *albedos = malloc(ALBEDO_ANGLES * c * sizeof *albedos);
     if (albedos == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to check a model of %zu channels", c);
     }
-#pragma omp parallel for schedule(dynamic)
-    for (int t = 0; t < ALBEDO_ANGLES; t++) {
-        gonio_check_albedo(model, gonio_radians(5 * t), albedos + (size_t)t * c);
-    }
+    gonio_pool_for(threads, ALBEDO_ANGLES, find_albedo, &(albedo_job){model, albedos});
     report->energy = -INFINITY;
     for (size_t k = 0; k < ALBEDO_ANGLES * c; k++) {
         if (albedos[k] > report->energy) {
@@ -231,11 +240,11 @@ static gonio_status check_separability(const gonio_model *model, gonio_check_rep
     return status;
 }
 
-gonio_status gonio_check_model(const gonio_model *model, gonio_check_report *report, gonio_error *error) {
+gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error) {
     *report = (gonio_check_report){0};
     gonio_status status = check_pairs(model, report, error);
     if (status == GONIO_OK) {
-        status = check_energy(model, report, error);
+        status = check_energy(model, threads, report, error);
     }
     return status == GONIO_OK ? check_separability(model, report, error) : status;
 }

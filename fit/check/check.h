@@ -21,7 +21,7 @@ typedef struct gonio_check_report {
 } gonio_check_report;
 
 // Deterministic; any thread count gives the same figures. GONIO_E_FAILED where a value is not finite.
-gonio_status gonio_check_model(const gonio_model *model, gonio_check_report *report, gonio_error *error);
+gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error);
 // Directional-hemispherical reflectance of every channel (albedo: channels) for light at theta_i, phi_i = 0; about 1e-3
 // of it.
 void gonio_check_albedo(const gonio_model *model, double theta_i_rad, double *albedo);

@@ -10,7 +10,7 @@
 #include "fit/mba/level.h"
 
 // Below 16,384 samples a chunk, waking a thread costs more than it saves; above 16 chunks, merging does.
-#define CHUNK_SAMPLES GONIO_TEAM_CHUNK
+#define CHUNK_SAMPLES GONIO_POOL_CHUNK
 #define CHUNKS_MAX 16
 // Doubles that all chunks together may have beyond the first one's: half of a usual second-level cache each.
 #define CHUNKS_DOUBLES ((size_t)1 << 20)
@@ -105,8 +105,8 @@ gonio_status gonio_mba_fit_coarse(gonio_mba_level *level, gonio_error *error) {
     for (size_t begin = 0; begin < n; begin += GONIO_SCATTER_BLOCK) {
         work.last = n - begin <= GONIO_SCATTER_BLOCK;
         cut_block(&work, begin, work.last ? n - begin : GONIO_SCATTER_BLOCK);
-        gonio_team_run(level->team, work.count, run_chunk, &work);
-        gonio_team_run(work.count > 1 ? level->team : NULL, l->size, finish_plane, &work);
+        gonio_pool_run(level->pool, work.count, run_chunk, &work);
+        gonio_pool_run(work.count > 1 ? level->pool : NULL, l->size, finish_plane, &work);
     }
     return GONIO_OK;
 }

@@ -160,7 +160,7 @@ static size_t samples_before(const fine_work *work, size_t group) {
 
 // Segments of about equally many samples.
 static void cut_segments(fine_work *work) {
-    const size_t n = work->level->scatter->n, threads = gonio_team_size(work->level->team);
+    const size_t n = work->level->scatter->n, threads = gonio_pool_size(work->level->pool);
     const size_t wanted = threads < SEGMENTS_MAX ? threads : SEGMENTS_MAX;
     const size_t planes = REACH + work->keep > SEGMENT_MIN ? REACH + work->keep : SEGMENT_MIN;
     const size_t least = (planes + work->width - 1) / work->width;
@@ -200,8 +200,8 @@ static gonio_status run_segments(fine_work *work, gonio_error *error) {
             s->memory = work->level->scratch + i * each;
             s->waste = s->memory + each - work->doubles;
         }
-        gonio_team_run(work->level->team, work->count, run_segment, work);
-        gonio_team_run(work->level->team, work->count, update_kept, work);
+        gonio_pool_run(work->level->pool, work->count, run_segment, work);
+        gonio_pool_run(work->level->pool, work->count, update_kept, work);
     }
     free(planes);
     return status;
@@ -222,8 +222,8 @@ gonio_status gonio_mba_fit_fine(gonio_mba_level *level, gonio_error *error) {
 double gonio_mba_fine_memory(int dims, int level, int channels, size_t samples, int threads) {
     const int order = gonio_scatter_order_bits(dims);
     const size_t width = (size_t)1 << (level > order ? level - order : 0), size = gonio_bspline_size(level);
-    const size_t team = samples >= GONIO_TEAM_SAMPLES ? gonio_team_threads(threads) : 1;
-    const size_t wanted = team < SEGMENTS_MAX ? team : SEGMENTS_MAX, most = size / SEGMENT_MIN;
+    const size_t usable = samples >= GONIO_POOL_SAMPLES ? gonio_pool_threads(threads) : 1;
+    const size_t wanted = usable < SEGMENTS_MAX ? usable : SEGMENTS_MAX, most = size / SEGMENT_MIN;
     const size_t count = wanted < most ? wanted : most > 0 ? most : 1;
     const double plane =
         (double)gonio_lattice_count(dims, level) / (double)size * 8 * (double)gonio_mba_stride(channels);

@@ -2,14 +2,14 @@
 #ifndef GONIO_FIT_MBA_LEVEL_H
 #define GONIO_FIT_MBA_LEVEL_H
 
+#include "base/thread_pool.h"
 #include "brdf/spline/lattice.h"
 #include "fit/prepare/scatter.h"
-#include "fit/team.h"
 
 typedef struct gonio_mba_level {
     const gonio_scatter *scatter;
     gonio_lattice *lattice; // of this level, the sum of the coarser ones; updated
-    gonio_team *team;       // NULL: one thread
+    gonio_pool *pool;       // NULL: one thread
     double *scratch;        // kept from level to level; free() it in the end
     size_t scratch_size;    // doubles
 } gonio_mba_level;

@@ -33,7 +33,7 @@ gonio_status gonio_mba_new(const gonio_scatter *scatter, const double *start, in
     }
     mba->level.scatter = scatter;
     mba->level.lattice = &mba->lattice;
-    mba->level.team = scatter->n >= GONIO_TEAM_SAMPLES ? gonio_team_new(threads) : NULL;
+    mba->level.pool = scatter->n >= GONIO_POOL_SAMPLES ? gonio_pool_new(threads) : NULL;
     if (start != NULL) {
         memcpy(mba->start, start, (size_t)scatter->channels * sizeof *start);
     }
@@ -43,7 +43,7 @@ gonio_status gonio_mba_new(const gonio_scatter *scatter, const double *start, in
 void gonio_mba_free(gonio_mba *mba) {
     if (mba != NULL) {
         gonio_lattice_release(&mba->lattice);
-        gonio_team_free(mba->level.team);
+        gonio_pool_free(mba->level.pool);
         free(mba->level.scratch);
         free(mba);
     }

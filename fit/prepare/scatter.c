@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "fit/rank.h"
-#include "fit/team.h"
 
 void gonio_scatter_release(gonio_scatter *scatter) {
     free(scatter->positions);
@@ -195,8 +195,8 @@ static void fill_values(const filling *f, size_t begin, size_t end) {
 
 static void fill_chunk(void *context, size_t item) {
     const filling *f = context;
-    const size_t begin = item * GONIO_TEAM_CHUNK, n = f->samples->n;
-    const size_t end = n - begin < GONIO_TEAM_CHUNK ? n : begin + GONIO_TEAM_CHUNK;
+    const size_t begin = item * GONIO_POOL_CHUNK, n = f->samples->n;
+    const size_t end = n - begin < GONIO_POOL_CHUNK ? n : begin + GONIO_POOL_CHUNK;
     fill_positions(f, begin, end, false);
     fill_values(f, begin, end);
     if (f->reciprocal) {
@@ -211,9 +211,9 @@ static gonio_status fill(gonio_scatter *scatter, const gonio_samples *samples, c
     if (scatter->weights != NULL && (f.variances = malloc(n * sizeof *f.variances)) == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the weights of %zu samples", n);
     }
-    gonio_team *team = n >= GONIO_TEAM_SAMPLES ? gonio_team_new(options->threads) : NULL;
-    gonio_team_run(team, (n + GONIO_TEAM_CHUNK - 1) / GONIO_TEAM_CHUNK, fill_chunk, &f);
-    gonio_team_free(team);
+    gonio_pool *pool = n >= GONIO_POOL_SAMPLES ? gonio_pool_new(options->threads) : NULL;
+    gonio_pool_run(pool, (n + GONIO_POOL_CHUNK - 1) / GONIO_POOL_CHUNK, fill_chunk, &f);
+    gonio_pool_free(pool);
     if (f.variances != NULL) {
         scale_weights(scatter, f.variances, n);
         free(f.variances);

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "fit/prepare/scatter.h"
-#include "fit/team.h"
 
 #define DIGIT_BITS 9
 #define DIGITS (1u << DIGIT_BITS)
@@ -22,13 +22,13 @@ static uint32_t cell_key(const uint32_t *position, int dims) {
     return key;
 }
 
-#define CHUNKS (GONIO_SCATTER_BLOCK / GONIO_TEAM_CHUNK)
+#define CHUNKS (GONIO_SCATTER_BLOCK / GONIO_POOL_CHUNK)
 
 // One block's sort. Chunks of samples are counted, placed and copied by several threads; the sort is stable, so the
 // order does not depend on them.
 typedef struct sorting {
     gonio_scatter *scatter;
-    gonio_team *team;
+    gonio_pool *pool;
     size_t begin, n; // the block's samples
     uint32_t *keys, *from, *to;
     int shift;
@@ -39,16 +39,16 @@ typedef struct sorting {
 } sorting;
 
 static size_t chunk_end(const sorting *s, size_t item) {
-    const size_t begin = item * GONIO_TEAM_CHUNK;
-    return s->n - begin < GONIO_TEAM_CHUNK ? s->n : begin + GONIO_TEAM_CHUNK;
+    const size_t begin = item * GONIO_POOL_CHUNK;
+    return s->n - begin < GONIO_POOL_CHUNK ? s->n : begin + GONIO_POOL_CHUNK;
 }
 
-static size_t chunks_of(const sorting *s) { return (s->n + GONIO_TEAM_CHUNK - 1) / GONIO_TEAM_CHUNK; }
+static size_t chunks_of(const sorting *s) { return (s->n + GONIO_POOL_CHUNK - 1) / GONIO_POOL_CHUNK; }
 
 static void make_keys(void *context, size_t item) {
     const sorting *s = context;
     const size_t dims = (size_t)s->scatter->dims;
-    for (size_t i = item * GONIO_TEAM_CHUNK; i < chunk_end(s, item); i++) {
+    for (size_t i = item * GONIO_POOL_CHUNK; i < chunk_end(s, item); i++) {
         s->keys[i] = cell_key(s->scatter->positions + (s->begin + i) * dims, s->scatter->dims);
     }
 }
@@ -59,7 +59,7 @@ static void count_digits(void *context, size_t item) {
     const sorting *s = context;
     uint32_t *counts = s->counts[item];
     memset(counts, 0, sizeof *s->counts);
-    for (size_t i = item * GONIO_TEAM_CHUNK; i < chunk_end(s, item); i++) {
+    for (size_t i = item * GONIO_POOL_CHUNK; i < chunk_end(s, item); i++) {
         counts[s->keys[sample_at(s, i)] >> s->shift & (DIGITS - 1)]++;
     }
 }
@@ -79,7 +79,7 @@ static void sum_counts(const sorting *s) {
 static void place_samples(void *context, size_t item) {
     const sorting *s = context;
     uint32_t *places = s->counts[item];
-    for (size_t i = item * GONIO_TEAM_CHUNK; i < chunk_end(s, item); i++) {
+    for (size_t i = item * GONIO_POOL_CHUNK; i < chunk_end(s, item); i++) {
         const uint32_t sample = sample_at(s, i);
         s->to[places[s->keys[sample] >> s->shift & (DIGITS - 1)]++] = sample;
     }
@@ -87,14 +87,14 @@ static void place_samples(void *context, size_t item) {
 
 static void gather_rows(void *context, size_t item) {
     const sorting *s = context;
-    for (size_t i = item * GONIO_TEAM_CHUNK; i < chunk_end(s, item); i++) {
+    for (size_t i = item * GONIO_POOL_CHUNK; i < chunk_end(s, item); i++) {
         memcpy(s->spare + i * s->row_size, s->rows + (size_t)s->from[i] * s->row_size, s->row_size);
     }
 }
 
 static void return_rows(void *context, size_t item) {
     const sorting *s = context;
-    const size_t begin = item * GONIO_TEAM_CHUNK, n = chunk_end(s, item) - begin;
+    const size_t begin = item * GONIO_POOL_CHUNK, n = chunk_end(s, item) - begin;
     memcpy(s->rows + begin * s->row_size, s->spare + begin * s->row_size, n * s->row_size);
 }
 
@@ -103,9 +103,9 @@ static void radix_sort(sorting *s) {
     for (int pass = 0; pass < 2; pass++) {
         s->shift = pass * DIGIT_BITS;
         s->first_pass = pass == 0;
-        gonio_team_run(s->team, chunks_of(s), count_digits, s);
+        gonio_pool_run(s->pool, chunks_of(s), count_digits, s);
         sum_counts(s);
-        gonio_team_run(s->team, chunks_of(s), place_samples, s);
+        gonio_pool_run(s->pool, chunks_of(s), place_samples, s);
         uint32_t *const swap = s->from;
         s->from = s->to;
         s->to = swap;
@@ -116,13 +116,13 @@ static void radix_sort(sorting *s) {
 static void reorder(sorting *s, void *base, size_t numbers) {
     s->row_size = numbers * 4;
     s->rows = (unsigned char *)base + s->begin * s->row_size;
-    gonio_team_run(s->team, chunks_of(s), gather_rows, s);
-    gonio_team_run(s->team, chunks_of(s), return_rows, s);
+    gonio_pool_run(s->pool, chunks_of(s), gather_rows, s);
+    gonio_pool_run(s->pool, chunks_of(s), return_rows, s);
 }
 
 static void sort_block(sorting *s) {
     gonio_scatter *scatter = s->scatter;
-    gonio_team_run(s->team, chunks_of(s), make_keys, s);
+    gonio_pool_run(s->pool, chunks_of(s), make_keys, s);
     radix_sort(s);
     reorder(s, scatter->positions, (size_t)scatter->dims);
     reorder(s, scatter->values, (size_t)scatter->channels);
@@ -143,14 +143,14 @@ gonio_status gonio_scatter_sort(gonio_scatter *scatter, int threads, gonio_error
         s.keys = work;
         s.from = work + largest;
         s.to = work + 2 * largest;
-        s.team = scatter->n >= GONIO_TEAM_SAMPLES ? gonio_team_new(threads) : NULL;
+        s.pool = scatter->n >= GONIO_POOL_SAMPLES ? gonio_pool_new(threads) : NULL;
     }
     for (; s.begin < scatter->n && status == GONIO_OK; s.begin += GONIO_SCATTER_BLOCK) {
         const size_t rest = scatter->n - s.begin;
         s.n = rest < GONIO_SCATTER_BLOCK ? rest : GONIO_SCATTER_BLOCK;
         sort_block(&s);
     }
-    gonio_team_free(s.team);
+    gonio_pool_free(s.pool);
     free(work);
     free(s.counts);
     free(s.spare);

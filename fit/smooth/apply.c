@@ -250,13 +250,13 @@ static void run_slab(void *context, size_t item) {
     }
 }
 
-void gonio_smooth_apply(const gonio_smooth_places *places, gonio_team *team, int level, gonio_smooth_pass pass,
+void gonio_smooth_apply(const gonio_smooth_places *places, gonio_pool *pool, int level, gonio_smooth_pass pass,
                         const double *targets, size_t stride, const double *in, double *out) {
     size_t begin[SLABS_MAX + 2];
     const size_t slabs = find_slabs(places, level, begin);
     job j = {places, level, pass, targets, stride, in, out, 0, begin};
     for (j.parity = 0; j.parity < 2 && j.parity < slabs; j.parity++) {
-        gonio_team_run(team, (slabs - j.parity + 1) / 2, run_slab, &j);
+        gonio_pool_run(pool, (slabs - j.parity + 1) / 2, run_slab, &j);
     }
 }
 

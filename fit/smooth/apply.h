@@ -2,8 +2,8 @@
 #ifndef GONIO_FIT_SMOOTH_APPLY_H
 #define GONIO_FIT_SMOOTH_APPLY_H
 
+#include "base/thread_pool.h"
 #include "fit/smooth/form.h"
-#include "fit/team.h"
 
 // Positions of a set, sorted along the first axis.
 typedef struct gonio_smooth_places {
@@ -27,8 +27,8 @@ typedef enum gonio_smooth_pass {
     GONIO_SMOOTH_MBA,      // q (t - s) w^3 / sum w^2
 } gonio_smooth_pass;
 
-// Add the pass to out; t = targets[sample * stride]. team may be NULL.
-void gonio_smooth_apply(const gonio_smooth_places *places, gonio_team *team, int level, gonio_smooth_pass pass,
+// Add the pass to out; t = targets[sample * stride]. pool may be NULL.
+void gonio_smooth_apply(const gonio_smooth_places *places, gonio_pool *pool, int level, gonio_smooth_pass pass,
                         const double *targets, size_t stride, const double *in, double *out);
 // out += its mirror image; without mirror symmetry out is left alone.
 void gonio_smooth_symmetrise(const gonio_smooth_places *places, int level, double *out);

@@ -19,10 +19,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "fit/smooth/apply.h"
 #include "fit/smooth/penalty.h"
 #include "fit/smooth/precondition.h"
-#include "fit/team.h"
 
 #define LEVELS 10 // 0 to 9
 
@@ -30,7 +30,7 @@ struct gonio_smooth_cg {
     const gonio_dataset *data;
     gonio_smooth_form form;
     gonio_smooth_places places;
-    gonio_team *team;
+    gonio_pool *pool;
     gonio_deadline *watch; // NULL: none
     // Of each level that was solved on, by need: B^T W 1 and the diagonal of B^T W B, before folding.
     double *lumped[LEVELS], *diagonal[LEVELS];
@@ -52,7 +52,7 @@ void gonio_smooth_cg_free(gonio_smooth_cg *cg) {
         free(cg->lumped[h]);
         free(cg->diagonal[h]);
     }
-    gonio_team_free(cg->team);
+    gonio_pool_free(cg->pool);
     gonio_smooth_places_release(&cg->places);
     free(cg);
 }
@@ -71,7 +71,7 @@ gonio_status gonio_smooth_cg_new(const gonio_dataset *data, const gonio_smooth_f
         *out = NULL;
         return status;
     }
-    cg->team = gonio_team_new(threads);
+    cg->pool = gonio_pool_new(threads);
     return GONIO_OK;
 }
 
@@ -92,9 +92,9 @@ static gonio_status sum_places(gonio_smooth_cg *cg, int level, gonio_error *erro
     for (size_t i = 0; i < n; i++) {
         diagonal[i] = 1;
     }
-    gonio_smooth_apply(&cg->places, cg->team, level, GONIO_SMOOTH_NORMAL, NULL, 0, diagonal, lumped);
+    gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_NORMAL, NULL, 0, diagonal, lumped);
     memset(diagonal, 0, n * sizeof *diagonal);
-    gonio_smooth_apply(&cg->places, cg->team, level, GONIO_SMOOTH_DIAGONAL, NULL, 0, NULL, diagonal);
+    gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_DIAGONAL, NULL, 0, NULL, diagonal);
     cg->lumped[level] = lumped;
     cg->diagonal[level] = diagonal;
     return GONIO_OK;
@@ -131,7 +131,7 @@ static double dot(const double *a, const double *b, size_t n) {
 
 static double run_planes(solve *s, void (*work)(void *, size_t)) {
     memset(s->sums, 0, s->planes.size * sizeof *s->sums);
-    gonio_team_run(s->cg->team, s->planes.size, work, s);
+    gonio_pool_run(s->cg->pool, s->planes.size, work, s);
     double sum = 0;
     for (size_t i = 0; i < s->planes.size; i++) {
         sum += s->sums[i];
@@ -184,13 +184,13 @@ static void turn(void *context, size_t plane) {
 
 // z = P^-1 r; r . z.
 static double precondition(solve *s) {
-    gonio_smooth_precondition_apply(s->precondition, s->cg->team, s->r, s->z);
+    gonio_smooth_precondition_apply(s->precondition, s->cg->pool, s->r, s->z);
     return run_planes(s, sum_rz);
 }
 
 static double product(solve *s) {
     const gonio_smooth_cg *cg = s->cg;
-    gonio_smooth_apply(&cg->places, cg->team, s->planes.level, GONIO_SMOOTH_NORMAL, NULL, 0, s->p, s->q);
+    gonio_smooth_apply(&cg->places, cg->pool, s->planes.level, GONIO_SMOOTH_NORMAL, NULL, 0, s->p, s->q);
     return run_planes(s, finish_product);
 }
 
@@ -204,7 +204,7 @@ static gonio_status make_precondition(solve *s, gonio_error *error) {
         gonio_smooth_fold(&s->planes, cg->places.mirror_axes, s->z, plane);
     }
     const gonio_status status = gonio_smooth_precondition_new(s->planes.dims, &cg->form, level, s->lambda, s->q, s->z,
-                                                              cg->team, &s->precondition, error);
+                                                              cg->pool, &s->precondition, error);
     memset(s->q, 0, s->n * sizeof *s->q);
     return status;
 }
@@ -272,7 +272,7 @@ gonio_status gonio_smooth_cg_solve(gonio_smooth_cg *cg, const double *targets, s
         status = solve_begin(&s, cg, level, lambda, points, error);
     }
     if (status == GONIO_OK) {
-        gonio_smooth_apply(&cg->places, cg->team, level, GONIO_SMOOTH_RESIDUAL, targets, stride, points, s.r);
+        gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_RESIDUAL, targets, stride, points, s.r);
         run_planes(&s, finish_residual);
         status = iterate(&s, iterations, tolerance, report, error);
     }
@@ -287,12 +287,12 @@ static void add_mba_step(const gonio_smooth_cg *cg, const double *targets, size_
                          double *numerator, double *denominator) {
     const size_t n = gonio_smooth_cg_count(cg, level);
     memset(numerator, 0, n * sizeof *numerator);
-    gonio_smooth_apply(&cg->places, cg->team, level, GONIO_SMOOTH_MBA, targets, stride, points, numerator);
+    gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_MBA, targets, stride, points, numerator);
     if (cg->diagonal[level] != NULL) {
         memcpy(denominator, cg->diagonal[level], n * sizeof *denominator);
     } else {
         memset(denominator, 0, n * sizeof *denominator);
-        gonio_smooth_apply(&cg->places, cg->team, level, GONIO_SMOOTH_DIAGONAL, NULL, 0, NULL, denominator);
+        gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_DIAGONAL, NULL, 0, NULL, denominator);
     }
     gonio_smooth_symmetrise(&cg->places, level, numerator);
     gonio_smooth_symmetrise(&cg->places, level, denominator);

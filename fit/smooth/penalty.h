@@ -2,8 +2,8 @@
 #ifndef GONIO_FIT_SMOOTH_PENALTY_H
 #define GONIO_FIT_SMOOTH_PENALTY_H
 
+#include "base/thread_pool.h"
 #include "fit/smooth/form.h"
-#include "fit/team.h"
 
 // Planes of a level's lattice: size of them, `points` in each.
 typedef struct gonio_smooth_planes {

@@ -210,12 +210,12 @@ static void across_rows(void *context, size_t block) {
     second_up(context, block);
 }
 
-void gonio_smooth_precondition_apply(gonio_smooth_precondition *p, gonio_team *team, const double *r, double *z) {
+void gonio_smooth_precondition_apply(gonio_smooth_precondition *p, gonio_pool *pool, const double *r, double *z) {
     p->from = r;
     p->to = z;
-    gonio_team_run(team, p->blocks, down_columns, p);
-    gonio_team_run(team, p->row_blocks, across_rows, p);
-    gonio_team_run(team, p->blocks, up_columns, p);
+    gonio_pool_run(pool, p->blocks, down_columns, p);
+    gonio_pool_run(pool, p->row_blocks, across_rows, p);
+    gonio_pool_run(pool, p->blocks, up_columns, p);
 }
 
 // ---- the diagonals ----
@@ -346,7 +346,7 @@ void gonio_smooth_precondition_free(gonio_smooth_precondition *p) {
 }
 
 gonio_status gonio_smooth_precondition_new(int dims, const gonio_smooth_form *form, int level, double lambda,
-                                           const double *lumped, const double *diagonal, gonio_team *team,
+                                           const double *lumped, const double *diagonal, gonio_pool *pool,
                                            gonio_smooth_precondition **out, gonio_error *error) {
     gonio_smooth_precondition *p = *out = calloc(1, sizeof *p);
     if (p == NULL) {
@@ -364,8 +364,8 @@ gonio_status gonio_smooth_precondition_new(int dims, const gonio_smooth_form *fo
                           1e-9 * bytes_of(&s));
     }
     p->from = lumped;
-    gonio_team_run(team, p->blocks, down_columns, p);
-    gonio_team_run(team, p->row_blocks, down_rows, p);
+    gonio_pool_run(pool, p->blocks, down_columns, p);
+    gonio_pool_run(pool, p->row_blocks, down_rows, p);
     fill_inverse(p, form, lambda, diagonal);
     return GONIO_OK;
 }

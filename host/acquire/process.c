@@ -1,9 +1,11 @@
 // From the session's frames to samples; a replay and a resume run this on what is stored.
-#include <omp.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "host/acquire/acquire.h"
 
 static gonio_status new_calib(gonio_process *process, gonio_error *error) {
@@ -174,66 +176,38 @@ typedef struct many {
     gonio_samples **sets;
     gonio_progress_fn progress;
     void *context;
-    size_t done;
-    gonio_status status; // of the earliest step that failed
-    size_t failed;
-    gonio_error error;
+    pthread_t caller; // the thread that progress is told by
+    atomic_size_t done;
 } many;
 
-static void do_one(many *m, size_t i) {
-    gonio_error error = {.line = -1, .byte = -1};
+static gonio_status do_one(void *context, size_t i, gonio_error *error) {
+    many *m = context;
     const gonio_step *step = &m->process->steps[i];
     gonio_status status = GONIO_OK;
     if (step->kind == GONIO_STEP_SAMPLE && step->done) {
-        status = process_step(m->session, m->process, step, m->only_missing, &m->sets[i], &error);
+        status = process_step(m->session, m->process, step, m->only_missing, &m->sets[i], error);
     }
-    size_t done;
-#pragma omp atomic capture
-    done = ++m->done;
-    if (status == GONIO_OK && m->progress != NULL && omp_get_thread_num() == 0 &&
+    const size_t done = ++m->done;
+    if (status == GONIO_OK && m->progress != NULL && pthread_equal(pthread_self(), m->caller) &&
         !m->progress(m->context, (double)done / (double)m->process->n, "frames", 0)) {
-        status = gonio_fail(&error, GONIO_E_INTERRUPTED, "interrupted");
+        status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted");
     }
-    if (status != GONIO_OK) {
-#pragma omp critical(gonio_process)
-        if (m->status == GONIO_OK || i < m->failed) {
-            m->status = status;
-            m->failed = i;
-            m->error = error;
-        }
-    }
-}
-
-static bool has_failed(many *m) {
-    bool failed;
-#pragma omp critical(gonio_process)
-    failed = m->status != GONIO_OK;
-    return failed;
+    return status;
 }
 
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
                                    gonio_progress_fn progress, void *context, gonio_samples ***out,
                                    gonio_error *error) {
     *out = NULL;
-    many m = {session, process, only_missing, NULL, progress, context, 0, GONIO_OK, 0, {0}};
+    many m = {session, process, only_missing, NULL, progress, context, pthread_self(), 0};
     m.sets = calloc(process->n + 1, sizeof(gonio_samples *));
     if (m.sets == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu sample sets", process->n);
     }
-    const int team = threads > 0 ? threads : omp_get_max_threads();
-    const long long n = (long long)process->n;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(team)
-    for (long long i = 0; i < n; i++) {
-        if (!has_failed(&m)) {
-            do_one(&m, (size_t)i);
-        }
-    }
-    if (m.status != GONIO_OK) {
+    const gonio_status status = gonio_pool_try(threads, process->n, do_one, &m, error);
+    if (status != GONIO_OK) {
         gonio_sets_free(m.sets, process->n);
-        if (error != NULL) {
-            *error = m.error;
-        }
-        return m.status;
+        return status;
     }
     *out = m.sets;
     return GONIO_OK;

@@ -1,7 +1,6 @@
 #include "host/cli/input.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -84,7 +83,8 @@ gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error
 }
 
 static gonio_read_options options_of(const cli_input *in, const cli_common *common) {
-    gonio_read_options options = {.seed = common->seed, .wavelength_nm = wavelength_nm(in->wavelength)};
+    gonio_read_options options = {
+        .seed = common->seed, .threads = common->threads, .wavelength_nm = wavelength_nm(in->wavelength)};
     int n = 0;
     for (int k = 0; k < CLI_INPUT_ROWS && in->rows[k].name != NULL && n < GONIO_FORMAT_SETTINGS_MAX; k++) {
         if (in->given[k] != NULL) {
@@ -156,10 +156,4 @@ gonio_status cli_input_read(const char *path, const cli_input *in, const cli_com
     }
     const bool choose = in->channel != NULL || (in->wavelength > 0 && status == GONIO_OK && (*out)->channels > 1);
     return status == GONIO_OK && choose ? choose_channel(path, in, out, error) : status;
-}
-
-void cli_use_threads(const cli_common *common) {
-    if (common->threads > 0) {
-        omp_set_num_threads(common->threads);
-    }
 }

@@ -27,7 +27,5 @@ gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error
 // Read INPUT; what was clamped or left out is told on stderr. The caller frees the samples.
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error);
-// Use the number of threads that the user asked for.
-void cli_use_threads(const cli_common *common);
 
 #endif

@@ -1,7 +1,9 @@
 // Frames that were stored as they are, made small afterwards. Checksums are of pixels, so none changes.
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <sys/stat.h>
 
+#include "base/thread_pool.h"
 #include "host/session/internal.h"
 
 void gonio_session_set_plain(gonio_session *session, bool plain) { session->plain = plain; }
@@ -29,41 +31,39 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     return status;
 }
 
+typedef struct compression {
+    gonio_session *session;
+    const gonio_exposure *exposures;
+    int bits, threads;
+    atomic_llong saved;
+} compression;
+
+static gonio_status compress_frame(void *context, size_t i, gonio_error *error) {
+    compression *c = context;
+    int64_t saved = 0;
+    const gonio_status status = compress_one(c->session, &c->exposures[i].frame, c->bits, &saved, error);
+    c->saved += saved;
+    return status;
+}
+
 static gonio_status compress_step(gonio_session *session, const gonio_step *step, int bits, void *context,
                                   gonio_error *error) {
-    int64_t *saved = context;
+    compression *c = context;
     gonio_exposure *exposures;
-    int n, failed = -1;
+    int n;
     gonio_status status = gonio_session_exposures(session, step->index, &exposures, &n, error);
-    if (status != GONIO_OK) {
-        return status;
+    if (status == GONIO_OK) {
+        c->exposures = exposures;
+        c->bits = bits;
+        status = gonio_pool_try(c->threads, (size_t)n, compress_frame, c, error);
     }
-    int64_t sum = 0;
-    gonio_error first = {0};
-#pragma omp parallel for schedule(dynamic, 1) reduction(+ : sum) if (n > 1)
-    for (int i = 0; i < n; i++) {
-        int64_t less = 0;
-        gonio_error why = {0};
-        const gonio_status one = compress_one(session, &exposures[i].frame, bits, &less, &why);
-        sum += less;
-        if (one != GONIO_OK) {
-#pragma omp critical(gonio_compress)
-            if (failed < 0 || i < failed) {
-                failed = i;
-                first = why;
-                status = one;
-            }
-        }
-    }
-    if (status != GONIO_OK && error != NULL) {
-        *error = first;
-    }
-    *saved += sum;
     gonio_exposures_free(exposures, n);
     return status;
 }
 
-gonio_status gonio_session_compress(gonio_session *session, int64_t *saved_bytes, gonio_error *error) {
-    *saved_bytes = 0;
-    return session_for_done(session, compress_step, saved_bytes, NULL, error);
+gonio_status gonio_session_compress(gonio_session *session, int threads, int64_t *saved_bytes, gonio_error *error) {
+    compression c = {.session = session, .threads = threads};
+    const gonio_status status = session_for_done(session, compress_step, &c, NULL, error);
+    *saved_bytes = c.saved;
+    return status;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/thread_pool.h"
 #include "host/session/internal.h"
 
 static bool write_all(int fd, const session_png *png) {
@@ -112,30 +113,32 @@ static gonio_status store_one(gonio_session *session, int64_t step, int number, 
     return status;
 }
 
+typedef struct storing {
+    gonio_session *session;
+    int64_t step;
+    const gonio_exposure *exposures;
+    int bits;
+    char (*hashes)[GONIO_SHA256_HEX];
+    session_file *files;
+} storing;
+
+static gonio_status store_frame(void *context, size_t i, gonio_error *error) {
+    const storing *s = context;
+    return store_one(s->session, s->step, (int)i, &s->exposures[i].frame, s->bits, s->hashes[i], &s->files[i], error);
+}
+
 gonio_status session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
                                   int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
     session_file *files = calloc((size_t)n + 1, sizeof *files);
-    gonio_status *statuses = calloc((size_t)n + 1, sizeof *statuses);
-    gonio_error *errors = calloc((size_t)n + 1, sizeof *errors);
-    gonio_status status = GONIO_OK;
-    if (files == NULL || statuses == NULL || errors == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", n);
-        goto end;
+    if (files == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", n);
     }
-    // Only a burst is in such a hurry; compressing has its frames from a scan, whose own threads are busy.
-#pragma omp parallel for schedule(dynamic, 1) if (session->plain)
     for (int i = 0; i < n; i++) {
         files[i].fd = -1;
-        statuses[i] = store_one(session, step, i, &exposures[i].frame, bits, hashes[i], &files[i], &errors[i]);
     }
-    for (int i = n - 1; i >= 0; i--) { // the first failure is the one that is told
-        if (statuses[i] != GONIO_OK) {
-            status = statuses[i];
-            if (error != NULL) {
-                *error = errors[i];
-            }
-        }
-    }
+    // Only a burst is in such a hurry; compressing has its frames from a scan, whose own threads are busy.
+    gonio_status status = gonio_pool_try(session->plain ? 0 : 1, (size_t)n, store_frame,
+                                         &(storing){session, step, exposures, bits, hashes, files}, error);
     if (status == GONIO_OK) {
         status = session_files_keep(session, files, n, error);
     } else {
@@ -143,9 +146,6 @@ gonio_status session_store_frames(gonio_session *session, int64_t step, const go
             discard(session, &files[i]);
         }
     }
-end:
     free(files);
-    free(statuses);
-    free(errors);
     return status;
 }

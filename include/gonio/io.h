@@ -59,6 +59,7 @@ enum { GONIO_FORMAT_SETTINGS_MAX = 16 };
 // How to read. gonio_read_options_default() first, or {.seed = 1}.
 typedef struct gonio_read_options {
     uint64_t seed;        // of what is drawn: which cells of a table, which pairs
+    int threads;          // 0: all
     double wavelength_nm; // of formats that hold wavelengths in rows of their own (NIST): only this one. 0: all
     // A NULL name ends them; borrowed. An option that the file's format does not have is GONIO_E_USAGE and the message
     // lists those it has.
@@ -97,9 +98,9 @@ gonio_status gonio_write_samples(const gonio_samples *samples, const char *path,
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error);
 
 // The model's values (and sigma, where it carries one, as the systematic part) at n pairs, as samples; the caller frees
-// them.
-gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, gonio_samples **out,
-                                    gonio_error *error);
+// them. threads 0: all.
+gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, int threads,
+                                    gonio_samples **out, gonio_error *error);
 
 #ifdef __cplusplus
 }

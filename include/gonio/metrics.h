@@ -24,8 +24,8 @@ typedef struct gonio_errors {
 // predicted: n x channels, as gonio_model_eval_many gives. which (may be NULL): only samples with which[i].
 gonio_status gonio_errors_of(const gonio_samples *samples, const double *predicted, const bool *which,
                              gonio_errors *out, gonio_error *error);
-// The model's errors on the samples; the model must have as many channels as they have.
-gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *samples, const bool *which,
+// The model's errors on the samples; the model must have as many channels as they have. threads 0: all.
+gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *samples, const bool *which, int threads,
                                 gonio_errors *out, gonio_error *error);
 
 #ifdef __cplusplus

@@ -73,8 +73,8 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
 // that any viewer opens.
 void gonio_session_set_plain(gonio_session *session, bool plain);
 // Compress every frame that was stored so. Pixels and checksums stay what they are; each file is verified first and
-// replaced as a whole. *saved_bytes: how much smaller frames/ has become.
-gonio_status gonio_session_compress(gonio_session *session, int64_t *saved_bytes, gonio_error *error);
+// replaced as a whole. *saved_bytes: how much smaller frames/ has become. threads 0: all.
+gonio_status gonio_session_compress(gonio_session *session, int threads, int64_t *saved_bytes, gonio_error *error);
 
 // A burst: frames at the camera's full rate, stored uncompressed by a thread of its own in groups, each synced and
 // entered at once: one group, one step. Nobody else uses the session while one is open. `steps` are in the session and

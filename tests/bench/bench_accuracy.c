@@ -48,7 +48,7 @@ static result measure(const gonio_samples *samples, const gonio_samples *unseen,
     o.hold_out = 0;
     const double start = now_s();
     if (gonio_fit(samples, &o, &r.model, &r.report, &error) != GONIO_OK ||
-        gonio_errors_model(r.model, unseen, NULL, &r.errors, &error) != GONIO_OK) {
+        gonio_errors_model(r.model, unseen, NULL, 0, &r.errors, &error) != GONIO_OK) {
         simulate_die(&error);
     }
     r.seconds = now_s() - start;
@@ -300,7 +300,7 @@ static gonio_samples *sample_tensor(const char *path, size_t n) {
         pairs[i] = (gonio_pair){acos(1 - a * below), 0, acos(1 - b * below), 2 * GONIO_PI * c};
     }
     if (gonio_read_table(path, &table, &error) != GONIO_OK ||
-        gonio_samples_of_model(table, pairs, n, &samples, &error) != GONIO_OK) {
+        gonio_samples_of_model(table, pairs, n, 0, &samples, &error) != GONIO_OK) {
         simulate_die(&error);
     }
     for (size_t i = 0; i < n * (size_t)samples->channels; i++) {

@@ -282,7 +282,7 @@ static double time_inline_hash(const inline_hash *h, const queries *q) {
 static double rmse_of(const gonio_model *m, const queries *q) {
     gonio_errors errors;
     gonio_error error = {0};
-    check(gonio_errors_model(m, q->truth, NULL, &errors, &error), &error);
+    check(gonio_errors_model(m, q->truth, NULL, 0, &errors, &error), &error);
     return errors.rmse;
 }
 

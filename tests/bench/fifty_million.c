@@ -71,7 +71,7 @@ int main(int argc, char **argv) {
            peak_bytes() / predicted);
     gonio_samples *unseen = simulate_samples(SPEC, UNSEEN, 1, 77);
     gonio_errors errors;
-    check(gonio_errors_model(model, unseen, NULL, &errors, &error), &error);
+    check(gonio_errors_model(model, unseen, NULL, 0, &errors, &error), &error);
     printf("RMSE at %d unseen directions: %.4g\n", UNSEEN, errors.rmse);
     gonio_samples_free(unseen);
     gonio_model_free(model);

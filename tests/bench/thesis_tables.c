@@ -265,7 +265,7 @@ static void drop_table(FILE *f, const char *name, const gonio_samples *samples, 
         }
         gonio_lattice_model_about(dense, &coordinates, &kind, &transform);
         check(gonio_lattice_model_new(&l, coordinates, kind, transform, dense->channel_names, &model, &error), &error);
-        check(gonio_errors_model(model, samples, NULL, &errors, &error), &error);
+        check(gonio_errors_model(model, samples, NULL, 0, &errors, &error), &error);
         fprintf(f, "%s,%g,%.6g,%.6g,%.6g\n", name, drops[d], errors.rmse, errors.max_abs, errors.max_rel);
         gonio_model_free(model);
     }

@@ -1,7 +1,6 @@
 // The fault campaign: measures of a modelled rig by the real drivers, each with faults that follow from its seed. Each
 // must end with the samples of the undisturbed one, or with a named fault and a session that goes on to those samples.
 #include <ftw.h>
-#include <omp.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -347,7 +346,6 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: faults [--count N] [--first SEED] [--jobs N] [--report FILE] [--seed SEED]\n");
         return 2;
     }
-    omp_set_num_threads(1);
     signal(SIGPIPE, SIG_IGN);
     // Sessions live in memory: the campaign models what a disk does to them.
     char root[] = "/dev/shm/gonio-faults-XXXXXX", elsewhere[] = "/tmp/gonio-faults-XXXXXX";

@@ -5,7 +5,7 @@ FUZZ_BINS := $(addprefix $(B)/tests/fuzz/fuzz_,read model spec plan rig modbus u
 
 .PHONY: fuzz fuzz-build
 fuzz: deps ## fuzz what is read and answered for FUZZ_SECONDS (20) each, with clang's libFuzzer; FUZZ_TARGETS chooses
-	$(Q)tools/deps.sh clang libclang-rt-14-dev libomp-14-dev
+	$(Q)tools/deps.sh clang libclang-rt-14-dev
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory fuzz-build B=$(B)/fuzz CC=clang CXX=clang++ OPT='-O1 -g' SANITIZE='-DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 	$(Q)tests/fuzz/run.sh $(B)/fuzz $(FUZZ_SECONDS) $(FUZZ_TARGETS)
 fuzz-build: $(FUZZ_BINS) $(B)/tests/fuzz/make_seeds

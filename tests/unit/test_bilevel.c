@@ -198,7 +198,7 @@ static double unseen_rmse(const gonio_samples *samples, const gonio_samples *uns
     o.coordinates_set = o.domain_set = true;
     o.hold_out = 0;
     assert_int_equal(gonio_fit(samples, &o, &model, NULL, NULL), GONIO_OK);
-    assert_int_equal(gonio_errors_model(model, unseen, NULL, &errors, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(model, unseen, NULL, 0, &errors, NULL), GONIO_OK);
     gonio_model_free(model);
     return errors.rmse;
 }

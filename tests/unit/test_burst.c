@@ -148,11 +148,11 @@ static void test_compressing_changes_no_pixel(void **state) {
     burst(session, 25, 10, NULL);
     const off_t before = size_of(2, 4);
     int64_t saved = 0, again = -1;
-    assert_int_equal(gonio_session_compress(session, &saved, NULL), GONIO_OK);
+    assert_int_equal(gonio_session_compress(session, 0, &saved, NULL), GONIO_OK);
     const off_t after = size_of(2, 4);
     assert_true(after < before);
     assert_true(saved > 20 * (before - after) && saved < 30 * (before - after));
-    assert_int_equal(gonio_session_compress(session, &again, NULL), GONIO_OK);
+    assert_int_equal(gonio_session_compress(session, 0, &again, NULL), GONIO_OK);
     assert_int_equal(again, 0);
     gonio_session_close(session);
     check_frames(25, 10);
@@ -192,7 +192,7 @@ static void test_a_damaged_frame_is_not_compressed_over(void **state) {
     close(fd);
     int64_t saved;
     gonio_error error = {0};
-    assert_int_equal(gonio_session_compress(session, &saved, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_session_compress(session, 0, &saved, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.file, "000000-07"));
     gonio_session_close(session);
     gonio_doctor_report report;

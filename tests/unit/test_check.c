@@ -46,7 +46,7 @@ static void reports(void **state) {
     (void)state;
     gonio_check_report r;
     gonio_model *m = from("lambert:rho=0.1/0.7/0.3");
-    assert_int_equal(gonio_check_model(m, &r, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, 0, &r, NULL), GONIO_OK);
     assert_near(r.reciprocity, 0, 0);
     assert_near(r.isotropy, 0, 0);
     assert_near(r.energy, 0.7, 1e-3);
@@ -55,14 +55,14 @@ static void reports(void **state) {
     gonio_model_free(m);
     // Without its cosines Ward's lobe is a function of the half vector alone; with them two products nearly do.
     m = from("ward:rho_d=0.3,rho_s=0.2,alpha=0.1");
-    assert_int_equal(gonio_check_model(m, &r, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, 0, &r, NULL), GONIO_OK);
     assert_true(r.separability[0] < 0.05 && r.separability[0] > 1e-3 && r.separability[2] < 1e-3);
     for (int k = 1; k < GONIO_CHECK_RANKS; k++) {
         assert_true(r.separability[k] <= r.separability[k - 1]);
     }
     gonio_model_free(m);
     m = from("ggx:rho_s=1,alpha_x=0.1,alpha_y=0.5");
-    assert_int_equal(gonio_check_model(m, &r, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, 0, &r, NULL), GONIO_OK);
     assert_true(r.isotropy > 0.5 && r.reciprocity < 1e-9);
     gonio_model_free(m);
 }
@@ -86,13 +86,13 @@ static void what_is_wrong_is_found(void **state) {
     gonio_model_ops ops = {.api_version = GONIO_MODEL_API_VERSION, .kind = "test", .eval = eval_lopsided};
     const gonio_model model = {.ops = &ops, .channels = 1, .isotropic = true, .channel_names = names};
     gonio_check_report r;
-    assert_int_equal(gonio_check_model(&model, &r, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(&model, 0, &r, NULL), GONIO_OK);
     assert_true(r.reciprocity > 0.2);
     assert_near(r.energy, GONIO_PI, 0.01); // at normal incidence
     assert_near(r.energy_theta_rad, 0, 0);
     ops.eval = eval_broken;
     gonio_error error = {0};
-    assert_int_equal(gonio_check_model(&model, &r, &error), GONIO_E_FAILED);
+    assert_int_equal(gonio_check_model(&model, 0, &r, &error), GONIO_E_FAILED);
     assert_non_null(strstr(error.message, "not finite"));
 }
 

@@ -170,7 +170,7 @@ static void default_choice_is_accurate(void **state) {
     gonio_fit_report report;
     gonio_model *model = fit(samples, &o, &report);
     gonio_errors errors;
-    assert_int_equal(gonio_errors_model(model, unseen, NULL, &errors, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(model, unseen, NULL, 0, &errors, NULL), GONIO_OK);
     assert_true(report.level >= 4 && report.level <= 7);
     assert_true(errors.median_rel < 0.03);
     // The report's held-out figures tell what unseen samples show.
@@ -234,7 +234,7 @@ static void anisotropic_samples_are_fitted_in_4d(void **state) {
         gonio_errors errors;
         assert_false(model->isotropic);
         assert_int_equal(model->control_points, 11 * 11 * 11 * 11);
-        assert_int_equal(gonio_errors_model(model, unseen, NULL, &errors, NULL), GONIO_OK);
+        assert_int_equal(gonio_errors_model(model, unseen, NULL, 0, &errors, NULL), GONIO_OK);
         assert_true(errors.median_rel < 0.2);
         gonio_model_free(model);
     }

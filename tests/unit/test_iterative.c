@@ -127,10 +127,10 @@ static void test_preconditioner_is_symmetric_and_positive(void **state) {
         const double aa = dot(a, pa, n), bb = dot(b, pb, n);
         assert_true(aa > 0 && bb > 0);
         assert_near(dot(a, pb, n), dot(b, pa, n), 1e-4 * sqrt(aa * bb));
-        gonio_team *team = gonio_team_new(3);
-        gonio_smooth_precondition_apply(p, team, a, again);
+        gonio_pool *pool = gonio_pool_new(3);
+        gonio_smooth_precondition_apply(p, pool, a, again);
         assert_memory_equal(again, pa, n * sizeof *pa);
-        gonio_team_free(team);
+        gonio_pool_free(pool);
         gonio_smooth_precondition_free(p);
         free(lumped);
         free(diagonal);

@@ -113,13 +113,13 @@ static void a_model_is_evaluated_at_the_samples(void **state) {
         assert_int_equal(gonio_samples_add(s, &p, v, NULL, NULL, NULL), GONIO_OK);
     }
     gonio_errors e;
-    assert_int_equal(gonio_errors_model(m, s, NULL, &e, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(m, s, NULL, 0, &e, NULL), GONIO_OK);
     assert_near(e.rmse, 0.25 / sqrt(3), 1e-12);
     assert_near(e.max_abs, 0.25 / 3, 1e-12);
     gonio_model *one;
     assert_int_equal(gonio_model_from_spec("lambert:rho=0.5", &one, NULL), GONIO_OK);
     gonio_error error = {0};
-    assert_int_equal(gonio_errors_model(one, s, NULL, &e, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_errors_model(one, s, NULL, 0, &e, &error), GONIO_E_INPUT);
     gonio_model_free(one);
     gonio_model_free(m);
     gonio_samples_free(s);

@@ -436,8 +436,8 @@ static void test_beats_multilevel_approximation(void **state) {
     o.coordinates_set = o.domain_set = true; // Nusselt, linear: the same space
     gonio_model *lsq = fitted(samples, &o);
     gonio_errors a, b;
-    assert_int_equal(gonio_errors_model(mba, unseen, NULL, &a, NULL), GONIO_OK);
-    assert_int_equal(gonio_errors_model(lsq, unseen, NULL, &b, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(mba, unseen, NULL, 0, &a, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(lsq, unseen, NULL, 0, &b, NULL), GONIO_OK);
     print_message("# rmse %.3g against %.3g\n", b.rmse, a.rmse);
     assert_true(b.rmse < 0.8 * a.rmse);
     gonio_model_free(mba);
@@ -477,7 +477,7 @@ static void test_anisotropic_lobes(void **state) {
         o.domain = GONIO_LOG;
         gonio_model *model = fitted(sets[0], &o);
         assert_false(model->isotropic);
-        assert_int_equal(gonio_errors_model(model, sets[1], NULL, &errors[m], NULL), GONIO_OK);
+        assert_int_equal(gonio_errors_model(model, sets[1], NULL, 0, &errors[m], NULL), GONIO_OK);
         print_message("# %s: median_rel %.4f, rms_log %.4f\n", methods[m], errors[m].median_rel, errors[m].rms_log);
         gonio_model_free(model);
     }

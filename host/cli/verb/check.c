@@ -83,7 +83,7 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
         }
     }
     if (status == GONIO_OK) {
-        status = gonio_check_model(model, report, error);
+        status = gonio_check_model(model, common->threads, report, error);
     }
     if (status == GONIO_OK && a->transforms != 0) {
         status = gonio_check_apply(samples, a->transforms, report->energy, &changed, error);
@@ -140,7 +140,6 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_check, options, argc, argv, &name, 1, 1, &count, &common) || !parse_apply(&common, &a)) {
         return 2;
     }
-    cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     gonio_check_report report = {0};
     if (check(name, &a, &common, &report, &error) != GONIO_OK) {

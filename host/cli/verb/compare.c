@@ -14,7 +14,7 @@ static gonio_status compare(const char *const *names, const cli_input *in, const
     status = cli_input_read(names[1], in, common, &samples, error);
     if (status == GONIO_OK) {
         *channels = samples->channels;
-        status = gonio_errors_model(model, samples, NULL, errors, error);
+        status = gonio_errors_model(model, samples, NULL, common->threads, errors, error);
         gonio_samples_free(samples);
     }
     gonio_model_free(model);
@@ -31,7 +31,6 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_compare, options, argc, argv, names, 2, 2, &count, &common)) {
         return 2;
     }
-    cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     gonio_errors errors;
     if (compare(names, &in, &common, &errors, &channels, &error) != GONIO_OK) {

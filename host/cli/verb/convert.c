@@ -27,12 +27,12 @@ static gonio_status open_model(const char *name, const cli_input *input, gonio_m
     return status == GONIO_OK ? gonio_model_resolve(name, model, error) : status;
 }
 
-static gonio_status sampled(const gonio_model *model, const char *plan_text, uint64_t seed, gonio_samples **samples,
-                            gonio_error *error) {
+static gonio_status sampled(const gonio_model *model, const char *plan_text, const cli_common *common,
+                            gonio_samples **samples, gonio_error *error) {
     gonio_plan *plan;
-    gonio_status status = gonio_plan_make(plan_text, seed, &plan, error);
+    gonio_status status = gonio_plan_make(plan_text, common->seed, &plan, error);
     if (status == GONIO_OK) {
-        status = gonio_samples_of_model(model, plan->poses, plan->n, samples, error);
+        status = gonio_samples_of_model(model, plan->poses, plan->n, common->threads, samples, error);
         gonio_plan_free(plan);
     }
     return status;
@@ -46,7 +46,7 @@ static gonio_status to_samples(const char *in, const char *out, const char *form
         gonio_model *model;
         status = open_model(in, &a->input, &model, error);
         if (status == GONIO_OK) {
-            status = sampled(model, a->plan != NULL ? a->plan : PLAN_DEFAULT, common->seed, &samples, error);
+            status = sampled(model, a->plan != NULL ? a->plan : PLAN_DEFAULT, common, &samples, error);
             gonio_model_free(model);
         }
     } else {
@@ -127,7 +127,6 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common)) {
         return 2;
     }
-    cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     json_t *result = json_pack("{s:s,s:s}", "input", names[0], "output", names[1]);
     if (convert(names, &a, &common, result, &error) != GONIO_OK) {

@@ -78,16 +78,16 @@ static void print(const char *path, const gonio_doctor_report *r, bool repair, j
     }
 }
 
-static gonio_status make_small(const char *path, bool quiet, gonio_error *error) {
+static gonio_status make_small(const char *path, const cli_common *common, gonio_error *error) {
     gonio_session *session;
     int64_t saved = 0;
     gonio_status status = gonio_session_open(path, true, &session, error);
     if (status != GONIO_OK) {
         return status;
     }
-    status = gonio_session_compress(session, &saved, error);
+    status = gonio_session_compress(session, common->threads, &saved, error);
     gonio_session_close(session);
-    if (!quiet && status == GONIO_OK) {
+    if (!common->json && status == GONIO_OK) {
         printf("compressed %lld bytes less\n", (long long)saved);
     }
     return status;
@@ -109,7 +109,7 @@ static int run(int argc, char **argv) {
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_doctor_report report;
-    if (compress && make_small(path, common.json, &error) != GONIO_OK) {
+    if (compress && make_small(path, &common, &error) != GONIO_OK) {
         return cli_fail(&common, &error);
     }
     if (gonio_session_doctor(path, repair, &report, &error) != GONIO_OK) {

@@ -159,7 +159,6 @@ static int run(int argc, char **argv) {
     if (count < 2) {
         names[1] = "-";
     }
-    cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     directions d = {0};
     gonio_model *model = NULL;
@@ -172,7 +171,7 @@ static int run(int argc, char **argv) {
         status = read_directions(names[1], &d, &error);
     }
     if (status == GONIO_OK) {
-        status = gonio_samples_of_model(model, d.pairs, d.n, &values, &error);
+        status = gonio_samples_of_model(model, d.pairs, d.n, common.threads, &values, &error);
     }
     if (status == GONIO_OK && common.json && output == NULL) {
         cli_json(to_json(names[0], values, sigma));

@@ -174,7 +174,6 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_fit, options, argc, argv, &input, 1, 1, &count, &common) || !fill_options(&common, &a)) {
         return 2;
     }
-    cli_use_threads(&common);
     gonio_error error = {.line = -1, .byte = -1};
     gonio_fit_report report = {0};
     if (fit(input, &a, &common, &report, &error) != GONIO_OK) {

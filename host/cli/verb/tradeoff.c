@@ -189,7 +189,6 @@ static int run(int argc, char **argv) {
     if (folder == NULL) {
         return cli_usage(&common, "tradeoff: where to? -o DIR");
     }
-    cli_use_threads(&common);
     cli_catch_interrupts();
     fit.seed = common.seed;
     fit.threads = common.threads;
