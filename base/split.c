@@ -6,15 +6,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/random.h"
 #include "gonio/sample.h"
-
-// Steele, Lea and Flood, "Fast splittable pseudorandom number generators" (2014): the mixing function of SplitMix64.
-static uint64_t mix(uint64_t x) {
-    x += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
 
 static uint64_t quantised(double angle) { return (uint64_t)llround(angle * 1e9); }
 
@@ -33,11 +26,11 @@ static uint64_t geometry_key(const gonio_pair *p, bool isotropic, uint64_t seed)
             b = -b;
         }
     }
-    uint64_t key = mix(seed);
-    key = mix(key ^ quantised(p->theta_i));
-    key = mix(key ^ quantised(p->theta_o));
-    key = mix(key ^ quantised(a));
-    return mix(key ^ quantised(b));
+    uint64_t key = gonio_random(seed);
+    key = gonio_random(key ^ quantised(p->theta_i));
+    key = gonio_random(key ^ quantised(p->theta_o));
+    key = gonio_random(key ^ quantised(a));
+    return gonio_random(key ^ quantised(b));
 }
 
 typedef struct ranked {

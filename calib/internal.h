@@ -125,11 +125,6 @@ static inline merge_term term_of(const gonio_calib *calib, size_t pixel, uint16_
                         .clipped = raw >= calib->saturation};
 }
 
-// The q-quantile (0..1) of n >= 1 values, which are reordered.
-float statistics_quantile(float *values, size_t n, double q);
-// Median and 1.4826 x median absolute deviation (sigma of a normal distribution) of n >= 1 values, left as they are.
-gonio_status statistics_robust(const float *values, size_t n, double *median, double *sigma, gonio_error *error);
-
 gonio_status response_load(const char *path, int bits, response *out, gonio_error *error);
 // A camera digitises black + (full scale - black) curve(exposure), so the tables need the black level (raw DN).
 gonio_status response_tabulate(response *r, double black, gonio_error *error);

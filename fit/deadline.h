@@ -3,8 +3,8 @@
 #define GONIO_FIT_DEADLINE_H
 
 #include <math.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "gonio/fit.h"
 
 // One for a fit; used by the thread that called the fit alone.
@@ -16,17 +16,11 @@ typedef struct gonio_deadline {
     const char *what;
 } gonio_deadline;
 
-static inline double gonio_deadline_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 // max_seconds is shared evenly by the saved model's fit and those that only tell the held-out errors.
 static inline gonio_deadline gonio_deadline_begin(const gonio_fit_options *options) {
     const int fits = 1 + (options->folds >= 2 ? options->folds : options->hold_out > 0 ? 1 : 0);
     return (gonio_deadline){.options = options,
-                            .start = gonio_deadline_now(),
+                            .start = gonio_clock_s(),
                             .seconds = options->max_seconds > 0 ? options->max_seconds / fits : INFINITY,
                             .until = INFINITY,
                             .what = "fitting"};
@@ -35,7 +29,7 @@ static inline gonio_deadline gonio_deadline_begin(const gonio_fit_options *optio
 // The next step must end when `share` of the fit's time is over.
 static inline void gonio_deadline_step(gonio_deadline *w, double share) { w->until = w->start + share * w->seconds; }
 
-static inline double gonio_deadline_left(const gonio_deadline *w) { return w->until - gonio_deadline_now(); }
+static inline double gonio_deadline_left(const gonio_deadline *w) { return w->until - gonio_clock_s(); }
 
 // Tell how far the fit is; GONIO_E_INTERRUPTED where the caller wants it to stop.
 static inline gonio_status gonio_deadline_report(gonio_deadline *w, double fraction, const char *what,

@@ -1,5 +1,6 @@
 // The driver around every method: options, the saved model's fit, held-out figures from fits that did not see them.
 #include "gonio/fit.h"
+#include "base/clock.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -19,12 +20,6 @@ void gonio_fit_options_default(gonio_fit_options *options) {
                                    .drop_percent = -1,
                                    .lambda = -1,
                                    .symmetry = GONIO_SYMMETRY_AUTO};
-}
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static gonio_status unknown_method(const char *name, gonio_error *error) {
@@ -210,12 +205,12 @@ static void append_note(gonio_fit_report *report, const char *text) {
 static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method *method,
                             const gonio_fit_options *options, const char *name, gonio_model **out,
                             gonio_fit_report *report, gonio_error *error) {
-    const double start = now_s();
+    const double start = gonio_clock_s();
     gonio_status status = method->fit(samples, options, out, report, error);
     if (status != GONIO_OK) {
         return status;
     }
-    report->fit_seconds = now_s() - start;
+    report->fit_seconds = gonio_clock_s() - start;
     snprintf(report->method, sizeof report->method, "%s", name);
     report->samples = samples->n;
     report->channels = samples->channels;

@@ -9,6 +9,7 @@
 //
 // Sums run in sample order in one thread, so a figure does not depend on the thread count.
 #include "gonio/metrics.h"
+#include "base/statistics.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -18,48 +19,6 @@
 #define RELATIVE_FLOOR 1e-3 // 1/sr
 // 70 deg and the rounding of angles that a file gives in radians with six decimals.
 #define THETA_70 (70 * GONIO_PI / 180 + 1e-6)
-
-// The k-th smallest (Hoare, "Algorithm 65: find", 1961); reorders a.
-static double select_kth(double *a, size_t n, size_t k) {
-    size_t low = 0, high = n - 1;
-    while (low < high) {
-        const double pivot = a[low + (high - low) / 2];
-        size_t i = low, j = high;
-        for (;;) {
-            while (a[i] < pivot) {
-                i++;
-            }
-            while (a[j] > pivot) {
-                j--;
-            }
-            if (i >= j) {
-                break;
-            }
-            const double swap = a[i];
-            a[i++] = a[j];
-            a[j--] = swap;
-        }
-        // a[low..j] <= pivot <= a[j+1..high], where j may have stepped past i by the last swap.
-        if (k <= j) {
-            high = j;
-        } else {
-            low = j + 1;
-        }
-    }
-    return a[k];
-}
-
-static double median(double *a, size_t n) {
-    const double upper = select_kth(a, n, n / 2);
-    if (n % 2 == 1) {
-        return upper;
-    }
-    double lower = a[0];
-    for (size_t i = 1; i < n / 2; i++) {
-        lower = fmax(lower, a[i]);
-    }
-    return 0.5 * (lower + upper);
-}
 
 typedef struct channel_errors {
     double mean_square, max_abs, max_rel, median_rel, mean_square_log, mean_square_70;
@@ -93,7 +52,7 @@ static channel_errors errors_of_channel(const gonio_samples *samples, const doub
     if (e.n > 0) {
         e.mean_square /= (double)e.n;
         e.mean_square_log /= (double)e.n;
-        e.median_rel = median(relative, e.n);
+        e.median_rel = gonio_median(relative, e.n);
     }
     e.mean_square_70 = e.n_70 > 0 ? e.mean_square_70 / (double)e.n_70 : NAN;
     return e;

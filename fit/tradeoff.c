@@ -6,6 +6,9 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
+#include "base/random.h"
+
 #define MULTILEVEL_MAX 7
 #define EVALUATIONS 2000
 
@@ -57,22 +60,8 @@ size_t gonio_tradeoff_forms(gonio_tradeoff_form *forms, size_t limit) {
 
 // ---- timing ----
 
-static double now_ns(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
-}
-
-// Steele, Lea and Flood (2014): SplitMix64, as a stream.
-static double uniform(uint64_t *state) {
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
-
 static gonio_vec3 random_direction(uint64_t *state) {
-    const double z = uniform(state), phi = 2 * GONIO_PI * uniform(state), s = sqrt(1 - z * z);
+    const double z = gonio_random_next(state), phi = 2 * GONIO_PI * gonio_random_next(state), s = sqrt(1 - z * z);
     return (gonio_vec3){s * cos(phi), s * sin(phi), z};
 }
 
@@ -91,14 +80,14 @@ static gonio_status time_model(const gonio_model *model, uint64_t seed, gonio_tr
     }
     row->eval_ns = row->batch_ns = INFINITY;
     for (int pass = 0; pass < 3; pass++) {
-        const double start = now_ns();
+        const int64_t start = gonio_clock_ns();
         for (size_t i = 0; i < EVALUATIONS; i++) {
             gonio_model_eval(model, directions[i], directions[EVALUATIONS + i], values + i * (size_t)model->channels);
         }
-        const double middle = now_ns();
+        const int64_t middle = gonio_clock_ns();
         gonio_model_eval_many(model, EVALUATIONS, directions, directions + EVALUATIONS, values);
-        row->eval_ns = fmin(row->eval_ns, (middle - start) / EVALUATIONS);
-        row->batch_ns = fmin(row->batch_ns, (now_ns() - middle) / EVALUATIONS);
+        row->eval_ns = fmin(row->eval_ns, (double)(middle - start) / EVALUATIONS);
+        row->batch_ns = fmin(row->batch_ns, (double)(gonio_clock_ns() - middle) / EVALUATIONS);
     }
     free(directions);
     free(values);

@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/random.h"
 #include "base/thread_pool.h"
 #include "io/format.h"
 
@@ -115,13 +116,6 @@ static size_t cell(int h, int d, int p) { return (size_t)p + N_P * ((size_t)d + 
 
 // ---- samples ----
 
-// Steele, Lea & Flood 2014, as in base/split.c: which cells a limit keeps depends on the seed alone.
-static uint64_t mixed(uint64_t x) {
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
-
 // The pair at a cell's centre; false where it lies below the horizon.
 static bool centre(int h, int d, int p, gonio_pair *pair) {
     gonio_vec3 wi, wo;
@@ -147,11 +141,12 @@ static bool values_at(const gonio_source *source, size_t at, double values[3]) {
 
 static gonio_status add_cells(const gonio_source *source, const gonio_format_values *values, gonio_samples *samples,
                               gonio_read_report *report, gonio_error *error) {
-    // A cell is kept where its hash is below the share that the limit leaves; valid cells are about 4/5 of all.
+    // A cell is kept where its hash with the seed is below the share that the limit leaves; valid cells are about 4/5
+    // of all.
     const double share = values->at[0].count > 0 ? (double)values->at[0].count / (double)CELLS : 1;
-    const uint64_t key = mixed(values->seed + 0x9e3779b97f4a7c15u);
+    const uint64_t key = gonio_random(values->seed);
     for (size_t at = 0; at < CELLS; at++) {
-        if (share < 1 && (double)(mixed(key ^ at * 0x9e3779b97f4a7c15u) >> 11) * 0x1p-53 >= share) {
+        if (share < 1 && gonio_random_uniform((key ^ at * GONIO_RANDOM_STEP) - GONIO_RANDOM_STEP) >= share) {
             continue;
         }
         const int p = (int)(at % N_P), d = (int)(at / N_P % N_D), h = (int)(at / N_P / N_D);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "calib/internal.h"
 #include "gonio/characterise.h"
 
@@ -98,7 +99,7 @@ gonio_status gonio_highlight_find(const gonio_image *image, double at[2], gonio_
     for (size_t i = 0; i < n; i++) {
         values[i] = image->pixels[i];
     }
-    status = statistics_robust(values, n, &median, &sigma, error);
+    status = gonio_median_mad_f32(values, n, &median, &sigma, error);
     if (status != GONIO_OK) {
         goto done;
     }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "calib/opencv.h"
 
 // A view whose residuals exceed the others' by this factor, and a pixel, has wrong corners, not noise.
@@ -52,11 +53,6 @@ gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board
     return status == GONIO_OK ? opencv_find_board(image, board, half_window, corners, error) : status;
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double median_rms(int n, const gonio_view *views) {
     double values[n];
     int used = 0;
@@ -65,8 +61,7 @@ static double median_rms(int n, const gonio_view *views) {
             values[used++] = views[i].rms;
         }
     }
-    qsort(values, (size_t)used, sizeof *values, by_value);
-    return values[used / 2];
+    return gonio_upper_median(values, (size_t)used);
 }
 
 // Reject the worst view if it stands apart; true: one was.

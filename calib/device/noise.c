@@ -6,6 +6,7 @@
 // saturation, weighted by how well each variance is known. EMVA's saturation point, the maximum of the variance, is
 // coarse by design; here a saturated group is one that falls 15 % short of the line through the dim ones, and the level
 // is where its readings pile up.
+#include "base/statistics.h"
 #include "gonio/characterise.h"
 
 #include <math.h>
@@ -345,7 +346,7 @@ static gonio_status solve_dsnu(gonio_noise *noise, const dark_model *dark, gonio
         for (size_t p = 0; p < noise->pixels; p++) {
             noise->dsnu[p] = group->sum[p] / (float)group->frames;
         }
-        const gonio_status status = statistics_robust(noise->dsnu, noise->pixels, &median, &sigma, error);
+        const gonio_status status = gonio_median_mad_f32(noise->dsnu, noise->pixels, &median, &sigma, error);
         if (status != GONIO_OK) {
             return status;
         }

@@ -12,6 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/order_statistic.h"
+#include "base/statistics.h"
 #include "calib/device/curve.h"
 #include "calib/opencv.h"
 #include "gonio/output.h"
@@ -59,18 +61,12 @@ static double relative_value(const gonio_image *image, int channel, size_t pixel
 #define FOG_MARGIN 0.03
 #define FOG_RISE 0.01
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double lower_quartile(const gonio_image *image, int channel, double *scratch) {
     const size_t n = (size_t)image->width * (size_t)image->height;
     for (size_t p = 0; p < n; p++) {
         scratch[p] = relative_value(image, channel, p);
     }
-    qsort(scratch, n, sizeof *scratch, by_value);
-    return scratch[n / 4];
+    return gonio_order_statistic(scratch, n, n / 4);
 }
 
 static gonio_status find_fog(problem *q, const gonio_image *images, int channel, gonio_error *error) {
@@ -233,8 +229,8 @@ static gonio_status downweight_outliers(problem *q, const double *ln_exposure, c
             sizes[n++] = fabs(r[k]);
         }
     }
-    qsort(sizes, n, sizeof *sizes, by_value);
-    const double scale = n > 0 ? 2.4 * fmax(1.4826 * sizes[n / 2], 1) : 0; // 2.4: Holland and Welsch 1977
+    const double scale =
+        n > 0 ? 2.4 * fmax(1.4826 * gonio_upper_median(sizes, n), 1) : 0; // 2.4: Holland and Welsch 1977
     for (int k = 0; k < m && scale > 0; k++) {
         q->weight[k / q->frames][k % q->frames] /= sqrt(1 + r[k] * r[k] / (scale * scale));
     }
@@ -356,14 +352,13 @@ static double disagreement_of(const problem *q, const gonio_image *images, int c
             scratch[m++] = fabs(curve_at(ln_exposure, v) - log(curve->exposure_s[j]) - sum / others);
         }
     }
-    qsort(scratch, m, sizeof *scratch, by_value);
-    return m > 0 ? scratch[m / 2] : 0;
+    return gonio_upper_median(scratch, m);
 }
 
 // Leave out the worst image, see how well the others then agree, and put it back unless it stands apart; so on.
 static void find_disagreement(const problem *q, const gonio_image *images, int channel, double *scratch,
                               gonio_response_curve *curve) {
-    double ln_exposure[CURVE_POINTS], sorted[GONIO_RESPONSE_FRAMES];
+    double ln_exposure[CURVE_POINTS], others[GONIO_RESPONSE_FRAMES];
     for (int j = 0; j < CURVE_POINTS; j++) {
         ln_exposure[j] = curve->exposure[j] > 0 ? log(curve->exposure[j]) : -14;
     }
@@ -378,11 +373,10 @@ static void find_disagreement(const problem *q, const gonio_image *images, int c
         curve->rejected[worst] = true;
         for (int j = 0; j < q->frames; j++) {
             if (!curve->rejected[j]) {
-                sorted[n++] = disagreement_of(q, images, channel, j, ln_exposure, curve, scratch);
+                others[n++] = disagreement_of(q, images, channel, j, ln_exposure, curve, scratch);
             }
         }
-        qsort(sorted, (size_t)n, sizeof *sorted, by_value);
-        if (curve->disagreement[worst] <= fmax(REJECT_FACTOR * sorted[n / 2], REJECT_LN)) {
+        if (curve->disagreement[worst] <= fmax(REJECT_FACTOR * gonio_upper_median(others, (size_t)n), REJECT_LN)) {
             curve->rejected[worst] = false;
             return;
         }

@@ -2,6 +2,7 @@
 //
 // Every pixel gets the straight line through its dark readings over exposure time, all frames weighted alike (the read
 // noise dominates). Noise is measured between successive frames of one exposure, so that nothing fixed enters it.
+#include "base/statistics.h"
 #include "calib/internal.h"
 
 #include <math.h>
@@ -58,9 +59,9 @@ static double temporal_variance(const gonio_calib *calib, size_t p, double expos
 
 static gonio_status find_hot(gonio_calib *calib, gonio_error *error) {
     double rate, rate_sigma, bias, bias_sigma;
-    gonio_status status = statistics_robust(calib->dark_rate, calib->pixels, &rate, &rate_sigma, error);
+    gonio_status status = gonio_median_mad_f32(calib->dark_rate, calib->pixels, &rate, &rate_sigma, error);
     if (status == GONIO_OK) {
-        status = statistics_robust(calib->bias, calib->pixels, &bias, &bias_sigma, error);
+        status = gonio_median_mad_f32(calib->bias, calib->pixels, &bias, &bias_sigma, error);
     }
     if (status != GONIO_OK) {
         return status;

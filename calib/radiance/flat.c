@@ -3,6 +3,7 @@
 // The panel's radiance is known: f_r = reflectance / pi times the irradiance of a point light at its distance and
 // angle, pixel by pixel. All reference exposures are merged; the result is DN/s for unit f_r x relative irradiance, so
 // that vignetting, PRNU and the lamp's intensity stand in one map and cancel from every sample.
+#include "base/statistics.h"
 #include "calib/internal.h"
 
 #include <math.h>
@@ -72,7 +73,7 @@ static gonio_status find_dead(gonio_calib *calib, gonio_error *error) {
                 values[n++] = calib->flat[p];
             }
         }
-        const double median = n > 0 ? statistics_quantile(values, n, 0.5) : 0;
+        const double median = n > 0 ? gonio_quantile_f32(values, n, 0.5) : 0;
         for (size_t p = 0; p < calib->pixels; p++) {
             const bool mine = calib->channel[p] == c && !calib->defect[p];
             if (mine && (calib->flat[p] < 0.5 * median || calib->flat[p] > 2 * median)) {
@@ -83,7 +84,7 @@ static gonio_status find_dead(gonio_calib *calib, gonio_error *error) {
             }
         }
     }
-    calib->report.flat_relative_sigma = sound > 0 ? sqrt(statistics_quantile(noise, sound, 0.5)) : 0;
+    calib->report.flat_relative_sigma = sound > 0 ? sqrt(gonio_quantile_f32(noise, sound, 0.5)) : 0;
     free(values);
     free(noise);
     return GONIO_OK;
@@ -152,7 +153,7 @@ static gonio_status fit_scale(const gonio_calib *calib, int channel, double *sca
         status = gonio_fail_line(error, GONIO_E_INPUT, calib->facts.flat_path, -1,
                                  "no pixel of channel %s in it is sound", calib->names[channel]);
     } else {
-        status = statistics_robust(ratio, n, &median, &scatter, error);
+        status = gonio_median_mad_f32(ratio, n, &median, &scatter, error);
     }
     free(ratio);
     if (status == GONIO_OK) {

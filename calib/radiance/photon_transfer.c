@@ -4,6 +4,7 @@
 // var = var_dark + K mean, K DN an electron. Two frames of one exposure differ by noise alone; their difference, after
 // the lamp's flicker is scaled out, carries twice the variance. Summing variance and mean over all pixels and dividing
 // is unbiased whatever the illumination's shape.
+#include "base/statistics.h"
 #include "calib/internal.h"
 
 #include <math.h>
@@ -81,7 +82,7 @@ static gonio_status measure_saturation(gonio_calib *calib, gonio_error *error) {
             }
         }
         if (n > calib->pixels / 100) {
-            lowest = fmin(lowest, statistics_quantile(levels, n, 0.01));
+            lowest = fmin(lowest, gonio_quantile_f32(levels, n, 0.01));
             calib->report.saturation_measured = true;
         }
     }
@@ -175,7 +176,7 @@ gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error) {
     calib->report.read_noise_e = sqrt(calib->noise.read_variance) * gain;
     calib->report.dark_e_per_s *= gain;
     double bias, scatter;
-    status = statistics_robust(calib->bias, calib->pixels, &bias, &scatter, error);
+    status = gonio_median_mad_f32(calib->bias, calib->pixels, &bias, &scatter, error);
     const double well = linear_dn(calib, (uint16_t)calib->saturation) - bias;
     // Far enough below clipping that the pooled estimate is not censored: merge.c.
     const double margin = 6 * sqrt(well * calib->noise.dn_per_e + read);

@@ -20,6 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "calib/rig/bundle.h"
 
 #define A GONIO_ALIGNMENT_PARAMETERS
@@ -108,11 +109,6 @@ static void measure_views(const bundle *q, const double *p) {
     }
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static gonio_status median_rms(const bundle *q, int object, double *median, gonio_error *error) {
     double *values = malloc(((size_t)q->n + 1) * sizeof *values);
     if (values == NULL) {
@@ -124,8 +120,7 @@ static gonio_status median_rms(const bundle *q, int object, double *median, goni
             values[n++] = q->frames[i].view->rms;
         }
     }
-    qsort(values, n, sizeof *values, by_value);
-    *median = n > 0 ? values[n / 2] : 0;
+    *median = gonio_upper_median(values, n);
     free(values);
     return GONIO_OK;
 }

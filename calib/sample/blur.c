@@ -16,6 +16,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/order_statistic.h"
+#include "base/statistics.h"
 #include "calib/internal.h"
 
 #define RING 6
@@ -149,11 +151,6 @@ void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int ch
 // The bias of this many samples tells the rest; a sphere has hundreds of thousands.
 #define REPORTED 5000
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double half_angle(double radius, double distance) { return atan(radius / distance); }
 
 static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,
@@ -171,9 +168,8 @@ static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, 
         }
     }
     if (n > 0) {
-        qsort(bias, n, sizeof *bias, by_value);
-        blur->bias_median = bias[n / 2];
-        blur->bias_max = bias[n - 1];
+        blur->bias_median = gonio_upper_median(bias, n);
+        blur->bias_max = gonio_order_statistic(bias, n, n - 1);
     }
     free(bias);
 }

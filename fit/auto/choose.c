@@ -247,12 +247,12 @@ static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, 
     gonio_status status = GONIO_OK;
     for (int f = 0; f < n && status == GONIO_OK; f += side_by_side) {
         const int count = n - f < side_by_side ? n - f : side_by_side;
-        const double start = gonio_deadline_now();
+        const double start = gonio_clock_s();
         if (!time_for(watch, choice, forms + f, count, choice->longest)) {
             continue;
         }
         status = run_forms(data, watch->options, pool, forms + f, count, choice, error);
-        choice->longest = fmax(choice->longest, gonio_deadline_now() - start);
+        choice->longest = fmax(choice->longest, gonio_clock_s() - start);
         if (status == GONIO_OK) {
             status = gonio_deadline_poll(watch, error);
         }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "fit/auto/choose.h"
 
 static int neighbour(const gonio_auto_choice *choice, bool cheaper) {
@@ -33,11 +34,6 @@ static void describe_trial(const gonio_auto_choice *choice, int index, const cha
              change, (t->bytes + 512) / 1024);
 }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 // What the limits allowed, where they were not met.
 static void describe_limits(const gonio_auto_choice *choice, const gonio_fit_options *o, char *text, size_t size) {
     const gonio_auto_trial *t = &choice->trials[choice->chosen];
@@ -59,13 +55,12 @@ static void describe_limits(const gonio_auto_choice *choice, const gonio_fit_opt
 
 void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_options *options, gonio_fit_report *report) {
     const gonio_auto_trial *t = &choice->trials[choice->chosen];
-    double sorted[GONIO_CHANNELS_MAX];
-    memcpy(sorted, choice->lambdas, (size_t)report->channels * sizeof *sorted);
-    qsort(sorted, (size_t)report->channels, sizeof *sorted, by_value);
+    double lambdas[GONIO_CHANNELS_MAX];
+    memcpy(lambdas, choice->lambdas, (size_t)report->channels * sizeof *lambdas);
     snprintf(report->options, sizeof report->options,
              "base=%s lambda=%.2g stiffness=%g:%g:%g profile=%g reciprocity=%g",
-             gonio_auto_base_name(&choice->bases[t->base]), sorted[report->channels / 2], t->form.stretch[0],
-             t->form.stretch[1], t->form.stretch[2], t->form.profile, t->form.reciprocity);
+             gonio_auto_base_name(&choice->bases[t->base]), gonio_upper_median(lambdas, (size_t)report->channels),
+             t->form.stretch[0], t->form.stretch[1], t->form.stretch[2], t->form.profile, t->form.reciprocity);
     snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
     describe_limits(choice, options, report->note, sizeof report->note);
     describe_trial(choice, neighbour(choice, false), "next better", report->note, sizeof report->note);

@@ -294,7 +294,7 @@ static gonio_status solve_channels(const gonio_dataset *data, gonio_deadline *wa
         gonio_smooth_cg_watch(cg, watch);
     }
     for (size_t k = 0; k < c && status == GONIO_OK; k++) {
-        const double now = gonio_deadline_now();
+        const double now = gonio_clock_s();
         watch->until = now + (end - now) / (double)(c - k); // no channel takes the others' time
         gonio_smooth_cg_report report = {0};
         if (choice->start_only) {

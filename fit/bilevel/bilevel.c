@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/rank.h"
+#include "base/order_statistic.h"
 
 // values -= the lattice, and the sparse one where there is one, at every sample.
 static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, const gonio_sparse *sparse, float *values) {
@@ -70,7 +70,7 @@ static gonio_status choose_points(const gonio_lattice *l, double percent, bool *
     for (size_t i = 0; i < l->count; i++) {
         magnitudes[i] = magnitude(l, i);
     }
-    const double limit = quota == 0 ? INFINITY : gonio_rank(magnitudes, l->count, l->count - quota);
+    const double limit = quota == 0 ? INFINITY : gonio_order_statistic(magnitudes, l->count, l->count - quota);
     size_t ties = quota; // places left for points that equal the limit
     for (size_t i = 0; i < l->count; i++) {
         ties -= magnitudes[i] > limit;

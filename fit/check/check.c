@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/statistics.h"
 #include "base/thread_pool.h"
 #include "gonio/plan.h"
 
@@ -21,21 +22,11 @@ static const double widths[WIDTHS] = {0.3, 0.05, 0.01, 0.002};
 
 // ---- pairs ----
 
-static int ascending(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 static double difference(double a, double b) { return 2 * fabs(a - b) / (fabs(a) + fabs(b) + 2e-3); }
 
 static gonio_vec3 turned(gonio_vec3 v, double angle) {
     const double c = cos(angle), s = sin(angle);
     return (gonio_vec3){c * v.x - s * v.y, s * v.x + c * v.y, v.z};
-}
-
-static double median(double *values, size_t n) {
-    qsort(values, n, sizeof *values, ascending);
-    return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 
 static gonio_status check_pairs(const gonio_model *model, gonio_check_report *report, gonio_error *error) {
@@ -68,8 +59,8 @@ static gonio_status check_pairs(const gonio_model *model, gonio_check_report *re
         status = gonio_fail(error, GONIO_E_FAILED, "%zu of %zu values are not finite", report->not_finite, PAIRS * c);
     }
     if (status == GONIO_OK) {
-        report->reciprocity = median(swap, PAIRS * c);
-        report->isotropy = median(turn, PAIRS * c);
+        report->reciprocity = gonio_median(swap, PAIRS * c);
+        report->isotropy = gonio_median(turn, PAIRS * c);
     }
     free(rows);
     free(turn);

@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/order_statistic.h"
+#include "base/statistics.h"
 #include "brdf/kind/analytic.h"
 
 #define SHAPES (2 * GONIO_LOBES_MAX)
@@ -109,11 +111,6 @@ static double minimise(const problem *p, int n, double *x, int evaluations, doub
 
 static size_t work_size(size_t m, size_t n) { return (m + GONIO_LOBES_MAX) * (n + 2) + 6 * n + 16; }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 // Where starts come from: a typical dark value, and the one that only a hundredth of the samples exceed.
 typedef struct level {
     double low, high;
@@ -121,7 +118,7 @@ typedef struct level {
 
 static level levels_of(size_t n, const double *y, double *sorted) {
     memcpy(sorted, y, n * sizeof *sorted);
-    qsort(sorted, n, sizeof *sorted, by_value);
+    gonio_sort(sorted, n);
     const double low = fmax(sorted[n / 4], 0), high = fmax(sorted[n - 1 - n / 100], 0);
     return (level){fmax(low, 1e-6 * high + 1e-12), fmax(high, 1e-9)};
 }
@@ -131,8 +128,7 @@ static double reach(const problem *p, double alpha, double f0, double *sorted) {
     for (size_t i = 0; i < p->n; i++) {
         sorted[i] = unit_lobe(p->family, &p->geometry[i], alpha, f0);
     }
-    qsort(sorted, p->n, sizeof *sorted, by_value);
-    return fmax(sorted[p->n - 1 - p->n / 100], 1e-9);
+    return fmax(gonio_order_statistic(sorted, p->n, p->n - 1 - p->n / 100), 1e-9);
 }
 
 static const double start_alpha[][GONIO_LOBES_MAX] = {

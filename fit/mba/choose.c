@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/order_statistic.h"
+#include "base/statistics.h"
 #include "brdf/spline/lattice_eval.h"
 #include "fit/mba/mba.h"
 #include "fit/memory.h"
@@ -34,30 +36,20 @@ static size_t lattice_bytes(const gonio_samples *samples, int level) {
     return count * (size_t)samples->channels * sizeof(float);
 }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
-static double median_of(double *values, size_t n) {
-    qsort(values, n, sizeof *values, by_value);
-    return values[n / 2];
-}
-
 // Log of the score of predictions at the samples held; work: 2 n doubles. Lower is better.
 static double score_channel(size_t n, const double *predicted, const double *truth, double *work) {
     for (size_t i = 0; i < n; i++) {
         work[i] = fabs(truth[i]);
     }
-    const double middle = median_of(work, n);
-    const double floor_value = middle > 0 ? 1e-2 * middle : work[n - 1] > 0 ? 1e-2 * work[n - 1] : 1;
+    const double middle = gonio_upper_median(work, n), most = gonio_order_statistic(work, n, n - 1);
+    const double floor_value = middle > 0 ? 1e-2 * middle : most > 0 ? 1e-2 * most : 1;
     double squares = 0;
     for (size_t i = 0; i < n; i++) {
         const double d = log((fmax(predicted[i], 0) + floor_value) / (fmax(truth[i], 0) + floor_value));
         work[i] = fabs(d);
         squares += d * d;
     }
-    return 0.5 * (log(median_of(work, n) + 1e-9) + log(sqrt(squares / (double)n) + 1e-9));
+    return 0.5 * (log(gonio_upper_median(work, n) + 1e-9) + log(sqrt(squares / (double)n) + 1e-9));
 }
 
 typedef struct trial {

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/order_statistic.h"
 #include "brdf/kind/lattice.h"
 #include "fit/mba/choose.h"
 #include "fit/mba/mba.h"
 #include "fit/method.h"
-#include "fit/rank.h"
 
 static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_options *options,
                                const gonio_mba_choice *choice, gonio_model **out, gonio_error *error) {
@@ -41,8 +41,8 @@ static double dynamic_range(const gonio_samples *samples) {
         for (size_t i = 0; i < samples->n; i++) {
             magnitudes[i] = fabs(samples->values[i * (size_t)samples->channels + c]);
         }
-        const double middle = gonio_rank(magnitudes, samples->n, samples->n / 2);
-        range = fmax(range, gonio_rank(magnitudes, samples->n, samples->n - 1) / fmax(middle, DBL_MIN));
+        const double middle = gonio_order_statistic(magnitudes, samples->n, samples->n / 2);
+        range = fmax(range, gonio_order_statistic(magnitudes, samples->n, samples->n - 1) / fmax(middle, DBL_MIN));
     }
     free(magnitudes);
     return range;

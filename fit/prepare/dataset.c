@@ -9,6 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/nearest.h"
+#include "base/order_statistic.h"
+#include "base/random.h"
+#include "base/statistics.h"
 #include "fit/prepare/scatter.h"
 
 void gonio_dataset_release(gonio_dataset *data) {
@@ -149,11 +153,6 @@ static void merge(gonio_dataset *data, const gonio_samples *samples, const entry
 
 // ---- links ----
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 static double channel_scale(const gonio_dataset *data, size_t channel) {
     double largest = 0;
     for (size_t i = 0; i < data->n; i++) {
@@ -177,8 +176,7 @@ static gonio_status find_neighbours(const gonio_dataset *data, size_t step, size
     gonio_dataset_locate(data, GONIO_HALF_VECTOR, x);
     for (size_t p = 0; p < probes; p++) {
         const size_t i = p * step;
-        double least = INFINITY;
-        near[p] = i;
+        gonio_nearest nearest = {.wanted = 1};
         // Sets of millions are probed against a part of themselves; neighbours are near enough then all the same.
         const size_t stride = 1 + data->n / 50000;
         for (size_t j = p % stride; j < data->n; j += stride) {
@@ -186,11 +184,11 @@ static gonio_status find_neighbours(const gonio_dataset *data, size_t step, size
             for (size_t k = 0; k < d; k++) {
                 distance += (x[i * d + k] - x[j * d + k]) * (x[i * d + k] - x[j * d + k]);
             }
-            if (j != i && distance < least) {
-                least = distance;
-                near[p] = j;
+            if (j != i) {
+                gonio_nearest_show(&nearest, distance, j);
             }
         }
+        near[p] = nearest.found > 0 ? nearest.index[0] : i;
     }
     free(x);
     return GONIO_OK;
@@ -204,7 +202,7 @@ static double channel_noise(const gonio_dataset *data, size_t channel, size_t st
     for (size_t p = 0; p < probes; p++) {
         work[p] = fabs(data->values[p * step * c + channel]) / scale;
     }
-    qsort(work, probes, sizeof *work, by_value);
+    gonio_sort(work, probes);
     const double middle = work[probes / 2];
     double typical = 0;
     const size_t most = probes - probes / 10; // without the tenth that holds the peak
@@ -218,9 +216,8 @@ static double channel_noise(const gonio_dataset *data, size_t channel, size_t st
             work[dark++] = fabs(a - b);
         }
     }
-    qsort(work, dark, sizeof *work, by_value);
     // Median of |difference of two normals|: 0.6745 sqrt(2) sigma.
-    const double noise = dark > 0 ? work[dark / 2] / (0.6744897501960817 * 1.4142135623730951) : 0;
+    const double noise = gonio_upper_median(work, dark) / (GONIO_MEDIAN_OF_NORMAL * 1.4142135623730951);
     return fmin(fmax(noise, 3e-3 * typical), 0.3 * typical);
 }
 
@@ -234,8 +231,7 @@ static void median_sigmas(const gonio_samples *samples, gonio_dataset *data, dou
                 work[m++] = sigma / data->links[k].scale;
             }
         }
-        qsort(work, m, sizeof *work, by_value);
-        data->links[k].eps = fmax(data->links[k].eps, m > 0 ? work[m / 10] : 0);
+        data->links[k].eps = fmax(data->links[k].eps, gonio_order_statistic(work, m, m / 10));
     }
 }
 
@@ -245,8 +241,7 @@ static void level_eps(gonio_dataset *data, double *work) {
     for (size_t k = 0; k < c; k++) {
         work[k] = data->links[k].eps * data->links[k].scale;
     }
-    qsort(work, c, sizeof *work, by_value);
-    const double common = 0.5 * work[c / 2];
+    const double common = 0.5 * gonio_upper_median(work, c);
     for (size_t k = 0; k < c; k++) {
         gonio_link *link = &data->links[k];
         link->eps = fmax(link->eps, fmin(common / link->scale, 0.1));
@@ -329,8 +324,7 @@ static gonio_status fill_noise(gonio_dataset *data, const gonio_samples *samples
             const double sigma = samples->sigma_random[i * c + k] / slope;
             work[m++] = isfinite(sigma) ? sigma : 0;
         }
-        qsort(work, m, sizeof *work, by_value);
-        data->noise[k] = work[m / 2];
+        data->noise[k] = gonio_upper_median(work, m);
     }
     free(work);
     return GONIO_OK;
@@ -431,14 +425,6 @@ gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which,
     return GONIO_OK;
 }
 
-// Steele, Lea and Flood (2014): the mixing function of SplitMix64.
-static uint64_t mix(uint64_t x) {
-    x += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
-
 gonio_status gonio_dataset_thin(const gonio_dataset *data, size_t count, uint64_t seed, gonio_dataset *out,
                                 gonio_error *error) {
     bool *keep = malloc(data->n * sizeof *keep);
@@ -450,7 +436,7 @@ gonio_status gonio_dataset_thin(const gonio_dataset *data, size_t count, uint64_
     for (size_t s = 0; s < count; s++) {
         const size_t first = s * data->n / count, end = (s + 1) * data->n / count;
         if (end > first) {
-            keep[first + mix(seed ^ mix(s)) % (end - first)] = true;
+            keep[first + gonio_random(seed ^ gonio_random(s)) % (end - first)] = true;
         }
     }
     const gonio_status status = gonio_dataset_select(data, keep, out, error);

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/random.h"
+
 #define FOLDS 5
 
 void gonio_holdout_release(gonio_holdout *in) {
@@ -12,18 +14,10 @@ void gonio_holdout_release(gonio_holdout *in) {
     free(in->work);
 }
 
-// Steele, Lea and Flood (2014): the mixing function of SplitMix64.
-static uint64_t mix(uint64_t x) {
-    x += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
-
 double gonio_holdout_noise(uint64_t i) {
     double sum = -6;
     for (uint64_t k = 0; k < 12; k++) {
-        sum += (double)(mix(12 * i + k) >> 11) * 0x1p-53;
+        sum += gonio_random_uniform(12 * i + k);
     }
     return sum;
 }
@@ -35,7 +29,7 @@ static gonio_status split(const gonio_dataset *some, const bool *given, gonio_ho
     }
     // Geometries are in order, so a draw from each five neighbours holds out a stratified fifth.
     for (size_t i = 0; i < some->n; i++) {
-        keep[i] = given != NULL ? given[i] : mix(i / FOLDS) % FOLDS != i % FOLDS;
+        keep[i] = given != NULL ? given[i] : gonio_random(i / FOLDS) % FOLDS != i % FOLDS;
     }
     gonio_status status = gonio_dataset_select(some, keep, &in->train, error);
     for (size_t i = 0; i < some->n; i++) {

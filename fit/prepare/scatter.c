@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/order_statistic.h"
 #include "base/thread_pool.h"
-#include "fit/rank.h"
 
 void gonio_scatter_release(gonio_scatter *scatter) {
     free(scatter->positions);
@@ -62,12 +62,12 @@ static double channel_eps(const gonio_samples *samples, size_t channel, double s
     for (size_t i = 0; i < n; i++) {
         ranked[i] = fabs(samples->values[i * c + channel]) / scale;
     }
-    double eps = fmax(gonio_rank(ranked, n, n / 2) * 3e-2, gonio_rank(ranked, n, n - 1) * 1e-7);
+    double eps = fmax(gonio_order_statistic(ranked, n, n / 2) * 3e-2, gonio_order_statistic(ranked, n, n - 1) * 1e-7);
     if (samples->sigma_random != NULL) {
         for (size_t i = 0; i < n; i++) {
             ranked[i] = samples->sigma_random[i * c + channel] / scale;
         }
-        eps = fmax(eps, gonio_rank(ranked, n, n / 10));
+        eps = fmax(eps, gonio_order_statistic(ranked, n, n / 10));
     }
     return eps > 0 && isfinite(eps) ? eps : 1e-6;
 }

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/random.h"
+#include "base/statistics.h"
 #include "fit/smooth/cg.h"
 
 #define SIGMA_LEVEL_3D 4
@@ -14,20 +16,6 @@
 #define PROBES 2500
 #define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
 #define HELD_BACK 1.75
-#define MEDIAN_OF_NORMAL 0.6744897501960817
-
-// Steele, Lea and Flood (2014): SplitMix64.
-static double uniform(uint64_t *state) {
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
-
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
 
 // A channel's spread: the standard deviation of a normal with the same median |residual|.
 void gonio_sigma_factors(size_t n, size_t c, const double *residuals, double *factor, double *work) {
@@ -37,9 +25,9 @@ void gonio_sigma_factors(size_t n, size_t c, const double *residuals, double *fa
             work[i] = fabs(residuals[i * c + k]);
             squares += work[i] * work[i];
         }
-        qsort(work, n, sizeof *work, by_value);
         // A median of 0 (clamped zeros) is no spread.
-        factor[k] = fmax(work[n / 2] / MEDIAN_OF_NORMAL, fmax(0.05 * sqrt(squares / (double)n), GONIO_SIGMA_EXACT));
+        factor[k] = fmax(gonio_upper_median(work, n) / GONIO_MEDIAN_OF_NORMAL,
+                         fmax(0.05 * sqrt(squares / (double)n), GONIO_SIGMA_EXACT));
     }
 }
 
@@ -81,15 +69,17 @@ double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *h
 // Places where the law is asked: half spread over all pairs of directions, half about the mirror direction, where the
 // lobe is.
 static gonio_pair probe_pair(uint64_t *state, bool isotropic, bool mirror) {
-    const double phi_i = isotropic ? 0 : 2 * GONIO_PI * uniform(state);
-    const gonio_pair p = {acos(uniform(state)), phi_i, acos(uniform(state)), 2 * GONIO_PI * uniform(state)};
+    const double phi_i = isotropic ? 0 : 2 * GONIO_PI * gonio_random_next(state);
+    const gonio_pair p = {acos(gonio_random_next(state)), phi_i, acos(gonio_random_next(state)),
+                          2 * GONIO_PI * gonio_random_next(state)};
     if (!mirror) {
         return p;
     }
     // The half vector's tan(theta_h) = sinh(r)/10, as half-vector coordinates see it, but denser toward the peak: there
     // sigma changes over less than a cell of theirs.
-    const double u = uniform(state), tilt = atan(0.1 * sinh(4 * u * sqrt(u)));
-    const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i), h = gonio_direction(tilt, 2 * GONIO_PI * uniform(state));
+    const double u = gonio_random_next(state), tilt = atan(0.1 * sinh(4 * u * sqrt(u)));
+    const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i),
+                     h = gonio_direction(tilt, 2 * GONIO_PI * gonio_random_next(state));
     const double twice = 2 * (i.x * h.x + i.y * h.y + i.z * h.z);
     const gonio_vec3 o = {twice * h.x - i.x, twice * h.y - i.y, twice * h.z - i.z};
     return o.z > 0 ? gonio_pair_from_vectors(i, o) : p;

@@ -9,6 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/nearest.h"
+#include "base/order_statistic.h"
+#include "base/random.h"
+#include "base/statistics.h"
 #include "fit/lobes/fit.h"
 #include "fit/prepare/scatter.h"
 #include "fit/sigma/field.h"
@@ -60,43 +64,25 @@ static double distance2(const places *p, size_t i, const double *at) {
 
 // Squared distance to the NEAREST-th sample; where only some are looked at, as much less as there are more.
 static double gap2(const places *p, const double *at) {
-    double nearest[NEAREST];
-    size_t found = 0;
+    gonio_nearest nearest = {.wanted = NEAREST};
     for (size_t i = 0; i < p->n; i += p->stride) {
-        const double d = distance2(p, i, at);
-        if (found == NEAREST && d >= nearest[NEAREST - 1]) {
-            continue;
-        }
-        size_t j = found < NEAREST ? found++ : NEAREST - 1;
-        for (; j > 0 && nearest[j - 1] > d; j--) {
-            nearest[j] = nearest[j - 1];
-        }
-        nearest[j] = d;
+        gonio_nearest_show(&nearest, distance2(p, i, at), i);
     }
-    return nearest[found - 1] * pow((double)p->stride, -2 / (double)p->d);
+    return gonio_nearest_reach(&nearest) * pow((double)p->stride, -2 / (double)p->d);
 }
 
 // ---- what to leave out ----
 
-static int by_value(const void *left, const void *right) {
+static int by_gap(const void *left, const void *right) {
     const double a = *(const double *)left, b = *(const double *)right;
     return (a > b) - (a < b);
-}
-
-// Steele, Lea and Flood (2014): the mixing function of SplitMix64.
-static uint64_t mix(uint64_t x) {
-    x += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
 }
 
 static void mark_beyond(const gonio_dataset *data, bool outgoing, char *why, double *work) {
     for (size_t i = 0; i < data->n; i++) {
         work[i] = outgoing ? data->pairs[i].theta_o : data->pairs[i].theta_i;
     }
-    qsort(work, data->n, sizeof *work, by_value);
-    const double limit = work[data->n - 1 - data->n / BEYOND];
+    const double limit = gonio_order_statistic(work, data->n, data->n - 1 - data->n / BEYOND);
     for (size_t i = 0; i < data->n; i++) {
         why[i] = (outgoing ? data->pairs[i].theta_o : data->pairs[i].theta_i) > limit ? AT_EDGE : why[i];
     }
@@ -104,10 +90,10 @@ static void mark_beyond(const gonio_dataset *data, bool outgoing, char *why, dou
 
 static void mark(const gonio_dataset *data, const places *p, char *why, double *work) {
     for (size_t i = 0; i < data->n; i++) {
-        why[i] = mix(i) % SCATTERED == 0 ? ALONE : KEPT;
+        why[i] = gonio_random(i) % SCATTERED == 0 ? ALONE : KEPT;
     }
     for (size_t h = 0; h < HOLES; h++) {
-        const size_t centre = mix(h) % data->n;
+        const size_t centre = gonio_random(h) % data->n;
         for (size_t i = 0; i < data->n; i++) {
             if (distance2(p, i, p->x + centre * p->d) < radii[h % 3] * radii[h % 3]) {
                 why[i] = IN_HOLE;
@@ -180,7 +166,7 @@ static gonio_status passed_on(evidence *e, gonio_error *error) {
             rows[n++][1] = e->left.replicate[i] * e->left.replicate[i];
         }
     }
-    qsort(rows, n, sizeof *rows, by_value); // by the gap, which comes first
+    qsort(rows, n, sizeof *rows, by_gap); // which comes first
     double gap[2] = {0}, square[2] = {0};
     for (size_t i = 0; i < n; i++) {
         gap[i >= n / 2] += log(rows[i][0]);
@@ -253,8 +239,7 @@ static void square_about_median(size_t n, size_t c, const double *spline, const 
         for (size_t i = 0; i < n; i++) {
             work[i] = spline[i * c + k];
         }
-        qsort(work, n, sizeof *work, by_value);
-        const double middle = work[n / 2];
+        const double middle = gonio_upper_median(work, n);
         for (size_t i = 0; i < n; i++) {
             const double x = (spline[i * c + k] - middle) / factor[k];
             square[i] += x * x / (double)c;

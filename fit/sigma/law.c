@@ -10,6 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/nearest.h"
+#include "base/order_statistic.h"
+#include "base/statistics.h"
+
 #define FREEDOM 5.0
 #define ROUGHNESS_PRIOR 1.5 // standard deviation of u: roughness varies by factors of e over a domain
 #define ROUGHNESS_MAX 6.0
@@ -126,25 +130,14 @@ static double distance2(const gonio_sigma_record *row, const double x[2]) {
 
 // The squared distance to the last of the nearest sample other than `but`.
 static double reach2(const gonio_sigma_records *r, const double *x, size_t but) {
-    double nearest[NEIGHBOURS_MAX];
     const size_t share = r->near / NEIGHBOURS_PART, enough = share > NEIGHBOURS ? share : NEIGHBOURS;
-    const size_t wanted = enough < NEIGHBOURS_MAX ? enough : NEIGHBOURS_MAX;
-    size_t found = 0;
+    gonio_nearest nearest = {.wanted = enough < NEIGHBOURS_MAX ? enough : NEIGHBOURS_MAX};
     for (size_t i = 0; i < r->near; i++) {
-        if (r->rows[i].centre == but) {
-            continue;
+        if (r->rows[i].centre != but) {
+            gonio_nearest_show(&nearest, distance2(&r->rows[i], x), i);
         }
-        const double d = distance2(&r->rows[i], x);
-        if (found == wanted && d >= nearest[wanted - 1]) {
-            continue;
-        }
-        size_t at = found < wanted ? found++ : wanted - 1;
-        for (; at > 0 && nearest[at - 1] > d; at--) {
-            nearest[at] = nearest[at - 1];
-        }
-        nearest[at] = d;
     }
-    return found > 0 ? nearest[found - 1] : INFINITY;
+    return gonio_nearest_reach(&nearest);
 }
 
 // Minus the logarithm of the posterior of u, from the neighbours' rows of [k, A, B, e^2].
@@ -193,11 +186,6 @@ static double roughness_at(const gonio_sigma_law *law, const double *x, size_t b
     return expected(work, n);
 }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 // Factor by which sigmas of the unknown must grow for the normal's median, 0.6745, or for 95 % of the residuals within
 // 2 sigma, whichever asks for more.
 static double calibration(const gonio_sigma_law *law, const double *roughness, double *work) {
@@ -207,8 +195,8 @@ static double calibration(const gonio_sigma_law *law, const double *roughness, d
         const double v = row->expected[0] + exp(2 * roughness[i]) * row->expected[1];
         work[i] = sqrt(row->square / fmax(v, VARIANCE_MIN));
     }
-    qsort(work, r->n, sizeof *work, by_value);
-    return fmin(fmax(fmax(work[r->n / 2] / 0.6744897501960817, work[r->n * 95 / 100] / 2), 0.5), 2);
+    const double median = gonio_upper_median(work, r->n), most = gonio_order_statistic(work, r->n, r->n * 95 / 100);
+    return fmin(fmax(fmax(median / GONIO_MEDIAN_OF_NORMAL, most / 2), 0.5), 2);
 }
 
 // The median of a sign over the records, or of the residuals' squares (sign GONIO_SIGMA_SIGNS).
@@ -216,8 +204,7 @@ static double middle_of(const gonio_sigma_records *r, int sign, double *work) {
     for (size_t i = 0; i < r->n; i++) {
         work[i] = sign < GONIO_SIGMA_SIGNS ? r->rows[i].signs[sign] : r->rows[i].square;
     }
-    qsort(work, r->n, sizeof *work, by_value);
-    return r->n > 0 ? fmax(work[r->n / 2], 1e-20) : 1;
+    return r->n > 0 ? fmax(gonio_upper_median(work, r->n), 1e-20) : 1;
 }
 
 // Where the search begins: every part about as large as the residuals.

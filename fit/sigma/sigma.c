@@ -12,13 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "fit/sigma/blocks.h"
 #include "fit/sigma/field.h"
-
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
 
 // Leave-one-out residuals of every channel with its own lambda.
 static gonio_status leave_one_out(const gonio_smooth_dense *dense, const gonio_dataset *data,
@@ -46,8 +42,7 @@ static gonio_status leave_one_out(const gonio_smooth_dense *dense, const gonio_d
 
 static double middle_of(const double *values, size_t n, double *work) {
     memcpy(work, values, n * sizeof *work);
-    qsort(work, n, sizeof *work, by_value);
-    return work[n / 2];
+    return gonio_upper_median(work, n);
 }
 
 // The variance that the law gives the probes, in the channels' factors.

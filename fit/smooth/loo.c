@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
 #include "fit/lobes/fit.h"
 
 void gonio_smooth_base_release(gonio_smooth_base *base) {
@@ -75,11 +76,6 @@ gonio_status gonio_smooth_base_init(gonio_smooth_base *base, const gonio_dataset
     return GONIO_OK;
 }
 
-static int by_value(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 // Residuals below a millionth of the link's unit are as good as none; without a floor exact data would score -inf.
 #define RESIDUAL_FLOOR 1e-6
 // A typical error of 0.2 % is below any instrument's: once there, only the worst still counts.
@@ -96,8 +92,7 @@ static double channel_score(const gonio_dataset *data, const double *residuals, 
     if (data->kind == GONIO_LINK_LINEAR) {
         return 1.5 * rms;
     }
-    qsort(work, n, sizeof *work, by_value);
-    return rms + 0.5 * log(work[n / 2] + MEDIAN_FLOOR);
+    return rms + 0.5 * log(gonio_upper_median(work, n) + MEDIAN_FLOOR);
 }
 
 static double channel_square_error(const gonio_dataset *data, const double *residuals, size_t channel) {

@@ -70,7 +70,6 @@ typedef struct cli_progress {
 void cli_progress_start(cli_progress *progress, const char *what, double total);
 void cli_progress_update(cli_progress *progress, double done, const char *detail, double error_now);
 void cli_progress_end(cli_progress *progress);
-double cli_now_s(void); // monotonic
 
 // Ctrl-C (and SIGTERM): the first asks to stop at the next checkpoint, the second ends the process at once with
 // status 4.

@@ -7,6 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/clock.h"
+
 typedef struct run {
     const cli_measuring *m;
     gonio_session *session;
@@ -213,7 +215,7 @@ static void report(const run *r, const gonio_outcome *outcome, const char *model
 }
 
 int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, const gonio_rig *rig) {
-    const double started = cli_now_s();
+    const double started = gonio_clock_s();
     run r = {.m = measuring, .session = session};
     const gonio_scan_hooks hooks = {&r, ask_for_hands, show_note, note_undone};
     gonio_error error = {.line = -1, .byte = -1};
@@ -231,7 +233,7 @@ int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, co
     }
     int exit_status = 0;
     if (status == GONIO_OK) {
-        report(&r, &outcome, model_path, cli_now_s() - started);
+        report(&r, &outcome, model_path, gonio_clock_s() - started);
     } else {
         gonio_session_event(session, "stopped", error.message, NULL);
         exit_status = cli_fail(measuring->common, &error);

@@ -1,25 +1,19 @@
 // Progress lines, the clock and Ctrl-C.
+#include "base/clock.h"
 #include "host/cli/cli.h"
 
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
-#include <time.h>
 #include <unistd.h>
 
-double cli_now_s(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
 void cli_progress_start(cli_progress *progress, const char *what, double total) {
-    const double now = cli_now_s();
+    const double now = gonio_clock_s();
     *progress = (cli_progress){what, now, now, isatty(STDERR_FILENO) == 1, false, total};
 }
 
 void cli_progress_update(cli_progress *progress, double done, const char *detail, double error_now) {
-    const double now = cli_now_s();
+    const double now = gonio_clock_s();
     if (now - progress->last_s < (progress->tty ? 0.1 : 5)) {
         return;
     }

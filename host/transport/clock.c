@@ -4,11 +4,9 @@
 #include <limits.h>
 #include <time.h>
 
-int64_t gonio_clock_ms(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
-}
+#include "base/clock.h"
+
+int64_t gonio_clock_ms(void) { return gonio_clock_ns() / 1000000; }
 
 void gonio_clock_sleep_ms(int ms) {
     struct timespec rest = {ms / 1000, ms % 1000 * 1000000L};

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
+
 #define CONSUMER "gonio"
 
 typedef struct line {
@@ -119,9 +121,7 @@ static void system_close(void *state, void *handle) {
 
 static int64_t system_now(void *state) {
     (void)state;
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    return gonio_clock_ns();
 }
 
 const gonio_gpio_io gonio_gpio_system = {system_open_input, system_open_output, system_get, system_set,

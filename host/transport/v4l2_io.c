@@ -11,6 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "host/transport/v4l2.h"
 
 enum { BUFFERS_MAX = 16 };
@@ -61,9 +62,7 @@ static int system_wait(void *state, int handle, int timeout_ms) {
 
 static int64_t system_now(void *state) {
     (void)state;
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    return gonio_clock_ns();
 }
 
 const gonio_v4l2_io gonio_v4l2_system = {system_open,  system_close, system_ioctl, system_map,

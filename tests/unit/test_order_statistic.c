@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "fit/rank.h"
+#include "base/order_statistic.h"
 
 #define MOST 1000
 
@@ -30,7 +30,7 @@ static void assert_ranked(const double *values, size_t n, size_t k) {
     memcpy(sorted, values, n * sizeof *values);
     memcpy(work, values, n * sizeof *values);
     qsort(sorted, n, sizeof *sorted, by_value);
-    assert_true(gonio_rank(work, n, k) == sorted[k]);
+    assert_true(gonio_order_statistic(work, n, k) == sorted[k]);
     qsort(work, n, sizeof *work, by_value);
     assert_memory_equal(work, sorted, n * sizeof *work);
 }
