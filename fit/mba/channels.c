@@ -184,45 +184,50 @@ GONIO_INLINE void find_run(const gonio_mba_job *job, size_t begin, size_t most, 
     run->at = run->places[0].first - x * slice;
 }
 
-GONIO_INLINE void accumulate(const gonio_mba_job *job, const int dims, const size_t stride) {
-    const size_t fitting = RUN_DOUBLES / 4 / stride, most = fitting > RUN_MAX ? RUN_MAX : fitting > 1 ? fitting : 1;
-    _Alignas(64) double rows[most * 4 * stride], f[stride];
-    const size_t channels = (size_t)job->scatter->channels;
-    float scratch[most * 4 * channels], values[most * channels];
-    memset(f, 0, sizeof f);
+typedef struct work {
+    const gonio_mba_job *job;
+    run run;
+    size_t most; // samples a run
+    size_t stride;
     gonio_row_list list;
-    gonio_rows_offsets(job->size, dims, &list);
-    run run = {.rows = rows};
-    for (size_t i = job->begin; i < job->end; i += run.n) {
-        find_run(job, i, most, dims, &run);
-        eval_run(job, &run, dims, &list, scratch, values);
-        fill_run(job, &run, i, dims, stride, values, f);
-        add_run(&run, job->size, dims, stride);
-    }
+    float *scratch, *values;
+    double *f;
+} work;
+
+// The run that begins at a sample, up to its products.
+GONIO_INLINE void prepare(work *w, size_t begin, const int dims) {
+    find_run(w->job, begin, w->most, dims, &w->run);
+    eval_run(w->job, &w->run, dims, &w->list, w->scratch, w->values);
+    fill_run(w->job, &w->run, begin, dims, w->stride, w->values, w->f);
 }
 
-// One function a shape, each cloned for the machine's vectors: constants let the compiler unroll the rows.
-GONIO_CLONES static void fit_rgb_3d(const gonio_mba_job *job) { accumulate(job, 3, 4); }
-GONIO_CLONES static void fit_rgb_4d(const gonio_mba_job *job) { accumulate(job, 4, 4); }
-GONIO_CLONES static void fit_spectral_3d(const gonio_mba_job *job) { accumulate(job, 3, 32); }
-GONIO_CLONES static void fit_any_3d(const gonio_mba_job *job) {
-    accumulate(job, 3, gonio_mba_stride(job->scatter->channels));
-}
-GONIO_CLONES static void fit_any_4d(const gonio_mba_job *job) {
-    accumulate(job, 4, gonio_mba_stride(job->scatter->channels));
-}
+// Cloned for the machine's vectors. Constants let the compiler unroll the rows; the two halves of the work are apart
+// because one function of both a shape takes the compiler more than twice as long, for the same speed.
+GONIO_CLONES static void prepare_run_3d(work *w, size_t begin) { prepare(w, begin, 3); }
+GONIO_CLONES static void prepare_run_4d(work *w, size_t begin) { prepare(w, begin, 4); }
+GONIO_CLONES static void add_rgb_3d(const work *w) { add_run(&w->run, w->job->size, 3, 4); }
+GONIO_CLONES static void add_rgb_4d(const work *w) { add_run(&w->run, w->job->size, 4, 4); }
+GONIO_CLONES static void add_spectral_3d(const work *w) { add_run(&w->run, w->job->size, 3, 32); }
+GONIO_CLONES static void add_any_3d(const work *w) { add_run(&w->run, w->job->size, 3, w->stride); }
+GONIO_CLONES static void add_any_4d(const work *w) { add_run(&w->run, w->job->size, 4, w->stride); }
 
 void gonio_mba_accumulate_channels(const gonio_mba_job *job) {
+    const size_t channels = (size_t)job->scatter->channels, stride = gonio_mba_stride(job->scatter->channels);
+    const size_t fitting = RUN_DOUBLES / 4 / stride, most = fitting > RUN_MAX ? RUN_MAX : fitting > 1 ? fitting : 1;
+    _Alignas(64) double rows[most * 4 * stride], f[stride];
+    float scratch[most * 4 * channels], values[most * channels];
+    memset(f, 0, sizeof f);
+    work w = {
+        .job = job, .run.rows = rows, .most = most, .stride = stride, .scratch = scratch, .values = values, .f = f};
     const bool spatial = job->scatter->dims == 3;
-    switch (gonio_mba_stride(job->scatter->channels)) {
-    case 4:
-        (spatial ? fit_rgb_3d : fit_rgb_4d)(job);
-        break;
-    case 32:
-        (spatial ? fit_spectral_3d : fit_any_4d)(job);
-        break;
-    default:
-        (spatial ? fit_any_3d : fit_any_4d)(job);
-        break;
+    void (*const prepare_run)(work *, size_t) = spatial ? prepare_run_3d : prepare_run_4d;
+    void (*const add)(const work *) = stride == 4               ? (spatial ? add_rgb_3d : add_rgb_4d)
+                                      : stride == 32 && spatial ? add_spectral_3d
+                                      : spatial                 ? add_any_3d
+                                                                : add_any_4d;
+    gonio_rows_offsets(job->size, job->scatter->dims, &w.list);
+    for (size_t i = job->begin; i < job->end; i += w.run.n) {
+        prepare_run(&w, i);
+        add(&w);
     }
 }
