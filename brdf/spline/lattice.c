@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "brdf/spline/refine.h"
+
 size_t gonio_lattice_count(int dims, int level) {
     size_t count = 1;
     for (int d = 0; d < dims; d++) {
@@ -49,37 +51,15 @@ void gonio_lattice_fill(gonio_lattice *lattice, const double *values) {
     }
 }
 
-// Point s of the finer axis, from three neighbours a, b, c of the coarser one (c where s is odd only).
-static void blend(const float *restrict a, const float *restrict b, const float *restrict c, bool odd, size_t n,
-                  float *restrict out) {
-    if (odd) {
-        for (size_t k = 0; k < n; k++) {
-            out[k] = 0.125f * (a[k] + c[k]) + 0.75f * b[k];
-        }
-    } else {
-        for (size_t k = 0; k < n; k++) {
-            out[k] = 0.5f * (a[k] + b[k]);
-        }
-    }
-}
-
-// One axis: outer x n x inner -> outer x (2n - 3) x inner.
-static void refine_axis(const float *restrict from, float *restrict to, size_t outer, size_t n, size_t inner) {
-    const size_t m = 2 * n - 3;
-    for (size_t o = 0; o < outer; o++, from += n * inner, to += m * inner) {
-        for (size_t s = 0; s < m; s++) {
-            const float *a = from + s / 2 * inner;
-            blend(a, a + inner, a + 2 * inner, s % 2 == 1, inner, to + s * inner);
-        }
-    }
-}
+#define OF_THREE(a, b, c) (0.125f * ((a) + (c)) + 0.75f * (b))
+GONIO_REFINE(refine, float, OF_THREE)
 
 // One plane of the finer lattice after another: what lies between the passes, work[2][plane], stays in a cache.
 static void refine_plane(const gonio_lattice *coarse, const gonio_lattice *fine, size_t s, float *work) {
     const size_t plane = fine->count / fine->size * (size_t)fine->channels;
     size_t inner = coarse->count / coarse->size * (size_t)coarse->channels, outer = 1;
-    const float *a = coarse->points + s / 2 * inner, *from = work;
-    blend(a, a + inner, a + 2 * inner, s % 2 == 1, inner, work);
+    const float *from = work;
+    refine_point(coarse->points, s, inner, work);
     for (int d = 1; d < coarse->dims; d++) {
         float *to = d == coarse->dims - 1 ? fine->points + s * plane : from == work ? work + plane : work;
         inner /= coarse->size;

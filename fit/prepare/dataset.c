@@ -153,16 +153,6 @@ static void merge(gonio_dataset *data, const gonio_samples *samples, const entry
 
 // ---- links ----
 
-static double channel_scale(const gonio_dataset *data, size_t channel) {
-    double largest = 0;
-    for (size_t i = 0; i < data->n; i++) {
-        largest = fmax(largest, fabs(data->values[i * (size_t)data->channels + channel]));
-    }
-    int exponent = 0;
-    frexp(largest, &exponent);
-    return largest > 0 ? ldexp(1, exponent > 1023 ? 1023 : exponent) : 1;
-}
-
 #define PROBES 1200 // geometries whose nearest neighbours tell the noise: enough for a median to 3 %
 
 // near[i]: for every probe the geometry nearest to it in half-vector coordinates; step: between probes.
@@ -259,7 +249,7 @@ static gonio_status choose_links(gonio_dataset *data, const gonio_samples *sampl
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to estimate the noise");
     if (status == GONIO_OK) {
         for (size_t k = 0; k < c; k++) {
-            data->links[k].scale = channel_scale(data, k);
+            data->links[k].scale = gonio_scatter_scale(data->n, data->values + k, c);
             data->links[k].eps = channel_noise(data, k, step, probes, near, work);
         }
         if (samples->sigma_random != NULL) {

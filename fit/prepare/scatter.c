@@ -43,11 +43,20 @@ unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims) {
     return gonio_coordinates_are_half_vector(coordinates) ? 1u << 1 : 1u << 2;
 }
 
-// A power of two near the channel's largest |value|; 1 for a channel of zeros.
-static double channel_scale(const gonio_samples *samples, size_t channel) {
+double gonio_scatter_distance2(const double *x, const double *y, size_t dims, unsigned mirror_axes) {
+    double same = 0, image = 0;
+    for (size_t k = 0; k < dims; k++) {
+        const double mirrored = (mirror_axes >> k & 1u) != 0 ? 1 - x[k] : x[k];
+        same += (x[k] - y[k]) * (x[k] - y[k]);
+        image += (mirrored - y[k]) * (mirrored - y[k]);
+    }
+    return fmin(same, image);
+}
+
+double gonio_scatter_scale(size_t n, const double *values, size_t channels) {
     double largest = 0;
-    for (size_t i = 0; i < samples->n; i++) {
-        largest = fmax(largest, fabs(samples->values[i * (size_t)samples->channels + channel]));
+    for (size_t i = 0; i < n; i++) {
+        largest = fmax(largest, fabs(values[i * channels]));
     }
     int exponent = 0;
     frexp(largest, &exponent);
@@ -92,7 +101,7 @@ static gonio_status choose_transforms(gonio_scatter *scatter, const gonio_sample
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu values", samples->n);
     }
     for (size_t c = 0; c < (size_t)samples->channels; c++) {
-        const double scale = channel_scale(samples, c);
+        const double scale = gonio_scatter_scale(samples->n, samples->values + c, (size_t)samples->channels);
         scatter->transforms[c] = (gonio_transform){scale, offset ? channel_eps(samples, c, scale, ranked) : 0};
     }
     free(ranked);

@@ -247,14 +247,7 @@ static int by_key(const void *left, const void *right) {
 
 static double distance2(const blocks *b, size_t i, size_t j) {
     const size_t d = (size_t)b->f->data->dims;
-    double same = 0, image = 0;
-    for (size_t k = 0; k < d; k++) {
-        const double x = b->x[i * d + k], y = b->x[j * d + k];
-        const double z = (b->mirror_axes >> k & 1u) != 0 ? 1 - y : y;
-        same += (x - y) * (x - y);
-        image += (x - z) * (x - z);
-    }
-    return fmin(same, image);
+    return gonio_scatter_distance2(b->x + j * d, b->x + i * d, d, b->mirror_axes);
 }
 
 // Samples with all their neighbours, the nearest 4, 16, 64, 256 of them.

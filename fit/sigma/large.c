@@ -53,13 +53,7 @@ static gonio_status places_init(places *p, const gonio_dataset *data, const goni
 }
 
 static double distance2(const places *p, size_t i, const double *at) {
-    double same = 0, image = 0;
-    for (size_t k = 0; k < p->d; k++) {
-        const double x = p->x[i * p->d + k], y = (p->mirror_axes >> k & 1u) != 0 ? 1 - x : x;
-        same += (x - at[k]) * (x - at[k]);
-        image += (y - at[k]) * (y - at[k]);
-    }
-    return fmin(same, image);
+    return gonio_scatter_distance2(p->x + i * p->d, at, p->d, p->mirror_axes);
 }
 
 // Squared distance to the NEAREST-th sample; where only some are looked at, as much less as there are more.

@@ -173,37 +173,18 @@ GONIO_INLINE void run(const job *j, size_t begin, size_t end, const int dims, co
     }
 }
 
-GONIO_CLONES static void run_normal(const job *j, size_t begin, size_t end) {
-    if (j->places->dims == 3) {
-        run(j, begin, end, 3, GONIO_SMOOTH_NORMAL);
-    } else {
-        run(j, begin, end, 4, GONIO_SMOOTH_NORMAL);
+#define PASS(name, pass)                                                                                               \
+    GONIO_CLONES static void name(const job *j, size_t begin, size_t end) {                                            \
+        if (j->places->dims == 3) {                                                                                    \
+            run(j, begin, end, 3, pass);                                                                               \
+        } else {                                                                                                       \
+            run(j, begin, end, 4, pass);                                                                               \
+        }                                                                                                              \
     }
-}
-
-GONIO_CLONES static void run_residual(const job *j, size_t begin, size_t end) {
-    if (j->places->dims == 3) {
-        run(j, begin, end, 3, GONIO_SMOOTH_RESIDUAL);
-    } else {
-        run(j, begin, end, 4, GONIO_SMOOTH_RESIDUAL);
-    }
-}
-
-GONIO_CLONES static void run_diagonal(const job *j, size_t begin, size_t end) {
-    if (j->places->dims == 3) {
-        run(j, begin, end, 3, GONIO_SMOOTH_DIAGONAL);
-    } else {
-        run(j, begin, end, 4, GONIO_SMOOTH_DIAGONAL);
-    }
-}
-
-GONIO_CLONES static void run_mba(const job *j, size_t begin, size_t end) {
-    if (j->places->dims == 3) {
-        run(j, begin, end, 3, GONIO_SMOOTH_MBA);
-    } else {
-        run(j, begin, end, 4, GONIO_SMOOTH_MBA);
-    }
-}
+PASS(run_normal, GONIO_SMOOTH_NORMAL)
+PASS(run_residual, GONIO_SMOOTH_RESIDUAL)
+PASS(run_diagonal, GONIO_SMOOTH_DIAGONAL)
+PASS(run_mba, GONIO_SMOOTH_MBA)
 
 // ---- slabs ----
 
@@ -239,15 +220,10 @@ static size_t find_slabs(const gonio_smooth_places *places, int level, size_t *b
 static void run_slab(void *context, size_t item) {
     const job *j = context;
     const size_t slab = 2 * item + j->parity;
-    if (j->pass == GONIO_SMOOTH_NORMAL) {
-        run_normal(j, j->begin[slab], j->begin[slab + 1]);
-    } else if (j->pass == GONIO_SMOOTH_RESIDUAL) {
-        run_residual(j, j->begin[slab], j->begin[slab + 1]);
-    } else if (j->pass == GONIO_SMOOTH_MBA) {
-        run_mba(j, j->begin[slab], j->begin[slab + 1]);
-    } else {
-        run_diagonal(j, j->begin[slab], j->begin[slab + 1]);
-    }
+    (j->pass == GONIO_SMOOTH_NORMAL     ? run_normal
+     : j->pass == GONIO_SMOOTH_RESIDUAL ? run_residual
+     : j->pass == GONIO_SMOOTH_MBA      ? run_mba
+                                        : run_diagonal)(j, j->begin[slab], j->begin[slab + 1]);
 }
 
 void gonio_smooth_apply(const gonio_smooth_places *places, gonio_pool *pool, int level, gonio_smooth_pass pass,

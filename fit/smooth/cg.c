@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "base/thread_pool.h"
+#include "brdf/spline/refine.h"
 #include "fit/smooth/apply.h"
 #include "fit/smooth/penalty.h"
 #include "fit/smooth/precondition.h"
@@ -301,6 +302,21 @@ static void add_mba_step(const gonio_smooth_cg *cg, const double *targets, size_
     }
 }
 
+#define OF_THREE(a, b, c) (0.125 * ((a) + 6 * (b) + (c)))
+GONIO_REFINE(refine, double, OF_THREE)
+
+// The same function, of level `level`, on the lattice of the next. fine must not overlap coarse.
+static void refine(int dims, int level, const double *coarse, double *fine, double *work) {
+    const size_t m = gonio_bspline_size(level);
+    size_t outer = 1, inner = gonio_lattice_count(dims, level);
+    for (int d = 0; d < dims; d++, outer *= gonio_bspline_size(level + 1)) {
+        double *out = (dims - 1 - d) % 2 == 0 ? fine : work; // the last pass must end in `fine`
+        inner /= m;
+        refine_axis(coarse, out, outer, m, inner);
+        coarse = out;
+    }
+}
+
 // Level by level up to `level`; from level `solve` on with conjugate gradients. work: 3 times the finest level.
 static gonio_status climb(gonio_smooth_cg *cg, const double *targets, size_t stride, int level, int solve,
                           double lambda, int iterations, double tolerance, double *points,
@@ -317,7 +333,7 @@ static gonio_status climb(gonio_smooth_cg *cg, const double *targets, size_t str
             memset(points, 0, gonio_smooth_cg_count(cg, 0) * sizeof *points);
         } else {
             memcpy(work, points, gonio_smooth_cg_count(cg, h - 1) * sizeof *work);
-            gonio_smooth_refine(cg->places.dims, h - 1, work, points, work + finest);
+            refine(cg->places.dims, h - 1, work, points, work + finest);
         }
         status = h >= solve ? sum_places(cg, h, error) : GONIO_OK;
         if (status != GONIO_OK) {
@@ -349,41 +365,7 @@ gonio_status gonio_smooth_cg_cascade(gonio_smooth_cg *cg, const double *targets,
                  error);
 }
 
-// ---- refinement and evaluation ----
-
-// One axis from m to fine points (Kameya 2002, 2.3.4): even ones (p - + 6 p + p +)/8, odd ones the mean of two.
-static void refine_axis(const double *in, double *out, size_t m, size_t outer, size_t inner) {
-    const size_t fine = 2 * (m - 3) + 3;
-    for (size_t o = 0; o < outer; o++) {
-        const double *from = in + o * m * inner;
-        double *to = out + o * fine * inner;
-        for (size_t i = 0; i < fine; i++) {
-            // Fine point i lies at (i - 1) half cells from the domain's start; coarse point k at 2 (k - 1).
-            const size_t k = (i + 1) / 2;
-            for (size_t j = 0; j < inner; j++) {
-                to[i * inner + j] =
-                    i % 2 == 1
-                        ? 0.125 * (from[(k - 1) * inner + j] + 6 * from[k * inner + j] + from[(k + 1) * inner + j])
-                        : 0.5 * (from[k * inner + j] + from[(k + 1) * inner + j]);
-            }
-        }
-    }
-}
-
-void gonio_smooth_refine(int dims, int level, const double *coarse, double *fine, double *work) {
-    const size_t m = gonio_bspline_size(level), f = gonio_bspline_size(level + 1);
-    const double *in = coarse;
-    size_t outer = 1, inner = 1;
-    for (int d = 1; d < dims; d++) {
-        inner *= m;
-    }
-    for (int d = 0; d < dims; d++, outer *= f, inner /= m) {
-        // The last pass must end in `fine`.
-        double *out = (dims - 1 - d) % 2 == 0 ? fine : work;
-        refine_axis(in, out, m, outer, inner);
-        in = out;
-    }
-}
+// ---- evaluation ----
 
 gonio_status gonio_smooth_cg_eval(const gonio_smooth_cg *cg, const gonio_dataset *at, int level, const double *points,
                                   double *out, size_t stride, gonio_error *error) {

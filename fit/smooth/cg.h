@@ -39,8 +39,6 @@ gonio_status gonio_smooth_cg_solve(gonio_smooth_cg *cg, const double *targets, s
 gonio_status gonio_smooth_cg_cascade(gonio_smooth_cg *cg, const double *targets, size_t stride, double lambda,
                                      int iterations, double tolerance, double *points, gonio_smooth_cg_report *report,
                                      gonio_error *error);
-// points of level -> of level + 1, the same function. fine must not overlap coarse.
-void gonio_smooth_refine(int dims, int level, const double *coarse, double *fine, double *work);
 // The spline at any geometries (not only the solver's), out[i * stride].
 gonio_status gonio_smooth_cg_eval(const gonio_smooth_cg *cg, const gonio_dataset *at, int level, const double *points,
                                   double *out, size_t stride, gonio_error *error);

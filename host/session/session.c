@@ -207,6 +207,28 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
     return status;
 }
 
+static gonio_status open_at(const char *path, bool create, bool writable, gonio_session **out, gonio_error *error) {
+    gonio_session *session = NULL;
+    gonio_status status = allocate(path, &session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    session->writable = writable;
+    status = open_folders(session, error);
+    if (status == GONIO_OK && create) {
+        status = create_database(session, error);
+    }
+    if (status == GONIO_OK) {
+        status = open_database(session, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_session_close(session);
+        return status;
+    }
+    *out = session;
+    return GONIO_OK;
+}
+
 // Stopped before its steps were entered: nothing was measured, and the next measure may have the folder.
 static bool holds_nothing(const char *path) {
     gonio_session *session;
@@ -228,25 +250,7 @@ gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_e
     if (mkdir(path, 0777) != 0 && errno != EEXIST) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make the session's folder: %s", strerror(errno));
     }
-    gonio_session *session;
-    gonio_status status = allocate(path, &session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    session->writable = true;
-    status = open_folders(session, error);
-    if (status == GONIO_OK) {
-        status = create_database(session, error);
-    }
-    if (status == GONIO_OK) {
-        status = open_database(session, error);
-    }
-    if (status != GONIO_OK) {
-        gonio_session_close(session);
-        return status;
-    }
-    *out = session;
-    return GONIO_OK;
+    return open_at(path, true, true, out, error);
 }
 
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
@@ -254,20 +258,5 @@ gonio_status gonio_session_open(const char *path, bool writable, gonio_session *
     if (!gonio_session_is(path)) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a session: a folder with a session.db is expected");
     }
-    gonio_session *session;
-    gonio_status status = allocate(path, &session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    session->writable = writable;
-    status = open_folders(session, error);
-    if (status == GONIO_OK) {
-        status = open_database(session, error);
-    }
-    if (status != GONIO_OK) {
-        gonio_session_close(session);
-        return status;
-    }
-    *out = session;
-    return GONIO_OK;
+    return open_at(path, false, writable, out, error);
 }
