@@ -6,6 +6,7 @@
 
 #include <png.h>
 
+#include "base/order_statistic.h"
 #include "base/thread_pool.h"
 #include "gonio/output.h"
 #include "gonio/sample.h"
@@ -129,11 +130,6 @@ static void trace_row(void *context, size_t row) {
     }
 }
 
-static int by_value(const void *left, const void *right) {
-    const float a = *(const float *)left, b = *(const float *)right;
-    return (a > b) - (a < b);
-}
-
 // What makes PERCENTILE of the pixels that lie wholly on the object at most PERCENTILE_TO; 1 where all is black.
 static gonio_status automatic_scale(const pixel *pixels, size_t n, double *scale, gonio_error *error) {
     float *levels = malloc(n * sizeof *levels);
@@ -147,8 +143,8 @@ static gonio_status automatic_scale(const pixel *pixels, size_t n, double *scale
             levels[count++] = level;
         }
     }
-    qsort(levels, count, sizeof *levels, by_value);
-    const float level = count > 0 ? levels[(size_t)(PERCENTILE * (double)(count - 1))] : 0;
+    const size_t rank = count > 0 ? (size_t)(PERCENTILE * (double)(count - 1)) : 0;
+    const float level = gonio_order_statistic_f32(levels, count, rank);
     *scale = level > 0 ? PERCENTILE_TO / (double)level : 1;
     free(levels);
     return GONIO_OK;

@@ -3,6 +3,7 @@
 #ifndef TESTS_COVERAGE_H
 #define TESTS_COVERAGE_H
 
+#include "base/random.h"
 #include "tests/sim_scan.h"
 
 #define COVERAGE_BANDS 4
@@ -54,13 +55,7 @@ static inline void coverage_count(coverage *c, const gonio_samples *samples, con
     }
 }
 
-static inline double coverage_uniform(uint64_t *state) {
-    // Steele, Lea and Flood 2014, SplitMix64.
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
+static inline double coverage_uniform(uint64_t *state) { return gonio_random_next(state); }
 
 // A random pose of the given cell, uniform in Nusselt coordinates there, all angles free. Lobes are sought about the
 // mirror direction. Angles are whole microdegrees, as a plan's are.

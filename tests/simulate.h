@@ -7,16 +7,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/random.h"
 #include "gonio/model.h"
 #include "gonio/sample.h"
 
-// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014): uniform in [0, 1).
-static inline double simulate_uniform(uint64_t *state) {
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
+static inline double simulate_uniform(uint64_t *state) { return gonio_random_next(state); }
 
 // Directions uniform in solid angle up to 85 deg; isotropic: phi_i = 0.
 static inline gonio_pair simulate_pair(uint64_t *state, int isotropic) {

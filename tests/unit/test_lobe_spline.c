@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "base/random.h"
 #include "brdf/kind/lobe_spline.h"
 #include "fit/lobes/fit.h"
 #include "fit/tradeoff.h"
@@ -18,12 +19,7 @@
 #include "gonio/io.h"
 #include "tests/unit/near.h"
 
-static double uniform(uint64_t *state) {
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
+static double uniform(uint64_t *state) { return gonio_random_next(state); }
 
 static double normal(uint64_t *state) {
     double sum = -6; // Irwin-Hall
