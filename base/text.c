@@ -186,7 +186,7 @@ static bool decimal_characters(const char *field) { return field[strspn(field, "
 
 // In the C locale whatever the process has set: a comma is a separator here, never a decimal point. glibc hands out one
 // static object for "C", so this costs little.
-static double decimal(const char *field, char **end) {
+double gonio_text_decimal(const char *field, char **end) {
     const locale_t locale = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     const double value = strtod_l(field, end, locale);
     freelocale(locale);
@@ -199,7 +199,7 @@ gonio_status gonio_text_number(const gonio_text *text, const char *field, const 
     if (field[0] == 0 || !decimal_characters(field)) {
         return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
     }
-    *value = decimal(field, &end);
+    *value = gonio_text_decimal(field, &end);
     if (end == field || *end != 0 || !isfinite(*value)) {
         return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
     }
@@ -244,7 +244,7 @@ void gonio_text_shortest(double value, char *buffer) {
             *comma = '.'; // the process may run in another locale
         }
         char *end;
-        if (decimal(buffer, &end) == value) {
+        if (gonio_text_decimal(buffer, &end) == value) {
             return;
         }
     }

@@ -2,28 +2,31 @@
 //
 // nusselt      Kameya 2002: projections of the two directions on the surface, kappa = (x + 1)/2, lambda = (y + 1)/2.
 // half-vector  r = asinh(tan(theta_h) / 0.1) spreads the lobe's peak evenly over the lattice, whatever its width down
-//              to about 0.1 (DESIGN section 8). Reciprocity is a point reflection in the (x, y) plane there, mirror
-//              symmetry y -> -y. -narrow and -wide have 0.03 and 0.4 in its place: more of the lattice for a sharp
-//              peak, or for what lies about a broad one.
+//              to about 0.1; on measured paints this choice of coordinates gains more than any level. Reciprocity is
+//              a point reflection in the (x, y) plane there, mirror symmetry y -> -y. -narrow and -wide have 0.03 and
+//              0.4 in its place: more of the lattice for a sharp peak, or for what lies about a broad one.
 // reflected    offset of the outgoing from the mirror direction, in the same stretch.
 #include "gonio/direction.h"
 
 #include <math.h>
-#include <string.h>
+#include <stddef.h>
 
-#define STRETCH 0.1 // half-width of the region that asinh leaves linear: the reflected coordinates'
+#include "base/keys.h"
 
-// theta_h is at most 90 deg, where tan diverges, but only for retro-reflection at the very horizon. tan = 20 (87 deg)
-// bounds the lattice; beyond it the radius is held.
-static const struct {
-    double stretch, limit; // limit: asinh(20 / stretch)
-} half_vectors[] = {
-    [GONIO_HALF_VECTOR] = {0.1, 5.991470797049389},
-    [GONIO_HALF_VECTOR_NARROW] = {0.03, 7.195437913933444},
-    [GONIO_HALF_VECTOR_WIDE] = {0.4, 4.605270170991424},
+typedef struct coordinate_system coordinate_system;
+
+// Everything in which systems differ. [0]: of the isotropic coordinates (3-D), [1]: of the anisotropic ones (4-D).
+struct coordinate_system {
+    void (*map[2])(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x);
+    // The plane offset's half-width that asinh leaves linear, and the asinh of the largest offset.
+    double stretch, limit;
+    bool half_vector;
+    gonio_coordinates base;
+    unsigned mirror_axes[2], swap_axes[2];
+    struct {
+        int first, count;
+    } slow_axes[2];
 };
-
-#define OFFSET_MAX 3.6895038689889055 // asinh(2 / STRETCH): two projections lie at most 2 apart
 
 static double unit_interval(double x) { return fmin(fmax(x, 0), 1); }
 
@@ -62,11 +65,11 @@ static gonio_vec3 difference_vector(gonio_vec3 wi, gonio_vec3 h) {
 }
 
 // The radius that tan(theta_h) = sin_h / h.z takes in a system's plane.
-static double half_vector_radius(gonio_coordinates system, double sin_h, double cos_h) {
-    return cos_h > 0 ? asinh(sin_h / cos_h / half_vectors[system].stretch) : half_vectors[system].limit;
+static double half_vector_radius(const coordinate_system *system, double sin_h, double cos_h) {
+    return cos_h > 0 ? asinh(sin_h / cos_h / system->stretch) : system->limit;
 }
 
-static void half_vector_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
+static void half_vector_isotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
     const gonio_vec3 h = half_vector(wi, wo);
     const gonio_vec3 d = difference_vector(wi, h);
     const double sin_h = hypot(h.x, h.y), sin_d = hypot(d.x, d.y);
@@ -76,70 +79,129 @@ static void half_vector_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio
         c = (d.x * h.x + d.y * h.y) / (sin_h * sin_d);
         s = (d.y * h.x - d.x * h.y) / (sin_h * sin_d);
     }
-    stretched(c, s, 1, half_vector_radius(system, sin_h, h.z), half_vectors[system].limit, x);
+    stretched(c, s, 1, half_vector_radius(system, sin_h, h.z), system->limit, x);
     x[2] = unit_interval(atan2(sin_d, d.z) * (2 / GONIO_PI));
 }
 
-void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
+static void half_vector_anisotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    const gonio_vec3 h = half_vector(wi, wo);
+    const gonio_vec3 d = difference_vector(wi, h);
+    const double sin_h = hypot(h.x, h.y);
+    stretched(h.x, h.y, sin_h, half_vector_radius(system, sin_h, h.z), system->limit, x);
+    x[2] = unit_interval((d.x + 1) / 2);
+    x[3] = unit_interval((d.y + 1) / 2);
+}
+
+static void nusselt_isotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    (void)system;
     double sin_i;
     gonio_vec3 o;
-    if (gonio_coordinates_are_half_vector(system)) {
-        half_vector_isotropic(system, wi, wo, x);
-        return;
-    }
     turn_to_incidence(wi, wo, &sin_i, &o);
     x[0] = unit_interval((sin_i + 1) / 2);
-    if (system == GONIO_NUSSELT) {
-        x[1] = unit_interval((o.x + 1) / 2);
-        x[2] = unit_interval((o.y + 1) / 2);
-        return;
+    x[1] = unit_interval((o.x + 1) / 2);
+    x[2] = unit_interval((o.y + 1) / 2);
+}
+
+static void nusselt_anisotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    (void)system;
+    x[0] = unit_interval((wi.x + 1) / 2);
+    x[1] = unit_interval((wi.y + 1) / 2);
+    x[2] = unit_interval((wo.x + 1) / 2);
+    x[3] = unit_interval((wo.y + 1) / 2);
+}
+
+static void offset(const coordinate_system *system, double u, double v, double *x) {
+    const double length = hypot(u, v);
+    stretched(u, v, length, asinh(length / system->stretch), system->limit, x);
+}
+
+static void reflected_isotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    double sin_i;
+    gonio_vec3 o;
+    turn_to_incidence(wi, wo, &sin_i, &o);
+    x[0] = unit_interval((sin_i + 1) / 2);
+    offset(system, o.x + sin_i, o.y, x + 1);
+}
+
+static void reflected_anisotropic(const coordinate_system *system, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    x[0] = unit_interval((wi.x + 1) / 2);
+    x[1] = unit_interval((wi.y + 1) / 2);
+    offset(system, wo.x + wi.x, wo.y + wi.y, x + 2);
+}
+
+#define AXIS(axis) (1u << (axis))
+// Mirroring turns y into -y: lambda_o, the reflected offset's y, r sin phi_d; in 4-D the second of each pair. Swapping
+// keeps the half vector and turns the difference vector about it by 180 deg.
+//
+// theta_h is at most 90 deg, where tan diverges, but only for retro-reflection at the very horizon: tan = 20 (87 deg)
+// bounds the lattice, and beyond it the radius is held. The limit is asinh(20 / stretch).
+#define HALF_VECTOR_SYSTEM(width, bound)                                                                               \
+    {                                                                                                                  \
+        .map = {half_vector_isotropic, half_vector_anisotropic}, .stretch = (width), .limit = (bound),                 \
+        .half_vector = true, .base = GONIO_HALF_VECTOR, .mirror_axes = {AXIS(1), AXIS(1) | AXIS(3)},                   \
+        .swap_axes = {AXIS(0) | AXIS(1), AXIS(2) | AXIS(3)}, .slow_axes = {{2, 1}, {2, 2}}                             \
     }
-    const double u = o.x + sin_i, v = o.y, length = hypot(u, v);
-    stretched(u, v, length, asinh(length / STRETCH), OFFSET_MAX, x + 1);
+
+static const coordinate_system systems[GONIO_COORDINATES] = {
+    [GONIO_NUSSELT] = {.map = {nusselt_isotropic, nusselt_anisotropic},
+                       .base = GONIO_NUSSELT,
+                       .mirror_axes = {AXIS(2), AXIS(1) | AXIS(3)},
+                       .slow_axes = {{0, 1}, {0, 2}}},
+    [GONIO_HALF_VECTOR] = HALF_VECTOR_SYSTEM(0.1, 5.991470797049389),
+    [GONIO_REFLECTED] = {.map = {reflected_isotropic, reflected_anisotropic},
+                         .stretch = 0.1,
+                         .limit = 3.6895038689889055, // asinh(2 / stretch): two projections lie at most 2 apart
+                         .base = GONIO_REFLECTED,
+                         .mirror_axes = {AXIS(2), AXIS(1) | AXIS(3)},
+                         .slow_axes = {{0, 1}, {0, 2}}},
+    [GONIO_HALF_VECTOR_NARROW] = HALF_VECTOR_SYSTEM(0.03, 7.195437913933444),
+    [GONIO_HALF_VECTOR_WIDE] = HALF_VECTOR_SYSTEM(0.4, 4.605270170991424),
+};
+
+void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]) {
+    systems[system].map[0](&systems[system], wi, wo, x);
 }
 
 void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[4]) {
-    if (gonio_coordinates_are_half_vector(system)) {
-        const gonio_vec3 h = half_vector(wi, wo);
-        const gonio_vec3 d = difference_vector(wi, h);
-        const double sin_h = hypot(h.x, h.y);
-        stretched(h.x, h.y, sin_h, half_vector_radius(system, sin_h, h.z), half_vectors[system].limit, x);
-        x[2] = unit_interval((d.x + 1) / 2);
-        x[3] = unit_interval((d.y + 1) / 2);
-        return;
-    }
-    x[0] = unit_interval((wi.x + 1) / 2);
-    x[1] = unit_interval((wi.y + 1) / 2);
-    if (system == GONIO_NUSSELT) {
-        x[2] = unit_interval((wo.x + 1) / 2);
-        x[3] = unit_interval((wo.y + 1) / 2);
-        return;
-    }
-    const double u = wo.x + wi.x, v = wo.y + wi.y, length = hypot(u, v);
-    stretched(u, v, length, asinh(length / STRETCH), OFFSET_MAX, x + 2);
+    systems[system].map[1](&systems[system], wi, wo, x);
 }
 
 double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]) {
+    const coordinate_system *narrow = &systems[GONIO_HALF_VECTOR_NARROW];
     const double u = 2 * x[0] - 1, v = 2 * x[1] - 1, r = fmin(sqrt(u * u + v * v), 1);
     if (system == GONIO_HALF_VECTOR_NARROW) {
         return r;
     }
-    const double tangent = half_vectors[system].stretch * sinh(r * half_vectors[system].limit);
-    return fmin(half_vector_radius(GONIO_HALF_VECTOR_NARROW, tangent, 1) / half_vectors[GONIO_HALF_VECTOR_NARROW].limit,
-                1);
+    const double tangent = systems[system].stretch * sinh(r * systems[system].limit);
+    return fmin(half_vector_radius(narrow, tangent, 1) / narrow->limit, 1);
 }
 
-static const char *const names[GONIO_COORDINATES] = {"nusselt", "half-vector", "reflected", "half-vector-narrow",
-                                                     "half-vector-wide"};
+bool gonio_coordinates_are_half_vector(gonio_coordinates system) { return systems[system].half_vector; }
 
-const char *gonio_coordinates_name(gonio_coordinates system) { return names[system]; }
+gonio_coordinates gonio_coordinates_base(gonio_coordinates system) { return systems[system].base; }
+
+unsigned gonio_coordinates_mirror_axes(gonio_coordinates system, int dims) {
+    return systems[system].mirror_axes[dims - 3];
+}
+
+unsigned gonio_coordinates_swap_axes(gonio_coordinates system, int dims) { return systems[system].swap_axes[dims - 3]; }
+
+int gonio_coordinates_slow_axes(gonio_coordinates system, int dims, int *count) {
+    *count = systems[system].slow_axes[dims - 3].count;
+    return systems[system].slow_axes[dims - 3].first;
+}
+
+#define NAME(id, number, name, summary) [number] = name,
+static const char *const names[] = {GONIO_COORDINATES_TABLE(NAME)[GONIO_COORDINATES] = NULL};
+
+const char *const *gonio_coordinates_names(void) { return names; }
+
+const char *gonio_coordinates_name(gonio_coordinates system) {
+    return system == GONIO_COORDINATES_AUTO ? "auto" : names[system];
+}
 
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system) {
-    for (int i = 0; i < GONIO_COORDINATES; i++) {
-        if (strcmp(name, names[i]) == 0) {
-            *system = (gonio_coordinates)i;
-            return true;
-        }
-    }
-    return false;
+    const int found = gonio_names_find(names, name);
+    *system = found >= 0 ? (gonio_coordinates)found : *system;
+    return found >= 0;
 }

@@ -9,18 +9,7 @@
 #include <time.h>
 
 #include "fit/memory.h"
-#include "fit/method.h"
-
-void gonio_fit_options_default(gonio_fit_options *options) {
-    *options = (gonio_fit_options){.level = GONIO_LEVEL_AUTO,
-                                   .hold_out = 0.2,
-                                   .seed = 1,
-                                   .diffuse_level = -1,
-                                   .specular_level = -1,
-                                   .drop_percent = -1,
-                                   .lambda = -1,
-                                   .symmetry = GONIO_SYMMETRY_AUTO};
-}
+#include "fit/options.h"
 
 static gonio_status unknown_method(const char *name, gonio_error *error) {
     char list[256] = "";
@@ -28,24 +17,6 @@ static gonio_status unknown_method(const char *name, gonio_error *error) {
         snprintf(list + strlen(list), sizeof list - strlen(list), " %s", *m);
     }
     return gonio_fail(error, GONIO_E_USAGE, "unknown method '%s'; there are:%s", name, list);
-}
-
-static gonio_status check_options(const gonio_fit_options *o, gonio_error *error) {
-    if (o->level < GONIO_LEVEL_AUTO || o->level > GONIO_LEVEL_MAX) {
-        return gonio_fail(error, GONIO_E_USAGE, "level %d; 0 to %d are possible", o->level, GONIO_LEVEL_MAX);
-    }
-    if (!(o->hold_out >= 0 && o->hold_out < 1) || o->folds < 0 || o->folds == 1) {
-        return gonio_fail(error, GONIO_E_USAGE, "hold-out %g, %d folds; 0 <= hold-out < 1 and folds 0 or >= 2",
-                          o->hold_out, o->folds);
-    }
-    if (!(o->tolerance >= 0)) {
-        return gonio_fail(error, GONIO_E_USAGE, "tolerance %g; it must not be negative", o->tolerance);
-    }
-    if (o->thesis &&
-        ((o->coordinates_set && o->coordinates != GONIO_NUSSELT) || (o->domain_set && o->domain != GONIO_LINEAR))) {
-        return gonio_fail(error, GONIO_E_USAGE, "the thesis' form is in Nusselt coordinates and the linear domain");
-    }
-    return GONIO_OK;
 }
 
 // Which part each sample falls in: part[i] in 0 .. *parts - 1 is held out in its turn, -1 never. *parts 0: no hold-out.
@@ -74,7 +45,7 @@ static gonio_status split(const gonio_samples *samples, const gonio_fit_options 
 
 typedef struct parts_fit {
     const gonio_samples *samples;
-    const gonio_fit_method *method;
+    const gonio_method *method;
     const int *part;
     bool *which;       // scratch, then: which samples were predicted
     double *predicted; // n x channels
@@ -120,7 +91,7 @@ static gonio_status predict_part(const parts_fit *f, const gonio_fit_options *op
     return status;
 }
 
-static gonio_status held_out_errors(const gonio_samples *samples, const gonio_fit_method *method,
+static gonio_status held_out_errors(const gonio_samples *samples, const gonio_method *method,
                                     const gonio_fit_options *options, gonio_errors *out, gonio_error *error) {
     *out = (gonio_errors){NAN, NAN, NAN, NAN, NAN, NAN, 0};
     int parts = 0, *part = malloc(samples->n * sizeof *part);
@@ -156,7 +127,7 @@ static gonio_status held_out_errors(const gonio_samples *samples, const gonio_fi
 static bool holds_out(const gonio_fit_options *o) { return o->hold_out > 0 || o->folds >= 2; }
 
 // The smallest level whose held-out RMSE (training, without a hold-out) meets the tolerance.
-static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_fit_method *method,
+static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_method *method,
                                    gonio_fit_options *options, gonio_error *error) {
     const bool held = holds_out(options);
     double best = INFINITY;
@@ -202,16 +173,16 @@ static void append_note(gonio_fit_report *report, const char *text) {
     snprintf(report->note + length, sizeof report->note - length, "%s%s", length > 0 ? "; " : "", text);
 }
 
-static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method *method,
-                            const gonio_fit_options *options, const char *name, gonio_model **out,
-                            gonio_fit_report *report, gonio_error *error) {
+static gonio_status fit_all(const gonio_samples *samples, const gonio_method *method,
+                            const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
+                            gonio_error *error) {
     const double start = gonio_clock_s();
     gonio_status status = method->fit(samples, options, out, report, error);
     if (status != GONIO_OK) {
         return status;
     }
     report->fit_seconds = gonio_clock_s() - start;
-    snprintf(report->method, sizeof report->method, "%s", name);
+    snprintf(report->method, sizeof report->method, "%s", method->name);
     report->samples = samples->n;
     report->channels = samples->channels;
     report->control_points = (*out)->control_points;
@@ -229,7 +200,7 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_fit_method
 
 // The level that is certain to be fitted; 0 where the method chooses.
 static int given_level(const gonio_fit_options *o) {
-    return o->level >= 0 ? o->level : o->specular_level >= 0 ? o->specular_level : 0;
+    return o->level >= 0 ? o->level : 0;
 }
 
 static void note_errors(const gonio_fit_options *o, bool searched, gonio_fit_report *report) {
@@ -249,25 +220,24 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
     report = report != NULL ? report : &own;
     *report = (gonio_fit_report){0};
     gonio_fit_options o = *options;
-    const char *name = o.thesis && o.method == NULL ? "mba" : o.method;
-    o.method = name;
-    const gonio_fit_method *method = gonio_fit_method_find(&name);
+    const gonio_method *method = gonio_fit_method_of(&o);
     if (method == NULL) {
-        return unknown_method(name, error);
+        return unknown_method(o.method, error);
     }
-    gonio_status status = check_options(&o, error);
+    o.method = method->name;
+    gonio_status status = gonio_fit_options_check(&o, method, error);
     if (status == GONIO_OK && samples->n == 0) {
         status = gonio_fail(error, GONIO_E_INPUT, "no samples: a fit needs at least one");
     }
     if (status == GONIO_OK) {
         status = gonio_fit_check_options(samples, &o, given_level(&o), error);
     }
-    const bool search = o.tolerance > 0 && method->levels && o.level == GONIO_LEVEL_AUTO;
+    const bool search = o.tolerance > 0 && o.level == GONIO_LEVEL_AUTO;
     if (status == GONIO_OK && search) {
         status = meet_tolerance(samples, method, &o, error);
     }
     if (status == GONIO_OK) {
-        status = fit_all(samples, method, &o, name, out, report, error);
+        status = fit_all(samples, method, &o, out, report, error);
     }
     if (status == GONIO_OK) {
         note_errors(&o, search, report);

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "fit/mba/mba.h"
@@ -29,15 +28,24 @@ static double lattice_memory(const gonio_fit_size *s) {
     return (double)gonio_lattice_count(s->dims, s->level) * 4 * s->channels;
 }
 
-// Fitting n samples, a model that comes out of it included.
-static double levels_memory(const gonio_fit_size *s, double n) {
+double gonio_lattices_fit_memory(const gonio_fit_size *s, double n, bool second_level) {
     const double fitted = n * (s->reciprocal ? 2 : 1), values = fitted * 4 * s->channels;
     const double prepared = values + fitted * 4 * (s->dims + (s->sigma ? 1 : 0));
     const double ranking = s->log || s->sigma ? n * 8 : 0; // the domain's offset, then the weights' variances
     const double levels = gonio_mba_memory(s->dims, s->level, s->channels, (size_t)fitted, s->threads);
     // Two levels (cbmba): what the first one leaves, and the second one's control points beside a correction's.
-    const double second = s->bilevel ? values + 2 * lattice_memory(s) : 0;
+    const double second = second_level ? values + 2 * lattice_memory(s) : 0;
     return SMALL_BYTES + prepared + fmax(fmax(ranking, sort_memory(s, fitted)), levels + second);
+}
+
+double gonio_lattice_fit_memory(const gonio_fit_size *size, double n) {
+    return gonio_lattices_fit_memory(size, n, false);
+}
+
+static double levels_memory(const gonio_fit_size *s, double n) {
+    const char *name = s->method;
+    const gonio_method *method = gonio_method_find(&name);
+    return method != NULL ? method->memory(s, n) : gonio_lattice_fit_memory(s, n);
 }
 
 // Holding out: the split, the rest as a set of its own, its fit, the predictions; the model is there already.
@@ -62,9 +70,9 @@ gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_o
                             .dims = samples->isotropic ? 3 : 4,
                             .level = level,
                             .sigma = samples->sigma_random != NULL,
-                            .log = !options->domain_set || options->domain == GONIO_LOG,
+                            .log = options->domain != GONIO_LINEAR,
                             .reciprocal = options->symmetry > 0 && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY),
-                            .bilevel = options->method != NULL && strcmp(options->method, "cbmba") == 0,
+                            .method = options->method,
                             .hold_out = options->folds >= 2 ? 1.0 / options->folds : options->hold_out,
                             .threads = options->threads};
 }

@@ -2,7 +2,7 @@
 #ifndef GONIO_FIT_MEMORY_H
 #define GONIO_FIT_MEMORY_H
 
-#include "gonio/fit.h"
+#include "fit/method.h"
 
 // A fit of these samples at this level.
 gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_options *options, int level);
@@ -11,5 +11,9 @@ double gonio_fit_memory_limit(const gonio_samples *samples, const gonio_fit_opti
 // gonio_fit_check_memory with both.
 gonio_status gonio_fit_check_options(const gonio_samples *samples, const gonio_fit_options *options, int level,
                                      gonio_error *error);
+
+// What fitting n samples on lattices takes, as a method's `memory`; of two levels (cbmba) where `second` says so.
+double gonio_lattice_fit_memory(const gonio_fit_size *size, double n);
+double gonio_lattices_fit_memory(const gonio_fit_size *size, double n, bool second);
 
 #endif

@@ -43,9 +43,8 @@ gonio_status gonio_fit_stream_new(int channels, const char (*channel_names)[32],
     gonio_fit_options_default(&stream->provisional_options);
     stream->provisional_options.method = "mba";
     stream->provisional_options.level = PROVISIONAL_LEVEL;
-    stream->provisional_options.coordinates_set = stream->provisional_options.domain_set = true;
-    stream->provisional_options.coordinates = options->coordinates_set ? options->coordinates : GONIO_NUSSELT;
-    stream->provisional_options.domain = options->domain_set ? options->domain : GONIO_LOG;
+    stream->provisional_options.coordinates = options->coordinates; // open: mba's own
+    stream->provisional_options.domain = options->domain != GONIO_DOMAIN_AUTO ? options->domain : GONIO_LOG;
     stream->provisional_options.hold_out = 0;
     stream->next_fit = FIRST_FIT;
     return GONIO_OK;

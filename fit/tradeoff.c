@@ -3,57 +3,47 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 #include "base/clock.h"
 #include "base/random.h"
 
-#define MULTILEVEL_MAX 7
+#include "fit/method.h"
+
 #define EVALUATIONS 2000
 
-// Methods with one row each; multilevel fits have one a level, coordinates and domain. A method that this build does
-// not have gives no row.
-static const gonio_tradeoff_form single_forms[] = {
-    {"cbmba", GONIO_LEVEL_AUTO, -1, -1},
-    {"lsq", GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LINEAR},
-    {"lsq", GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LOG},
-    {"lsq", GONIO_LEVEL_AUTO, GONIO_HALF_VECTOR, GONIO_LOG},
-    {"lsq", GONIO_LEVEL_AUTO, -1, -1},
-    {"auto", GONIO_LEVEL_AUTO, -1, -1},
-    {"cook-torrance", GONIO_LEVEL_AUTO, -1, -1},
-    {"ggx", GONIO_LEVEL_AUTO, -1, -1},
-};
-
-static bool exists(const char *method) {
-    for (const char *const *m = gonio_fit_methods(); *m != NULL; m++) {
-        if (strcmp(*m, method) == 0) {
-            return true;
-        }
+static size_t append(gonio_tradeoff_form *forms, size_t limit, size_t n, gonio_tradeoff_form form) {
+    if (n < limit) {
+        forms[n] = form;
     }
-    return false;
+    return n + 1;
 }
 
-static void append(gonio_tradeoff_form *forms, size_t limit, size_t *n, gonio_tradeoff_form form) {
-    if (exists(form.method)) {
-        if (*n < limit) {
-            forms[*n] = form;
+// A method's form: every level, in each of the coordinates and domains that it names.
+static size_t expand(const gonio_method *method, const gonio_method_form *form, gonio_tradeoff_form *forms,
+                     size_t limit, size_t n) {
+    for (int c = GONIO_COORDINATES_AUTO; c < GONIO_COORDINATES; c++) {
+        for (int d = GONIO_DOMAIN_AUTO; d < GONIO_DOMAINS; d++) {
+            const bool every_c = form->coordinates == GONIO_METHOD_EVERY && c != GONIO_COORDINATES_AUTO;
+            const bool every_d = form->domain == GONIO_METHOD_EVERY && d != GONIO_DOMAIN_AUTO;
+            for (int level = form->first; level <= form->last && (every_c || form->coordinates == c) &&
+                                          (every_d || form->domain == d);
+                 level++) {
+                n = append(forms, limit, n,
+                           (gonio_tradeoff_form){method->name, level, (gonio_coordinates)c, (gonio_domain)d});
+            }
         }
-        ++*n;
     }
+    return n;
 }
 
 size_t gonio_tradeoff_forms(gonio_tradeoff_form *forms, size_t limit) {
     size_t n = 0;
-    for (int c = 0; c < GONIO_COORDINATES; c++) {
-        for (int d = GONIO_LINEAR; d <= GONIO_LOG; d++) {
-            for (int level = 0; level <= MULTILEVEL_MAX; level++) {
-                append(forms, limit, &n, (gonio_tradeoff_form){"mba", level, c, d});
-            }
+    for (int i = 0; gonio_method_at(i) != NULL; i++) {
+        const gonio_method *method = gonio_method_at(i);
+        for (int k = 0; k < method->forms_n; k++) {
+            n = expand(method, &method->forms[k], forms, limit, n);
         }
-    }
-    for (size_t k = 0; k < sizeof single_forms / sizeof *single_forms; k++) {
-        append(forms, limit, &n, single_forms[k]);
     }
     return n;
 }
@@ -100,10 +90,8 @@ gonio_status gonio_tradeoff_measure(const gonio_samples *samples, const gonio_fi
     gonio_fit_options o = *options;
     o.method = form->method;
     o.level = form->level;
-    o.coordinates_set = form->coordinates >= 0;
-    o.coordinates = o.coordinates_set ? (gonio_coordinates)form->coordinates : GONIO_NUSSELT;
-    o.domain_set = form->domain >= 0;
-    o.domain = o.domain_set ? (gonio_domain)form->domain : GONIO_LINEAR;
+    o.coordinates = form->coordinates;
+    o.domain = form->domain;
     gonio_model *model;
     row->error = (gonio_error){.line = -1, .byte = -1};
     row->status = gonio_fit(samples, &o, &model, &row->report, &row->error);

@@ -4,12 +4,12 @@
 
 #include "gonio/fit.h"
 
-// A way to fit; a new row is one more of these (fit/tradeoff.c).
+// A way to fit: one of the forms that the methods name (fit/method.h).
 typedef struct gonio_tradeoff_form {
     const char *method;
-    int level;       // GONIO_LEVEL_AUTO: the method chooses
-    int coordinates; // gonio_coordinates, or -1: the method chooses
-    int domain;      // gonio_domain, or -1
+    int level;
+    gonio_coordinates coordinates;
+    gonio_domain domain;
 } gonio_tradeoff_form;
 
 typedef struct gonio_tradeoff_row {

@@ -199,7 +199,7 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     if (about == NULL || !mapped->isotropic || about->diffuse_level > 9 || about->specular_level > 9 ||
         about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
-        about->storage > GONIO_STORAGE_HASH) {
+        about->storage >= GONIO_STORAGES) {
         return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
     }
     gonio_sparse *s = &m->parts.sparse;

@@ -63,6 +63,13 @@ void gonio_lobe_base_units(const gonio_lobe_base *base, gonio_vec3 wi, gonio_vec
     }
 }
 
+const char *gonio_lobe_base_name(const gonio_lobe_base *base) {
+#define NAME(id, number, name) [number] = name,
+    static const char *const names[] = {GONIO_LOBE_FAMILY_TABLE(NAME)};
+#undef NAME
+    return base->lobes == 0 ? "none" : names[base->family];
+}
+
 void gonio_lobe_mean_strengths(const gonio_lobe_base *base, int channels, double mean[1 + GONIO_LOBES_MAX]) {
     for (int j = 0; j < 1 + GONIO_LOBES_MAX; j++) {
         mean[j] = 0;
@@ -313,9 +320,9 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
         !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > LINK_GRAZING ||
-        about->lobes > GONIO_LOBES_MAX || about->family > GONIO_LOBE_GGX || about->flags > (HAS_RANGES | HAS_TERMS) ||
-        about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1) ||
-        !grazing_possible(about) || !terms_possible(about)) {
+        about->lobes > GONIO_LOBES_MAX || about->family >= GONIO_LOBE_FAMILIES ||
+        about->flags > (HAS_RANGES | HAS_TERMS) || about->sigma_coordinates > 1 ||
+        !(about->cosine_min >= 0 && about->cosine_min <= 1) || !grazing_possible(about) || !terms_possible(about)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;

@@ -13,10 +13,17 @@
 
 #define GONIO_LOBES_MAX 2
 
-typedef enum gonio_lobe_family {
-    GONIO_LOBE_COOK_TORRANCE = 0, // brdf/kind/analytic.h: gonio_lobe_cook_torrance
-    GONIO_LOBE_GGX = 1,           // gonio_lobe_ggx, isotropic
-} gonio_lobe_family;
+// X(identifier, number in model files, name): gonio_lobe_cook_torrance and gonio_lobe_ggx (isotropic) of
+// brdf/kind/analytic.h.
+#define GONIO_LOBE_FAMILY_TABLE(X)                                                                                     \
+    X(COOK_TORRANCE, 0, "cook-torrance")                                                                               \
+    X(GGX, 1, "ggx")
+
+#define GONIO_LOBE_FAMILY_ENUM(id, number, name) GONIO_LOBE_##id = number,
+typedef enum gonio_lobe_family { GONIO_LOBE_FAMILY_TABLE(GONIO_LOBE_FAMILY_ENUM) } gonio_lobe_family;
+#undef GONIO_LOBE_FAMILY_ENUM
+#define GONIO_LOBE_FAMILY_COUNT(id, number, name) +1
+#define GONIO_LOBE_FAMILIES (0 GONIO_LOBE_FAMILY_TABLE(GONIO_LOBE_FAMILY_COUNT)) // how many there are
 
 // The lobes' shapes are shared by the channels: roughness is geometry, only strengths depend on the wavelength.
 typedef struct gonio_lobe_base {
@@ -74,5 +81,8 @@ void gonio_lobe_spline_parts_release(gonio_lobe_spline_parts *parts);
 gonio_status gonio_lobe_spline_new(gonio_lobe_spline_parts *parts, gonio_model **out, gonio_error *error);
 // Borrowed; NULL for a model of another kind.
 const gonio_lobe_spline_parts *gonio_lobe_spline_about(const gonio_model *model);
+
+// "none" without lobes, else the family's name.
+const char *gonio_lobe_base_name(const gonio_lobe_base *base);
 
 #endif

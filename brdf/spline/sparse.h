@@ -10,12 +10,18 @@
 #include "brdf/spline/lattice_eval.h"
 #include "brdf/spline/perfect_hash.h"
 
-typedef enum gonio_storage {
-    GONIO_STORAGE_FLOAT = 0, // bricks of float32
-    GONIO_STORAGE_HALF = 1,  // bricks of IEEE half floats
-    GONIO_STORAGE_BYTE = 2,  // bricks of signed bytes with a float scale a brick and channel
-    GONIO_STORAGE_HASH = 3,  // the thesis'
-} gonio_storage;
+// X(identifier, number in model files, name, what it is).
+#define GONIO_STORAGE_TABLE(X)                                                                                         \
+    X(FLOAT, 0, "float", "bricks of float32")                                                                          \
+    X(HALF, 1, "half", "bricks of IEEE half floats")                                                                   \
+    X(BYTE, 2, "byte", "bricks of signed bytes with a float scale a brick and channel")                                \
+    X(HASH, 3, "hash", "the thesis' hash of single control points")
+
+#define GONIO_STORAGE_ENUM(id, number, name, summary) GONIO_STORAGE_##id = number,
+typedef enum gonio_storage { GONIO_STORAGE_TABLE(GONIO_STORAGE_ENUM) } gonio_storage;
+#undef GONIO_STORAGE_ENUM
+#define GONIO_STORAGE_COUNT(id, number, name, summary) +1
+#define GONIO_STORAGES (0 GONIO_STORAGE_TABLE(GONIO_STORAGE_COUNT)) // how many there are
 
 #define GONIO_BRICK_POINTS 64
 

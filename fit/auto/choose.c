@@ -26,29 +26,23 @@ void gonio_auto_choice_release(gonio_auto_choice *choice) {
     }
     gonio_smooth_dense_free(choice->dense);
     free(choice->lambdas);
+    free(choice->trials);
     *choice = (gonio_auto_choice){0};
-}
-
-const char *gonio_auto_base_name(const gonio_smooth_base *base) {
-    if (base->lobes.lobes == 0) {
-        return "none";
-    }
-    return base->lobes.family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
 }
 
 // ---- bases ----
 
-static const gonio_lobe_family families[2] = {GONIO_LOBE_GGX, GONIO_LOBE_COOK_TORRANCE};
-
 typedef struct lobe_job {
     const gonio_dataset *data;
-    gonio_lobe_base fitted[2];
-    bool usable[2];
+    gonio_lobe_base fitted[GONIO_LOBE_FAMILIES];
+    bool usable[GONIO_LOBE_FAMILIES];
 } lobe_job;
 
+// The last family comes first: of equal scores the first base is taken.
 static void fit_family(void *context, size_t f) {
     lobe_job *job = context;
-    job->usable[f] = gonio_lobe_fit(job->data, families[f], 2, &job->fitted[f], NULL) == GONIO_OK;
+    const gonio_lobe_family family = (gonio_lobe_family)(GONIO_LOBE_FAMILIES - 1 - f);
+    job->usable[f] = gonio_lobe_fit(job->data, family, 2, &job->fitted[f], NULL) == GONIO_OK;
 }
 
 static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool lobes, gonio_auto_choice *choice,
@@ -56,10 +50,10 @@ static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool 
     lobe_job job = {.data = data};
     // Two lobes and a diffuse term have seven numbers: below some thirty samples they follow the noise.
     if (lobes && data->kind == GONIO_LINK_POSITIVE && data->n >= 30) {
-        gonio_pool_run(pool, 2, fit_family, &job);
+        gonio_pool_run(pool, GONIO_LOBE_FAMILIES, fit_family, &job);
     }
     gonio_status status = gonio_smooth_base_init(&choice->bases[choice->bases_n++], data, NULL, error);
-    for (int f = 0; f < 2; f++) {
+    for (int f = 0; f < GONIO_LOBE_FAMILIES; f++) {
         if (job.usable[f] && status == GONIO_OK) {
             status = gonio_smooth_base_init(&choice->bases[choice->bases_n++], data, &job.fitted[f], error);
         }
@@ -125,7 +119,7 @@ static double excess(const gonio_auto_trial *t, const gonio_fit_options *options
 #define NO_LOBES_PRICE 0.03
 
 static double priced_score(const gonio_auto_trial *t) {
-    const bool usual = t->form.coordinates != GONIO_HALF_VECTOR_NARROW && t->form.coordinates != GONIO_HALF_VECTOR_WIDE;
+    const bool usual = gonio_coordinates_base(t->form.coordinates) == t->form.coordinates;
     return t->score.score + (t->form.profile > 0 ? PROFILE_PRICE : 0) + (usual ? 0 : WIDTH_PRICE) +
            (t->base == 0 ? NO_LOBES_PRICE : 0);
 }
@@ -167,13 +161,32 @@ static gonio_status measure_cost(const gonio_dataset *data, const gonio_auto_cho
     return gonio_eval_cost_ns(data, &trial->form, &choice->bases[trial->base].lobes, &trial->ns, error);
 }
 
+// Room for one more trial.
+static gonio_status reserve_trial(gonio_auto_choice *choice, gonio_error *error) {
+    if (choice->trials_n < choice->trials_room) {
+        return GONIO_OK;
+    }
+    const int room = choice->trials_room > 0 ? 2 * choice->trials_room : 64;
+    gonio_auto_trial *trials = realloc(choice->trials, (size_t)room * sizeof *trials);
+    if (trials == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
+    }
+    choice->trials = trials;
+    choice->trials_room = room;
+    return GONIO_OK;
+}
+
 static gonio_status keep_best(const gonio_dataset *data, const gonio_fit_options *options, gonio_auto_choice *choice,
                               const gonio_smooth_form *form, round_result *r, gonio_error *error) {
     const size_t c = (size_t)data->channels;
     for (int b = r->first; b < r->beyond; b++) {
+        gonio_status status = reserve_trial(choice, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
         gonio_auto_trial *t = &choice->trials[choice->trials_n];
         *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b]), 0};
-        const gonio_status status = options->max_ns > 0 ? measure_cost(data, choice, t, error) : GONIO_OK;
+        status = options->max_ns > 0 ? measure_cost(data, choice, t, error) : GONIO_OK;
         if (status != GONIO_OK) {
             return status;
         }
@@ -212,8 +225,7 @@ static gonio_status run_forms(const gonio_dataset *data, const gonio_fit_options
     gonio_pool_run(pool, (size_t)n, run_form, &job);
     gonio_status status = GONIO_OK;
     for (int f = 0; f < n; f++) {
-        if (results[f].status == GONIO_OK && status == GONIO_OK &&
-            choice->trials_n + choice->bases_n <= GONIO_AUTO_TRIALS * GONIO_AUTO_BASES) {
+        if (results[f].status == GONIO_OK && status == GONIO_OK) {
             status = keep_best(data, options, choice, &forms[f], &results[f], error);
         } else if (results[f].status != GONIO_OK && status == GONIO_OK) {
             status = results[f].status;
@@ -274,16 +286,36 @@ static double fixed_reciprocity(const gonio_fit_options *options) {
     return options->symmetry != GONIO_SYMMETRY_AUTO && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
 }
 
-static int coordinate_forms(const gonio_dataset *data, const gonio_fit_options *options, gonio_smooth_form *forms) {
-    static const gonio_coordinates all[3] = {GONIO_HALF_VECTOR, GONIO_NUSSELT, GONIO_REFLECTED};
-    const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(data);
-    const int n = options->coordinates_set ? 1 : 3;
-    for (int k = 0; k < n; k++) {
-        forms[k] =
-            gonio_smooth_form_default(options->coordinates_set ? options->coordinates : all[k], level, data->mirror);
-        forms[k].reciprocity = fixed_reciprocity(options);
+// The forms of a round.
+typedef struct form_list {
+    gonio_smooth_form items[GONIO_AUTO_ROUND_FORMS];
+    int n;
+    bool overrun; // more were asked for than there is room
+} form_list;
+
+static void push(form_list *forms, const gonio_smooth_form *form) {
+    if (forms->n < GONIO_AUTO_ROUND_FORMS) {
+        forms->items[forms->n++] = *form;
+    } else {
+        forms->overrun = true;
     }
-    return n;
+}
+
+// The coordinates given, or every system but other widths of it; half vectors, which suit most measured materials,
+// first.
+static void coordinate_forms(const gonio_dataset *data, const gonio_fit_options *options, form_list *forms) {
+    const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(data);
+    const bool open = options->coordinates == GONIO_COORDINATES_AUTO;
+    for (int half_vector = 1; half_vector >= 0; half_vector--) {
+        for (gonio_coordinates c = 0; c < GONIO_COORDINATES; c++) {
+            const bool wanted = open ? gonio_coordinates_base(c) == c : options->coordinates == c;
+            if (wanted && gonio_coordinates_are_half_vector(c) == (half_vector == 1)) {
+                gonio_smooth_form form = gonio_smooth_form_default(c, level, data->mirror);
+                form.reciprocity = fixed_reciprocity(options);
+                push(forms, &form);
+            }
+        }
+    }
 }
 
 // Ever stiffer along the difference angle, ever softer across the half vector's plane.
@@ -291,15 +323,14 @@ static int coordinate_forms(const gonio_dataset *data, const gonio_fit_options *
 static const double half_ladder[LADDER][4] = {{1, 1, 1, 1}, {1, 1, 10, 10}, {0.1, 0.1, 10, 10}, {0.1, 0.1, 100, 100}};
 
 // Stiffer or softer along the difference angle or the incidence.
-static int stiffness_forms(const gonio_dataset *data, const gonio_smooth_form *best, gonio_smooth_form *forms) {
+static void stiffness_forms(const gonio_dataset *data, const gonio_smooth_form *best, form_list *forms) {
     static const double other[][4] = {{10, 1, 1, 1}, {0.1, 1, 1, 1}};
     const bool half_vector = gonio_coordinates_are_half_vector(best->coordinates);
-    int n = 0;
-    for (; n < 2 && (half_vector || data->dims == 3); n++) {
-        forms[n] = *best;
-        memcpy(forms[n].stretch, half_vector ? half_ladder[1 + n] : other[n], sizeof forms[n].stretch);
+    for (size_t k = 0; k < sizeof other / sizeof *other && (half_vector || data->dims == 3); k++) {
+        gonio_smooth_form form = *best;
+        memcpy(form.stretch, half_vector ? half_ladder[1 + k] : other[k], sizeof form.stretch);
+        push(forms, &form);
     }
-    return n;
 }
 
 static bool was_tried(const gonio_auto_choice *choice, const gonio_smooth_form *form) {
@@ -314,39 +345,38 @@ static bool was_tried(const gonio_auto_choice *choice, const gonio_smooth_form *
 }
 
 // The ladder's steps beside the chosen one that these coordinates and level have not been on.
-static int ladder_forms(const gonio_auto_choice *choice, gonio_smooth_form *forms) {
+static void ladder_forms(const gonio_auto_choice *choice, form_list *forms) {
     const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form;
-    int at = 0, n = 0;
+    int at = 0;
     while (at < LADDER && memcmp(half_ladder[at], chosen->stretch, sizeof chosen->stretch) != 0) {
         at++;
     }
     for (int step = at - 1; step <= at + 1; step += 2) {
         if (gonio_coordinates_are_half_vector(chosen->coordinates) && at < LADDER && step >= 0 && step < LADDER) {
-            forms[n] = *chosen;
-            memcpy(forms[n].stretch, half_ladder[step], sizeof forms[n].stretch);
-            n += !was_tried(choice, &forms[n]);
+            gonio_smooth_form form = *chosen;
+            memcpy(form.stretch, half_ladder[step], sizeof form.stretch);
+            if (!was_tried(choice, &form)) {
+                push(forms, &form);
+            }
         }
     }
-    return n;
 }
 
-static int level_forms(const gonio_dataset *data, const gonio_fit_options *options, const gonio_smooth_form *best,
-                       gonio_smooth_form *forms) {
+static void level_forms(const gonio_dataset *data, const gonio_fit_options *options, const gonio_smooth_form *best,
+                        form_list *forms) {
     const int most = data->dims == 3 ? GONIO_SMOOTH_DENSE_LEVEL_MAX_3D : GONIO_SMOOTH_DENSE_LEVEL_MAX_4D;
     // Under a limit every coarser level may be the answer.
     const bool limited = options->max_bytes > 0 || options->max_ns > 0 || options->max_error > 0;
-    int n = 0;
     for (int level = limited ? 0 : best->level - 1; level <= best->level + 1; level++) {
         if (level >= 0 && level <= most && level != best->level && options->level == GONIO_LEVEL_AUTO) {
-            forms[n] = *best;
-            forms[n++].level = level;
+            gonio_smooth_form form = *best;
+            form.level = level;
+            push(forms, &form);
         }
     }
-    return n;
 }
 
-#define ROUND_FORMS 18 // 6 levels of each coordinates
-#define CLOSE 0.5      // in the score: errors up to a third larger
+#define CLOSE 0.5 // in the score: errors up to a third larger
 
 // The best trial in these coordinates; NULL where none was made or it is far from the best of all.
 static const gonio_smooth_form *best_of(const gonio_auto_choice *choice, gonio_coordinates coordinates) {
@@ -364,35 +394,38 @@ static const gonio_smooth_form *best_of(const gonio_auto_choice *choice, gonio_c
     return best != NULL && best->score.score < chosen->score.score + CLOSE ? &best->form : NULL;
 }
 
-static int spread_forms(const gonio_fit_options *options, const gonio_auto_choice *choice, gonio_smooth_form *forms) {
-    const gonio_smooth_form *best = options->coordinates_set ? NULL : best_of(choice, GONIO_HALF_VECTOR);
-    if (best == NULL) {
-        return 0;
+// Other widths of the coordinates that are close to the best ones.
+static void width_forms(const gonio_fit_options *options, const gonio_auto_choice *choice, form_list *forms) {
+    for (gonio_coordinates c = 0; c < GONIO_COORDINATES && options->coordinates == GONIO_COORDINATES_AUTO; c++) {
+        const gonio_coordinates base = gonio_coordinates_base(c);
+        const gonio_smooth_form *best = base != c ? best_of(choice, base) : NULL;
+        if (best != NULL) {
+            gonio_smooth_form form = *best;
+            form.coordinates = c;
+            push(forms, &form);
+        }
     }
-    forms[0] = forms[1] = *best;
-    forms[0].coordinates = GONIO_HALF_VECTOR_NARROW;
-    forms[1].coordinates = GONIO_HALF_VECTOR_WIDE;
-    return 2;
 }
 
 #define ROUNDS 5
 
-static int round_forms(int round, const gonio_dataset *data, const gonio_fit_options *options,
-                       const gonio_auto_choice *choice, gonio_smooth_form *forms) {
+static void round_forms(int round, const gonio_dataset *data, const gonio_fit_options *options,
+                        const gonio_auto_choice *choice, form_list *forms) {
     if (round == 0) {
-        return coordinate_forms(data, options, forms);
+        coordinate_forms(data, options, forms);
+    } else if (round == 3) {
+        width_forms(options, choice, forms);
+    } else if (round == 4) {
+        ladder_forms(choice, forms);
     }
-    if (round >= 3) {
-        return round == 3 ? spread_forms(options, choice, forms) : ladder_forms(choice, forms);
-    }
-    int n = 0;
-    for (int c = 0; c < GONIO_COORDINATES; c++) {
-        const gonio_smooth_form *best = best_of(choice, (gonio_coordinates)c);
-        if (best != NULL) {
-            n += round == 1 ? stiffness_forms(data, best, forms + n) : level_forms(data, options, best, forms + n);
+    for (gonio_coordinates c = 0; c < GONIO_COORDINATES && (round == 1 || round == 2); c++) {
+        const gonio_smooth_form *best = best_of(choice, c);
+        if (best != NULL && round == 1) {
+            stiffness_forms(data, best, forms);
+        } else if (best != NULL) {
+            level_forms(data, options, best, forms);
         }
     }
-    return n;
 }
 
 // Score the chosen solver as it now stands, over one base; *better: it is chosen again. Not over the others: beside a
@@ -497,12 +530,24 @@ static gonio_status try_shares(const gonio_dataset *data, gonio_deadline *watch,
     return status == GONIO_OK && !better ? gonio_smooth_dense_shares(choice->dense, NULL, error) : status;
 }
 
+static gonio_status do_round(int round, const gonio_dataset *data, gonio_deadline *watch, gonio_pool *pool,
+                             gonio_auto_choice *choice, gonio_error *error) {
+    form_list forms;
+    forms.n = 0;
+    forms.overrun = false;
+    round_forms(round, data, watch->options, choice, &forms);
+    if (forms.overrun || (round == 0 && forms.n == 0)) {
+        return gonio_fail(error, GONIO_E_FAILED, "round %d of the choice has %s forms to compare", round + 1,
+                          forms.overrun ? "too many" : "no");
+    }
+    return run_round(data, watch, pool, forms.items, forms.n, choice, error);
+}
+
 gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch, bool lobes, bool terms,
                                gonio_auto_choice *choice, gonio_error *error) {
     static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing levels",
                                              "comparing lobe widths", "comparing stiffness"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
-    gonio_smooth_form forms[ROUND_FORMS];
     gonio_pool *pool = gonio_pool_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     if (status == GONIO_OK) {
@@ -514,8 +559,7 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
     for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
         status = gonio_deadline_report(watch, 0.1 + 0.13 * round, what[round], error);
         if (status == GONIO_OK) {
-            const int n = round_forms(round, data, watch->options, choice, forms);
-            status = run_round(data, watch, pool, forms, n, choice, error);
+            status = do_round(round, data, watch, pool, choice, error);
         }
     }
     if (status == GONIO_OK && terms) {

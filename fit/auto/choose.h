@@ -5,8 +5,14 @@
 #include "fit/deadline.h"
 #include "fit/smooth/loo.h"
 
-#define GONIO_AUTO_BASES 3 // none, GGX, Cook-Torrance
-#define GONIO_AUTO_TRIALS 64
+#define GONIO_AUTO_BASES (1 + GONIO_LOBE_FAMILIES) // none, and each family's lobes
+
+// Room for the forms of one round: every system at every level that the direct solver has, at most two of anything
+// else.
+#define GONIO_AUTO_LEVELS                                                                                              \
+    (1 + (GONIO_SMOOTH_DENSE_LEVEL_MAX_3D > GONIO_SMOOTH_DENSE_LEVEL_MAX_4D ? GONIO_SMOOTH_DENSE_LEVEL_MAX_3D          \
+                                                                            : GONIO_SMOOTH_DENSE_LEVEL_MAX_4D))
+#define GONIO_AUTO_ROUND_FORMS (GONIO_COORDINATES * GONIO_AUTO_LEVELS)
 
 // One combination that was scored.
 typedef struct gonio_auto_trial {
@@ -20,8 +26,8 @@ typedef struct gonio_auto_trial {
 typedef struct gonio_auto_choice {
     gonio_smooth_base bases[GONIO_AUTO_BASES];
     int bases_n;
-    gonio_auto_trial trials[GONIO_AUTO_TRIALS * GONIO_AUTO_BASES];
-    int trials_n;
+    gonio_auto_trial *trials;
+    int trials_n, trials_room;
     int chosen;                // index of the trial
     gonio_smooth_dense *dense; // of the chosen form
     double *lambdas;           // [channels]
@@ -33,8 +39,6 @@ typedef struct gonio_auto_choice {
 gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch, bool lobes, bool terms,
                                gonio_auto_choice *choice, gonio_error *error);
 void gonio_auto_choice_release(gonio_auto_choice *choice);
-// "none", "ggx", "cook-torrance".
-const char *gonio_auto_base_name(const gonio_smooth_base *base);
 // Text about the choice and its neighbours for the report.
 void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_options *options, gonio_fit_report *report);
 

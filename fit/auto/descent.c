@@ -2,6 +2,7 @@
 // start; a step is kept where the held-out samples are predicted better.
 #include "fit/auto/descent.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -136,9 +137,8 @@ static void keep_trial(const gonio_descent *s, double lambda, gonio_smooth_score
             return;
         }
     }
-    if (choice->trials_n < GONIO_ITERATIVE_TRIALS) {
-        choice->trials[choice->trials_n++] = trial;
-    }
+    assert(choice->trials_n < GONIO_ITERATIVE_TRIALS); // each candidate's coordinates and lobes, at each level once
+    choice->trials[choice->trials_n++] = trial;
 }
 
 gonio_status gonio_descent_solve(gonio_descent *s, double lambda, bool warm, gonio_smooth_score *score,
@@ -282,15 +282,16 @@ static gonio_status search_lambda(gonio_descent *s, gonio_error *error) {
 
 // The axes along which BRDFs vary slowly: the difference angle, or the incidence.
 static void stiffen(gonio_smooth_form *form, int dims, double factor) {
-    const int count = dims == 3 ? 1 : 2,
-              first = gonio_coordinates_are_half_vector(form->coordinates) ? dims - count : 0;
+    int count;
+    const int first = gonio_coordinates_slow_axes(form->coordinates, dims, &count);
     for (int d = first; d < first + count; d++) {
         form->stretch[d] *= factor;
     }
 }
 
 static double stiffness(const gonio_smooth_form *form, int dims) {
-    return form->stretch[gonio_coordinates_are_half_vector(form->coordinates) ? dims - 1 : 0];
+    int count;
+    return form->stretch[gonio_coordinates_slow_axes(form->coordinates, dims, &count)];
 }
 
 // Stiffer by `factor`, again and again as long as that helps.

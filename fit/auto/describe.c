@@ -30,8 +30,8 @@ static void describe_trial(const gonio_auto_choice *choice, int index, const cha
     const gonio_auto_trial *t = &choice->trials[index];
     const double change = 100 * (exp(t->score.score / 1.5 - choice->trials[choice->chosen].score.score / 1.5) - 1);
     snprintf(text + used, size - used, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
-             gonio_coordinates_name(t->form.coordinates), t->form.level, gonio_auto_base_name(&choice->bases[t->base]),
-             change, (t->bytes + 512) / 1024);
+             gonio_coordinates_name(t->form.coordinates), t->form.level,
+             gonio_lobe_base_name(&choice->bases[t->base].lobes), change, (t->bytes + 512) / 1024);
 }
 
 // What the limits allowed, where they were not met.
@@ -59,7 +59,7 @@ void gonio_auto_describe(const gonio_auto_choice *choice, const gonio_fit_option
     memcpy(lambdas, choice->lambdas, (size_t)report->channels * sizeof *lambdas);
     snprintf(report->options, sizeof report->options,
              "base=%s lambda=%.2g stiffness=%g:%g:%g profile=%g reciprocity=%g",
-             gonio_auto_base_name(&choice->bases[t->base]), gonio_upper_median(lambdas, (size_t)report->channels),
+             gonio_lobe_base_name(&choice->bases[t->base].lobes), gonio_upper_median(lambdas, (size_t)report->channels),
              t->form.stretch[0], t->form.stretch[1], t->form.stretch[2], t->form.profile, t->form.reciprocity);
     snprintf(report->note, sizeof report->note, "chosen by leave-one-out among %d", choice->trials_n);
     describe_limits(choice, options, report->note, sizeof report->note);

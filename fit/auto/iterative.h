@@ -27,7 +27,7 @@ typedef struct gonio_iterative_trial {
     gonio_smooth_score score;
 } gonio_iterative_trial;
 
-#define GONIO_ITERATIVE_TRIALS (10 * GONIO_SMOOTH_CANDIDATES) // each at all levels
+#define GONIO_ITERATIVE_TRIALS ((GONIO_LEVEL_MAX + 1) * GONIO_SMOOTH_CANDIDATES) // each at all levels
 
 typedef struct gonio_iterative_choice {
     gonio_iterative_trial trials[GONIO_ITERATIVE_TRIALS];

@@ -6,7 +6,7 @@
 
 #include "fit/auto/choose.h"
 #include "fit/auto/iterative.h"
-#include "fit/method.h"
+#include "fit/memory.h"
 #include "fit/sigma/sigma.h"
 
 static bool mirrored(const gonio_samples *samples, const gonio_fit_options *options) {
@@ -66,11 +66,10 @@ static int large_candidates(const gonio_auto_choice *choice, const gonio_lobe_ba
                             gonio_smooth_candidate *candidates) {
     const gonio_auto_trial *t = choice->trials;
     int n = 0;
-    for (int c = GONIO_NUSSELT; c <= GONIO_REFLECTED; c++) {
+    for (gonio_coordinates c = 0; c < GONIO_COORDINATES; c++) {
         int best = -1;
         for (int k = 0; k < choice->trials_n; k++) {
-            const bool half_vector = gonio_coordinates_are_half_vector(t[k].form.coordinates);
-            if ((half_vector ? GONIO_HALF_VECTOR : (int)t[k].form.coordinates) == c &&
+            if (gonio_coordinates_base(t[k].form.coordinates) == c &&
                 (best < 0 || t[k].score.score < t[best].score.score)) {
                 best = k;
             }
@@ -87,7 +86,7 @@ static int large_candidates(const gonio_auto_choice *choice, const gonio_lobe_ba
 }
 
 static const char *lobes_name(const gonio_lobe_base *lobes) {
-    return lobes == NULL || lobes->lobes == 0 ? "none" : lobes->family == GONIO_LOBE_GGX ? "ggx" : "cook-torrance";
+    return lobes == NULL ? "none" : gonio_lobe_base_name(lobes);
 }
 
 // The best of the trials that are cheaper, or simply better, than what was chosen.
@@ -213,10 +212,12 @@ static gonio_status fit_large(const gonio_dataset *data, const gonio_samples *sa
     gonio_lobe_base bases[GONIO_SMOOTH_GRAZING];
     gonio_smooth_grazing_bases(data, bases);
     const gonio_lobe_base *grazing = data->kind == GONIO_LINK_POSITIVE ? bases : NULL;
-    const gonio_smooth_form form = gonio_smooth_form_default(options->coordinates, 0, data->mirror);
+    const bool open = options->coordinates == GONIO_COORDINATES_AUTO;
+    const gonio_smooth_form form =
+        gonio_smooth_form_default(open ? GONIO_NUSSELT : options->coordinates, 0, data->mirror);
     int n = bare_candidates(&form, grazing, candidates);
     gonio_status status = GONIO_OK;
-    if (lobes || !options->coordinates_set) {
+    if (lobes || open) {
         status = choose_on_part(data, watch, lobes, &small, error);
         n = status == GONIO_OK ? large_candidates(&small, grazing, candidates) : 0;
     }
@@ -256,7 +257,7 @@ static gonio_status fit_any(const gonio_samples *samples, const gonio_fit_option
                             gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     *out = NULL;
     const gonio_dataset_options how = {.mirror = mirrored(samples, options),
-                                       .domain = options->domain_set ? options->domain : GONIO_LOG,
+                                       .domain = options->domain != GONIO_DOMAIN_AUTO ? options->domain : GONIO_LOG,
                                        .reciprocal = needs_swapped(options)};
     gonio_deadline watch = gonio_deadline_begin(options);
     gonio_dataset data;
@@ -281,14 +282,40 @@ static gonio_status fit_lsq(const gonio_samples *samples, const gonio_fit_option
     return fit_any(samples, options, false, out, report, error);
 }
 
-const gonio_fit_method gonio_method_auto = {
+// ---- registration ----
+
+static const gonio_method_option least_squares_options[] = {
+    GONIO_METHOD_OPTION(level, NULL),       GONIO_METHOD_OPTION(tolerance, NULL),
+    GONIO_METHOD_OPTION(coordinates, NULL), GONIO_METHOD_OPTION(domain, "log"),
+    GONIO_METHOD_OPTION(symmetry, NULL),    GONIO_METHOD_OPTION(lambda, NULL),
+    GONIO_METHOD_OPTION(iterations, NULL),  GONIO_METHOD_OPTION(max_error, NULL),
+    GONIO_METHOD_OPTION(max_bytes, NULL),   GONIO_METHOD_OPTION(max_ns, NULL),
+    GONIO_METHOD_OPTION(max_seconds, NULL), {0}};
+
+static const gonio_method_form auto_forms[] = {GONIO_METHOD_FORM_AUTO};
+static const gonio_method_form lsq_forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LINEAR},
+                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LOG},
+                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_HALF_VECTOR, GONIO_LOG},
+                                              GONIO_METHOD_FORM_AUTO};
+
+const gonio_method gonio_method_auto = {
+    .name = "auto",
     .summary = "lobes and a least-squares spline of the ratio to them, all chosen from the training data",
-    .levels = true,
+    .kind = "lobe-spline",
+    .options = least_squares_options,
     .fit = fit_auto,
+    .memory = gonio_lattice_fit_memory,
+    .forms = auto_forms,
+    .forms_n = sizeof auto_forms / sizeof *auto_forms,
 };
 
-const gonio_fit_method gonio_method_lsq = {
+const gonio_method gonio_method_lsq = {
+    .name = "lsq",
     .summary = "least-squares B-spline with a second-difference penalty",
-    .levels = true,
+    .kind = "lobe-spline",
+    .options = least_squares_options,
     .fit = fit_lsq,
+    .memory = gonio_lattice_fit_memory,
+    .forms = lsq_forms,
+    .forms_n = sizeof lsq_forms / sizeof *lsq_forms,
 };

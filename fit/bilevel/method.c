@@ -5,7 +5,8 @@
 #include <string.h>
 
 #include "fit/bilevel/bilevel.h"
-#include "fit/method.h"
+#include "fit/memory.h"
+#include "fit/options.h"
 
 #define DIFFUSE_DEFAULT 4
 #define SPECULAR_DEFAULT 6
@@ -17,31 +18,17 @@ typedef struct triple {
     gonio_storage storage;
 } triple;
 
-static gonio_status parse_storage(const char *name, gonio_storage *storage, gonio_error *error) {
-    static const char *const names[] = {"float", "half", "byte", "hash"};
-    *storage = GONIO_STORAGE_BYTE;
-    for (int i = 0; i < 4 && name != NULL; i++) {
-        if (strcmp(name, names[i]) == 0) {
-            *storage = (gonio_storage)i;
-            return GONIO_OK;
-        }
-    }
-    return name == NULL ? GONIO_OK
-                        : gonio_fail(error, GONIO_E_USAGE, "storage '%s'; there are: float half byte hash", name);
-}
-
 static gonio_status read_options(const gonio_fit_options *o, triple *t, gonio_error *error) {
     t->diffuse = o->diffuse_level >= 0 ? o->diffuse_level : DIFFUSE_DEFAULT;
-    t->specular = o->level >= 0 ? o->level : o->specular_level >= 0 ? o->specular_level : SPECULAR_DEFAULT;
+    t->specular = o->level >= 0 ? o->level : SPECULAR_DEFAULT;
     t->drop = o->drop_percent >= 0 ? o->drop_percent : DROP_DEFAULT;
     if (t->diffuse >= t->specular || t->specular > GONIO_LEVEL_MAX) {
         return gonio_fail(error, GONIO_E_USAGE, "levels D = %d and S = %d: 0 <= D < S <= %d is needed", t->diffuse,
                           t->specular, GONIO_LEVEL_MAX);
     }
-    if (!(t->drop >= 0 && t->drop <= 100)) {
-        return gonio_fail(error, GONIO_E_USAGE, "drop %g %%; 0 to 100 are possible", t->drop);
-    }
-    return parse_storage(o->storage, &t->storage, error);
+    const int storage = o->storage != NULL ? gonio_names_find(gonio_storage_names(), o->storage) : GONIO_STORAGE_BYTE;
+    t->storage = (gonio_storage)storage; // the driver has checked the name
+    return GONIO_OK;
 }
 
 // What is fitted: the scatter and the names of its channels.
@@ -54,8 +41,8 @@ typedef struct source {
 static gonio_status source_init(source *s, const gonio_samples *samples, const gonio_fit_options *o,
                                 gonio_error *error) {
     const gonio_scatter_options form = {
-        .coordinates = o->coordinates_set ? o->coordinates : GONIO_NUSSELT,
-        .domain = o->domain_set ? o->domain : GONIO_LINEAR,
+        .coordinates = o->coordinates != GONIO_COORDINATES_AUTO ? o->coordinates : GONIO_NUSSELT,
+        .domain = o->domain != GONIO_DOMAIN_AUTO ? o->domain : GONIO_LINEAR,
         .symmetry = o->symmetry != GONIO_SYMMETRY_AUTO ? o->symmetry : GONIO_SYMMETRY_MIRROR,
         .weighted = !o->thesis,
         .threads = o->threads,
@@ -223,15 +210,36 @@ static gonio_status fit_cbmba(const gonio_samples *samples, const gonio_fit_opti
         report->domain = s.scatter.kind == GONIO_TRANSFORM_LINEAR ? GONIO_LINEAR : GONIO_LOG;
         gonio_scatter_release(&s.scatter);
     }
-    static const char *const names[] = {"float", "half", "byte", "hash"};
     report->level = t.specular;
     snprintf(report->options, sizeof report->options, "(%d,%d,%g) storage=%s", t.diffuse, t.specular, t.drop,
-             names[t.storage]);
+             gonio_storage_names()[t.storage]);
     return status;
 }
 
-const gonio_fit_method gonio_method_cbmba = {
+// Two levels: what the first one leaves, and the second one's control points beside a correction's.
+static double memory(const gonio_fit_size *size, double n) { return gonio_lattices_fit_memory(size, n, true); }
+
+static const gonio_method_option options_of_cbmba[] = {GONIO_METHOD_OPTION(level, "S (6)"),
+                                                       GONIO_METHOD_OPTION(diffuse_level, "D (4)"),
+                                                       GONIO_METHOD_OPTION(drop_percent, "C (95)"),
+                                                       GONIO_METHOD_OPTION(storage, "byte"),
+                                                       GONIO_METHOD_OPTION(coordinates, "nusselt"),
+                                                       GONIO_METHOD_OPTION(domain, "linear"),
+                                                       GONIO_METHOD_OPTION(symmetry, "mirror"),
+                                                       GONIO_METHOD_OPTION(thesis, NULL),
+                                                       GONIO_METHOD_OPTION(max_error, NULL),
+                                                       GONIO_METHOD_OPTION(max_bytes, NULL),
+                                                       {0}};
+
+static const gonio_method_form forms[] = {GONIO_METHOD_FORM_AUTO};
+
+const gonio_method gonio_method_cbmba = {
+    .name = "cbmba",
     .summary = "compressed bi-level B-splines (D,S,C) (Kameya 2002, chapter 6)",
-    .levels = false,
+    .kind = "cbmba",
+    .options = options_of_cbmba,
     .fit = fit_cbmba,
+    .memory = memory,
+    .forms = forms,
+    .forms_n = sizeof forms / sizeof *forms,
 };

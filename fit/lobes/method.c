@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "fit/lobes/fit.h"
-#include "fit/method.h"
+#include "fit/memory.h"
 #include "fit/smooth/loo.h"
 
 static void describe(const gonio_lobe_base *base, gonio_fit_report *report) {
@@ -41,9 +41,13 @@ static gonio_status fit_lobes(const gonio_samples *samples, gonio_lobe_family fa
     return status;
 }
 
+// Nothing is left open.
+static const gonio_method_option no_options[] = {{0}};
+static const gonio_method_form forms[] = {GONIO_METHOD_FORM_AUTO};
+
 static gonio_status fit_cook_torrance(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                                       gonio_fit_report *report, gonio_error *error) {
-    (void)options; // nothing is left open
+    (void)options;
     return fit_lobes(samples, GONIO_LOBE_COOK_TORRANCE, out, report, error);
 }
 
@@ -53,8 +57,24 @@ static gonio_status fit_ggx(const gonio_samples *samples, const gonio_fit_option
     return fit_lobes(samples, GONIO_LOBE_GGX, out, report, error);
 }
 
-const gonio_fit_method gonio_method_cook_torrance = {
-    .summary = "two Cook-Torrance lobes and a diffuse term", .levels = false, .fit = fit_cook_torrance};
+const gonio_method gonio_method_cook_torrance = {
+    .name = "cook-torrance",
+    .summary = "two Cook-Torrance lobes and a diffuse term",
+    .kind = "lobe-spline",
+    .options = no_options,
+    .fit = fit_cook_torrance,
+    .memory = gonio_lattice_fit_memory,
+    .forms = forms,
+    .forms_n = sizeof forms / sizeof *forms,
+};
 
-const gonio_fit_method gonio_method_ggx = {
-    .summary = "two GGX lobes and a diffuse term", .levels = false, .fit = fit_ggx};
+const gonio_method gonio_method_ggx = {
+    .name = "ggx",
+    .summary = "two GGX lobes and a diffuse term",
+    .kind = "lobe-spline",
+    .options = no_options,
+    .fit = fit_ggx,
+    .memory = gonio_lattice_fit_memory,
+    .forms = forms,
+    .forms_n = sizeof forms / sizeof *forms,
+};

@@ -1,4 +1,4 @@
-// Choosing by inner folds.
+// Choosing the level by inner folds.
 //
 // One multilevel fit passes through every level, so the held-out error of all levels costs one fit. The score is
 // scale-free and weighs the typical and the worst alike: the mean of the logs of median |ln(p/f)| and rms ln(p/f), with
@@ -18,7 +18,7 @@
 #include "fit/memory.h"
 
 #define INNER_SEED 0x696e6e6572u // so that inner folds are not the outer ones
-#define LEVELS 10
+#define LEVELS (GONIO_LEVEL_MAX + 1)
 
 // The finest level worth trying: beyond 256 cells a sample nothing is learned, beyond level 7 (5 in 4-D) memory grows
 // past what a default may take.
@@ -94,7 +94,7 @@ static double score(const trial *t, const gonio_scatter *scatter, const gonio_la
     return sum / (double)channels;
 }
 
-// Scores of levels 0 .. limit of one form, added to scores[].
+// Scores of levels 0 .. limit, added to scores[].
 static gonio_status score_levels(const gonio_samples *train, const trial *t, const gonio_scatter_options *form,
                                  const gonio_fit_options *options, int limit, double scores[LEVELS],
                                  gonio_error *error) {
@@ -121,13 +121,9 @@ static gonio_status score_levels(const gonio_samples *train, const trial *t, con
     return status;
 }
 
-typedef struct form_scores {
-    gonio_scatter_options form;
-    double scores[LEVELS];
-} form_scores;
-
 static gonio_status score_fold(const gonio_samples *samples, const gonio_fit_options *options, const int *fold,
-                               int index, form_scores *forms, int n, int limit, gonio_error *error) {
+                               int index, const gonio_scatter_options *form, int limit, double scores[LEVELS],
+                               gonio_error *error) {
     bool *keep = malloc(samples->n * sizeof *keep);
     gonio_samples *train = NULL, *held = NULL;
     trial t = {0};
@@ -141,8 +137,8 @@ static gonio_status score_fold(const gonio_samples *samples, const gonio_fit_opt
     if (status == GONIO_OK) {
         status = trial_init(&t, held, error);
     }
-    for (int f = 0; f < n && status == GONIO_OK && train->n > 0 && held->n > 0; f++) {
-        status = score_levels(train, &t, &forms[f].form, options, limit, forms[f].scores, error);
+    if (status == GONIO_OK && train->n > 0 && held->n > 0) {
+        status = score_levels(train, &t, form, options, limit, scores, error);
     }
     trial_release(&t);
     gonio_samples_free(train);
@@ -151,70 +147,49 @@ static gonio_status score_fold(const gonio_samples *samples, const gonio_fit_opt
     return status;
 }
 
-// Every combination that the options leave open.
-static int list_forms(const gonio_samples *samples, const gonio_fit_options *o, form_scores *forms) {
-    const bool open = o->method == NULL && !o->thesis;
-    const int symmetry = o->symmetry != GONIO_SYMMETRY_AUTO ? o->symmetry
-                         : samples->isotropic               ? GONIO_SYMMETRY_MIRROR
-                                                            : 0;
-    int n = 0;
-    for (int c = 0; c < 3; c++) {
-        for (int d = 0; d < 2; d++) {
-            const int coordinates = o->coordinates_set ? (int)o->coordinates : open ? c : GONIO_NUSSELT;
-            const int domain = o->domain_set ? (int)o->domain : open ? d : GONIO_LINEAR;
-            if (coordinates == c && domain == d) {
-                forms[n++] = (form_scores){.form = {.coordinates = (gonio_coordinates)c,
-                                                    .domain = (gonio_domain)d,
-                                                    .symmetry = symmetry,
-                                                    .weighted = !o->thesis,
-                                                    .threads = o->threads}};
-            }
-        }
-    }
-    return n;
+// Nusselt coordinates and the linear domain are what a multilevel fit is known by.
+static gonio_scatter_options form_of(const gonio_samples *samples, const gonio_fit_options *o) {
+    const int usual = samples->isotropic ? GONIO_SYMMETRY_MIRROR : 0;
+    return (gonio_scatter_options){
+        .coordinates = o->coordinates != GONIO_COORDINATES_AUTO ? o->coordinates : GONIO_NUSSELT,
+        .domain = o->domain != GONIO_DOMAIN_AUTO ? o->domain : GONIO_LINEAR,
+        .symmetry = o->symmetry != GONIO_SYMMETRY_AUTO ? o->symmetry : usual,
+        .weighted = !o->thesis,
+        .threads = o->threads,
+    };
 }
 
-static void pick(const form_scores *forms, int n, int lowest, int limit, int folds, gonio_mba_choice *choice) {
-    const form_scores *best = &forms[0];
-    int level = lowest;
-    for (int f = 0; f < n; f++) {
-        for (int h = lowest; h <= limit; h++) {
-            if (forms[f].scores[h] < best->scores[level]) {
-                best = &forms[f];
-                level = h;
-            }
-        }
+// The smallest level within 2 % of the best: what finer ones add cannot be told from chance.
+static int pick(const double scores[LEVELS], int limit, int folds) {
+    int best = 0, level = 0;
+    for (int h = 1; h <= limit; h++) {
+        best = scores[h] < scores[best] ? h : best;
     }
-    // The smallest level within 2 % of the best: what finer ones add cannot be told from chance.
-    for (int h = lowest; h < level; h++) {
-        if ((best->scores[h] - best->scores[level]) / folds < log(1.02)) {
-            level = h;
-            break;
-        }
+    while (level < best && !((scores[level] - scores[best]) / folds < log(1.02))) {
+        level++;
     }
-    choice->scatter = best->form;
-    choice->level = level;
-    choice->score = best->scores[level] / folds;
+    return level;
 }
 
-static gonio_status choose_open(const gonio_samples *samples, const gonio_fit_options *options, form_scores *forms,
-                                int n, int lowest, int limit, gonio_mba_choice *choice, gonio_error *error) {
+static gonio_status choose_level(const gonio_samples *samples, const gonio_fit_options *options, int limit,
+                                 gonio_mba_choice *choice, gonio_error *error) {
     int *fold = malloc(samples->n * sizeof *fold);
     if (fold == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to compare choices");
     }
     // Many samples make one fifth representative; few want every fold.
     const int folds = 5, used = samples->n > 20000 ? 1 : folds;
+    double scores[LEVELS] = {0};
     gonio_status status = gonio_samples_folds(samples, folds, options->seed ^ INNER_SEED, fold, error);
     for (int index = 0; index < used && status == GONIO_OK; index++) {
-        status = score_fold(samples, options, fold, index, forms, n, limit, error);
+        status = score_fold(samples, options, fold, index, &choice->scatter, limit, scores, error);
     }
     free(fold);
     if (status == GONIO_OK) {
-        pick(forms, n, lowest, limit, used, choice);
+        choice->level = pick(scores, limit, used);
         snprintf(choice->note, sizeof choice->note, "%s, %s, level %d chosen by the error on %d inner fold%s",
-                 gonio_coordinates_name(choice->scatter.coordinates),
-                 choice->scatter.domain == GONIO_LOG ? "log" : "linear", choice->level, used, used > 1 ? "s" : "");
+                 gonio_coordinates_name(choice->scatter.coordinates), gonio_domain_name(choice->scatter.domain),
+                 choice->level, used, used > 1 ? "s" : "");
     }
     return status;
 }
@@ -242,15 +217,15 @@ static gonio_status spread_channels(const gonio_samples *samples, gonio_samples 
     return status;
 }
 
-static gonio_status compare_forms(const gonio_samples *samples, const gonio_fit_options *options, form_scores *forms,
-                                  int n, int lowest, int limit, gonio_mba_choice *choice, gonio_error *error) {
+static gonio_status compare_levels(const gonio_samples *samples, const gonio_fit_options *options, int limit,
+                                   gonio_mba_choice *choice, gonio_error *error) {
     if (samples->channels <= CHANNELS_COMPARED) {
-        return choose_open(samples, options, forms, n, lowest, limit, choice, error);
+        return choose_level(samples, options, limit, choice, error);
     }
     gonio_samples *few;
     gonio_status status = spread_channels(samples, &few, error);
     if (status == GONIO_OK) {
-        status = choose_open(few, options, forms, n, lowest, limit, choice, error);
+        status = choose_level(few, options, limit, choice, error);
         gonio_samples_free(few);
     }
     return status;
@@ -263,8 +238,6 @@ static bool fits(const gonio_samples *samples, const gonio_fit_options *options,
 
 gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_options *options, gonio_mba_choice *choice,
                               gonio_error *error) {
-    form_scores forms[6] = {0};
-    const int n = list_forms(samples, options, forms);
     const bool open_level = options->level == GONIO_LEVEL_AUTO;
     int limit = open_level ? level_limit(samples) : options->level;
     while (options->max_bytes > 0 && lattice_bytes(samples, limit) > options->max_bytes && limit > 0 && open_level) {
@@ -277,9 +250,6 @@ gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_opti
     while (open_level && limit > 0 && !fits(samples, options, limit)) {
         limit--;
     }
-    *choice = (gonio_mba_choice){.scatter = forms[0].form, .level = limit, .score = NAN};
-    if (n == 1 && !open_level) {
-        return GONIO_OK;
-    }
-    return compare_forms(samples, options, forms, n, open_level ? 0 : limit, limit, choice, error);
+    *choice = (gonio_mba_choice){.scatter = form_of(samples, options), .level = limit};
+    return open_level ? compare_levels(samples, options, limit, choice, error) : GONIO_OK;
 }

@@ -1,5 +1,5 @@
-// Method "mba": multilevel B-splines on a dense lattice; coordinates, domain and level chosen by held-out error where
-// the options leave them open.
+// Method "mba": multilevel B-splines on a dense lattice, in Nusselt coordinates and the linear domain unless told
+// otherwise; the level is chosen by held-out error where the options leave it open.
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,6 +11,7 @@
 #include "fit/mba/choose.h"
 #include "fit/mba/mba.h"
 #include "fit/method.h"
+#include "fit/memory.h"
 
 static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_options *options,
                                const gonio_mba_choice *choice, gonio_model **out, gonio_error *error) {
@@ -86,8 +87,25 @@ static gonio_status fit_mba(const gonio_samples *samples, const gonio_fit_option
     return status;
 }
 
-const gonio_fit_method gonio_method_mba = {
+static const gonio_method_option options_of_mba[] = {GONIO_METHOD_OPTION(level, NULL),
+                                                     GONIO_METHOD_OPTION(tolerance, NULL),
+                                                     GONIO_METHOD_OPTION(coordinates, "nusselt"),
+                                                     GONIO_METHOD_OPTION(domain, "linear"),
+                                                     GONIO_METHOD_OPTION(symmetry, NULL),
+                                                     GONIO_METHOD_OPTION(thesis, NULL),
+                                                     GONIO_METHOD_OPTION(max_bytes, NULL),
+                                                     {0}};
+
+#define TRADEOFF_LEVEL_MAX 7
+static const gonio_method_form forms[] = {{0, TRADEOFF_LEVEL_MAX, GONIO_METHOD_EVERY, GONIO_METHOD_EVERY}};
+
+const gonio_method gonio_method_mba = {
+    .name = "mba",
     .summary = "multilevel B-splines (Lee, Wolberg and Shin 1997; Kameya 2002)",
-    .levels = true,
+    .kind = "lattice",
+    .options = options_of_mba,
     .fit = fit_mba,
+    .memory = gonio_lattice_fit_memory,
+    .forms = forms,
+    .forms_n = sizeof forms / sizeof *forms,
 };

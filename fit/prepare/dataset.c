@@ -25,14 +25,6 @@ void gonio_dataset_release(gonio_dataset *data) {
     *data = (gonio_dataset){0};
 }
 
-// Swapping the directions keeps the half vector and turns the difference vector about it by 180 deg.
-unsigned gonio_smooth_swap_axes(gonio_coordinates coordinates, int dims) {
-    if (!gonio_coordinates_are_half_vector(coordinates)) {
-        return 0;
-    }
-    return dims == 4 ? 1u << 2 | 1u << 3 : 1u << 0 | 1u << 1;
-}
-
 void gonio_dataset_locate(const gonio_dataset *data, gonio_coordinates coordinates, double *x) {
     for (size_t i = 0; i < data->n; i++) {
         gonio_scatter_locate(coordinates, data->dims, &data->pairs[i], x + i * (size_t)data->dims);

@@ -39,7 +39,5 @@ gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which,
                                     gonio_error *error);
 // x[n x dims] in [0, 1].
 void gonio_dataset_locate(const gonio_dataset *data, gonio_coordinates coordinates, double *x);
-// The lattice axes that swapping the directions flips (0: swapping is no flip).
-unsigned gonio_smooth_swap_axes(gonio_coordinates coordinates, int dims);
 
 #endif

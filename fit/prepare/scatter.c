@@ -35,14 +35,6 @@ void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_p
     }
 }
 
-// phi -> -phi turns y into -y: lambda_o, r sin phi_d, the reflected offset's y; in 4-D the second of each pair.
-unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims) {
-    if (dims == 4) {
-        return 1u << 1 | 1u << 3;
-    }
-    return gonio_coordinates_are_half_vector(coordinates) ? 1u << 1 : 1u << 2;
-}
-
 double gonio_scatter_distance2(const double *x, const double *y, size_t dims, unsigned mirror_axes) {
     double same = 0, image = 0;
     for (size_t k = 0; k < dims; k++) {
@@ -251,7 +243,7 @@ gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *
         return status;
     }
     if (options->symmetry & GONIO_SYMMETRY_MIRROR) {
-        scatter->mirror_axes = gonio_scatter_mirror_axes(options->coordinates, scatter->dims);
+        scatter->mirror_axes = gonio_coordinates_mirror_axes(options->coordinates, scatter->dims);
     }
     status = allocate(scatter, options->weighted && samples->sigma_random != NULL, error);
     if (status == GONIO_OK) {

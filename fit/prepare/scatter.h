@@ -48,8 +48,6 @@ static inline int gonio_scatter_order_bits(int dims) { return dims == 3 ? 6 : 4;
 gonio_status gonio_scatter_sort(gonio_scatter *scatter, int threads, gonio_error *error);
 // The coordinates of one pair; x[dims].
 void gonio_scatter_locate(gonio_coordinates coordinates, int dims, const gonio_pair *pair, double x[GONIO_DIMS_MAX]);
-// The axes that phi -> -phi flips.
-unsigned gonio_scatter_mirror_axes(gonio_coordinates coordinates, int dims);
 // A power of two near the largest |values[i * channels]|; 1 for zeros.
 double gonio_scatter_scale(size_t n, const double *values, size_t channels);
 // The squared distance of two places, or of the one from the other's mirror image where that is nearer.

@@ -410,7 +410,7 @@ gonio_status gonio_influence_records(const gonio_influence *f, const double *fac
     const gonio_smooth_form *form = gonio_smooth_dense_form(f->dense);
     *records = (gonio_sigma_records){.power = {0.6, 0.6, 0.3}, .spread = {0.25, 0.25, 0.25}};
     blocks b = {.f = f, .factor = factor, .root = gonio_smooth_dense_roots(f->dense), .records = records};
-    b.mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, f->data->dims) : 0;
+    b.mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(form->coordinates, f->data->dims) : 0;
     b.x = malloc(n * d * sizeof *b.x);
     b.matrix = malloc(((size_t)BLOCK_MAX * BLOCK_MAX + BLOCK_MAX) * sizeof *b.matrix);
     b.member = malloc(BLOCK_MAX * sizeof *b.member);

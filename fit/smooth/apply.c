@@ -41,7 +41,7 @@ gonio_status gonio_smooth_places_init(gonio_smooth_places *places, const gonio_d
                                       const gonio_smooth_form *form, gonio_error *error) {
     const size_t n = data->n, d = (size_t)data->dims;
     *places = (gonio_smooth_places){.n = n, .dims = data->dims};
-    places->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, data->dims) : 0;
+    places->mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(form->coordinates, data->dims) : 0;
     places->positions = malloc(n * 4 * sizeof *places->positions);
     places->weights = malloc(n * sizeof *places->weights);
     places->sample = malloc(n * sizeof *places->sample);

@@ -254,8 +254,8 @@ gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smoot
     dense->n = data->n;
     dense->dims = data->dims;
     dense->m = gonio_bspline_size(form->level);
-    dense->mirror_axes = form->mirror ? gonio_scatter_mirror_axes(form->coordinates, data->dims) : 0;
-    dense->swap_axes = gonio_smooth_swap_axes(form->coordinates, data->dims);
+    dense->mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(form->coordinates, data->dims) : 0;
+    dense->swap_axes = gonio_coordinates_swap_axes(form->coordinates, data->dims);
     gonio_status status = allocate(dense)
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,

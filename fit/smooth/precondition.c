@@ -304,7 +304,9 @@ static sizes lay_out(gonio_smooth_precondition *p, int dims, const gonio_smooth_
     p->dims = dims;
     p->level = level;
     // The stiff axes by themselves: the incidence, or the difference angle (fit/auto/descent.c).
-    p->split = dims == 4 || gonio_coordinates_are_half_vector(form->coordinates) ? 2 : 1;
+    int slow;
+    const int first = gonio_coordinates_slow_axes(form->coordinates, dims, &slow);
+    p->split = first > 0 ? first : slow;
     const size_t finest = gonio_bspline_size(p->level);
     size_t rows = 0, cells = 0;
     for (int h = p->level; h >= 0; h--) {

@@ -28,8 +28,7 @@ typedef struct gonio_setup {
     gonio_rig_facts facts;
     gonio_scan_options scan;
     gonio_window window;
-    gonio_fit_options fit; // its method stands in fit_method: gonio_setup_fit joins them
-    char fit_method[32];   // empty: the default one
+    gonio_fit_options fit; // without threads and callback
 } gonio_setup;
 
 void gonio_scan_options_default(gonio_scan_options *options);
@@ -38,10 +37,9 @@ gonio_status gonio_setup_of_rig(const gonio_rig *rig, const gonio_scan_options *
                                 gonio_error *error);
 gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error);
 gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_error *error);
-// The fit's options; the method's name is borrowed from the setup.
-gonio_fit_options gonio_setup_fit(const gonio_setup *setup);
-// The fit whose slopes give the pointing term, and which runs along with a measure: nothing is held out, and the
-// hundreds of thousands of samples of a sphere are so dense that the quickest method tells their slopes.
+// The fit whose slopes give the pointing term, and which runs along with a measure: nothing is held out, no limit of
+// time or memory acts on it, and the hundreds of thousands of samples of a sphere are so dense that the quickest method
+// tells their slopes.
 gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup);
 
 // The window around the sample as the camera sees it; see gonio_scan_options.

@@ -1,6 +1,6 @@
 // The setup as JSON texts in the journal: people read them, and a replay needs nothing else.
 //
-// One table a struct names every member once; writing and reading both follow it.
+// One table a struct names every member once (base/keys.h); writing and reading both follow it.
 #include <errno.h>
 #include <jansson.h>
 #include <stddef.h>
@@ -8,24 +8,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/keys.h"
+#include "fit/options.h"
 #include "gonio/output.h"
 #include "host/acquire/acquire.h"
 
-typedef enum kind { REAL, REALS, INTEGER, BOOLEAN, TEXT, SEED } kind;
-
-typedef struct member {
-    const char *name;
-    kind kind;
-    size_t offset, size; // size: of an array
-    bool late;           // sessions of the first releases lack it, and have 0 there
-} member;
-
 #define M(type, name, kind)                                                                                            \
-    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name), false }
+    { GONIO_KEY(type, name, kind) }
 #define LATE(type, name, kind)                                                                                         \
-    { #name, kind, offsetof(type, name), sizeof(((type *)0)->name), true }
+    { GONIO_KEY(type, name, kind), .late = true }
 
-static const member camera_members[] = {
+static const gonio_key camera_members[] = {
     M(gonio_camera_info, name, TEXT),
     M(gonio_camera_info, serial, TEXT),
     M(gonio_camera_info, width, INTEGER),
@@ -46,7 +39,7 @@ static const member camera_members[] = {
     M(gonio_camera_info, read_out_s, REAL),
     {0},
 };
-static const member facts_members[] = {
+static const gonio_key facts_members[] = {
     M(gonio_rig_facts, light_distance_mm, REAL),
     M(gonio_rig_facts, camera_distance_mm, REAL),
     M(gonio_rig_facts, pointing_random_deg, REAL),
@@ -75,14 +68,14 @@ static const member facts_members[] = {
     M(gonio_rig_facts, serials, TEXT),
     {0},
 };
-static const member alignment_members[] = {
+static const gonio_key alignment_members[] = {
     M(gonio_alignment, known, BOOLEAN),
     M(gonio_alignment, value, REALS),
     M(gonio_alignment, covariance, REALS),
     M(gonio_alignment, sigma_rad, REAL),
     {0},
 };
-static const member scan_members[] = {
+static const gonio_key scan_members[] = {
     M(gonio_scan_options, dark_frames, INTEGER),      LATE(gonio_scan_options, trap_frames, INTEGER),
     LATE(gonio_scan_options, motion_check, INTEGER),
     M(gonio_scan_options, reference_frames, INTEGER), M(gonio_scan_options, settle_s, REAL),
@@ -90,95 +83,108 @@ static const member scan_members[] = {
     M(gonio_scan_options, window_height, INTEGER),    M(gonio_scan_options, hands, BOOLEAN),
     LATE(gonio_scan_options, audit_poses, INTEGER),   {0},
 };
-static const member window_members[] = {
+static const gonio_key window_members[] = {
     M(gonio_window, x, INTEGER),
     M(gonio_window, y, INTEGER),
     M(gonio_window, width, INTEGER),
     M(gonio_window, height, INTEGER),
     {0},
 };
-static const member fit_members[] = {
-    M(gonio_setup, fit_method, TEXT),   M(gonio_setup, fit.level, INTEGER), M(gonio_setup, fit.tolerance, REAL),
-    M(gonio_setup, fit.hold_out, REAL), M(gonio_setup, fit.seed, SEED),     {0},
-};
-
 // Every part of the setup: its key in the journal, its members, where it stands in gonio_setup.
 static const struct part {
     const char *key;
-    const member *members;
+    const gonio_key *members;
     size_t offset;
-    bool optional; // sessions from before it had it lack it
+    bool optional;      // sessions from before it had it lack it
+    const char *prefix; // of the members' names
 } parts[] = {
-    {"camera", camera_members, offsetof(gonio_setup, camera), false},
-    {"facts", facts_members, offsetof(gonio_setup, facts), false},
-    {"alignment", alignment_members, offsetof(gonio_setup, facts.alignment), true},
-    {"scan", scan_members, offsetof(gonio_setup, scan), false},
-    {"window", window_members, offsetof(gonio_setup, window), false},
-    {"fit", fit_members, 0, false},
+    {"camera", camera_members, offsetof(gonio_setup, camera), false, ""},
+    {"facts", facts_members, offsetof(gonio_setup, facts), false, ""},
+    {"alignment", alignment_members, offsetof(gonio_setup, facts.alignment), true, ""},
+    {"scan", scan_members, offsetof(gonio_setup, scan), false, ""},
+    {"window", window_members, offsetof(gonio_setup, window), false, ""},
+    {"fit", gonio_fit_keys, offsetof(gonio_setup, fit), false, "fit."},
 };
 #define PARTS (sizeof parts / sizeof *parts)
 
-static json_t *value_of(const member *m, const void *at) {
+// Numbers as JSON's own where those hold them; what they do not hold, and names, as the texts of the command line.
+static json_t *value_of(const gonio_key *m, const void *object) {
+    const void *at = (const char *)object + m->offset;
+    char text[256];
     switch (m->kind) {
-    case REAL:
+    case GONIO_KEY_REAL:
         return json_real(*(const double *)at);
-    case REALS: {
+    case GONIO_KEY_REALS: {
         json_t *array = json_array();
         for (size_t k = 0; k < m->size / sizeof(double); k++) {
             json_array_append_new(array, json_real(((const double *)at)[k]));
         }
         return array;
     }
-    case INTEGER:
+    case GONIO_KEY_INTEGER:
         return json_integer(*(const int *)at);
-    case BOOLEAN:
+    case GONIO_KEY_BOOLEAN:
         return json_boolean(*(const bool *)at);
-    case TEXT:
+    case GONIO_KEY_TEXT:
         return json_string(at);
-    case SEED: {
-        // JSON's integers are signed; a seed is not.
-        char text[24];
-        snprintf(text, sizeof text, "%llu", (unsigned long long)*(const uint64_t *)at);
+    case GONIO_KEY_SEED: // JSON's integers are signed; a seed is not
+    case GONIO_KEY_SIZE:
+    case GONIO_KEY_NAME:
+    case GONIO_KEY_CHOICE:
+    case GONIO_KEY_FLAGS:
+        gonio_key_print(m, object, text, sizeof text);
         return json_string(text);
-    }
     }
     return NULL;
 }
 
-static bool take(const member *m, const json_t *value, void *at) {
+static bool take(const gonio_key *m, const json_t *value, void *object) {
+    void *at = (char *)object + m->offset;
     switch (m->kind) {
-    case REAL:
+    case GONIO_KEY_REAL:
         *(double *)at = json_number_value(value);
         return json_is_number(value);
-    case REALS:
+    case GONIO_KEY_REALS:
         for (size_t k = 0; k < m->size / sizeof(double); k++) {
             ((double *)at)[k] = json_number_value(json_array_get(value, k));
         }
         return json_array_size(value) == m->size / sizeof(double);
-    case INTEGER:
+    case GONIO_KEY_INTEGER:
         *(int *)at = (int)json_integer_value(value);
         return json_is_integer(value);
-    case BOOLEAN:
+    case GONIO_KEY_BOOLEAN:
         *(bool *)at = json_is_true(value);
         return json_is_boolean(value);
-    case TEXT:
-        if (!json_is_string(value) || json_string_length(value) >= m->size) {
-            return false;
+    case GONIO_KEY_NAME:
+        if (json_is_string(value) && json_string_length(value) == 0) {
+            *(const char **)at = NULL;
+            return true;
         }
-        strcpy(at, json_string_value(value));
-        return true;
-    case SEED:
-        *(uint64_t *)at = json_is_string(value) ? strtoull(json_string_value(value), NULL, 10) : 0;
-        return json_is_string(value);
+        break;
+    case GONIO_KEY_TEXT:
+    case GONIO_KEY_SEED:
+    case GONIO_KEY_SIZE:
+    case GONIO_KEY_CHOICE:
+    case GONIO_KEY_FLAGS:
+        break;
     }
-    return false;
+    return json_is_string(value) && gonio_key_parse(m, object, json_string_value(value), NULL) == GONIO_OK;
+}
+
+static json_t *find_value(const json_t *object, const char *prefix, const gonio_key *m) {
+    char name[96];
+    snprintf(name, sizeof name, "%s%s", prefix, m->name);
+    json_t *value = json_object_get(object, name);
+    return value != NULL || m->was == NULL ? value : json_object_get(object, m->was);
 }
 
 static gonio_status put(gonio_session *session, const struct part *part, const gonio_setup *setup, gonio_error *error) {
     json_t *object = json_object();
     bool good = object != NULL;
-    for (const member *m = part->members; good && m->name != NULL; m++) {
-        good = json_object_set_new(object, m->name, value_of(m, (const char *)setup + part->offset + m->offset)) == 0;
+    for (const gonio_key *m = part->members; good && m->name != NULL; m++) {
+        char name[96];
+        snprintf(name, sizeof name, "%s%s", part->prefix, m->name);
+        good = json_object_set_new(object, name, value_of(m, (const char *)setup + part->offset)) == 0;
     }
     char *text = good ? json_dumps(object, JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17) | JSON_COMPACT) : NULL;
     json_decref(object);
@@ -202,9 +208,9 @@ static gonio_status get(gonio_session *session, const struct part *part, gonio_s
     }
     json_t *object = json_loads(text, 0, NULL);
     free(text);
-    for (const member *m = part->members; status == GONIO_OK && m->name != NULL; m++) {
-        const json_t *value = json_object_get(object, m->name);
-        if (!(m->late && value == NULL) && !take(m, value, (char *)setup + part->offset + m->offset)) {
+    for (const gonio_key *m = part->members; status == GONIO_OK && m->name != NULL; m++) {
+        const json_t *value = find_value(object, part->prefix, m);
+        if (!(m->late && value == NULL) && !take(m, value, (char *)setup + part->offset)) {
             status = gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(session), -1,
                                      "setting '%s' has no sound value of '%s'", part->key, m->name);
         }
@@ -285,18 +291,15 @@ gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_e
     return status;
 }
 
-gonio_fit_options gonio_setup_fit(const gonio_setup *setup) {
-    gonio_fit_options options = setup->fit;
-    options.method = setup->fit_method[0] != 0 ? setup->fit_method : NULL;
-    return options;
-}
-
 gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup) {
-    gonio_fit_options options = gonio_setup_fit(setup);
+    gonio_fit_options options = setup->fit;
     options.hold_out = 0;
     options.folds = 0;
+    // Samples do not depend on what the clock or the machine's memory allowed.
+    options.max_ns = options.max_seconds = 0;
+    options.max_memory = 0;
     if (setup->facts.sphere) {
-        options.method = "mba";
+        gonio_fit_options_for(&options, "mba");
     }
     return options;
 }

@@ -122,7 +122,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     }
     free(clock_s);
     if (status == GONIO_OK) {
-        gonio_fit_options fit = gonio_setup_fit(&process->setup);
+        gonio_fit_options fit = process->setup.fit;
         fit.threads = options->threads;
         fit.progress = options->progress;
         fit.progress_context = options->context;

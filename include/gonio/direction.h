@@ -37,19 +37,35 @@ double gonio_degrees(double rad);
 // radians pass every angle through it, so that writing and reading a samples file gives the same bits.
 double gonio_angle_canonical(double rad);
 
-// Coordinate systems of a fit's domain; every coordinate lies in [0, 1].
-typedef enum gonio_coordinates {
-    GONIO_NUSSELT = 0,            // isotropic: (kappa_i, kappa_o, lambda_o) with phi_i = 0; Kameya 2002
-    GONIO_HALF_VECTOR = 1,        // (r cos phi_d, r sin phi_d, theta_d), r = asinh(tan theta_h / 0.1): DESIGN section 8
-    GONIO_REFLECTED = 2,          // Nusselt coordinates of the outgoing direction about the mirror direction
-    GONIO_HALF_VECTOR_NARROW = 3, // as half-vector, 0.03 instead of 0.1
-    GONIO_HALF_VECTOR_WIDE = 4,   // 0.4
-} gonio_coordinates;
-#define GONIO_COORDINATES 5 // how many there are
+// Coordinate systems of a fit's domain; every coordinate lies in [0, 1]. X(identifier, number in model files, name,
+// what it is); brdf/coordinates.c has a row for each with everything in which they differ.
+#define GONIO_COORDINATES_TABLE(X)                                                                                     \
+    X(NUSSELT, 0, "nusselt", "projections of both directions on the surface (Kameya 2002)")                            \
+    X(HALF_VECTOR, 1, "half-vector", "half vector and difference vector, tilts spread from tan(theta_h) = 0.1 on")     \
+    X(REFLECTED, 2, "reflected", "outgoing direction about the mirror direction")                                      \
+    X(HALF_VECTOR_NARROW, 3, "half-vector-narrow", "as half-vector, from 0.03 on: for sharp peaks")                    \
+    X(HALF_VECTOR_WIDE, 4, "half-vector-wide", "as half-vector, from 0.4 on: for broad lobes")
 
-static inline bool gonio_coordinates_are_half_vector(gonio_coordinates system) {
-    return system == GONIO_HALF_VECTOR || system == GONIO_HALF_VECTOR_NARROW || system == GONIO_HALF_VECTOR_WIDE;
-}
+#define GONIO_COORDINATES_ENUM(id, number, name, summary) GONIO_##id = number,
+typedef enum gonio_coordinates {
+    GONIO_COORDINATES_AUTO = -1, // in options: the method chooses
+    GONIO_COORDINATES_TABLE(GONIO_COORDINATES_ENUM)
+} gonio_coordinates;
+#undef GONIO_COORDINATES_ENUM
+#define GONIO_COORDINATES_COUNT(id, number, name, summary) +1
+#define GONIO_COORDINATES (0 GONIO_COORDINATES_TABLE(GONIO_COORDINATES_COUNT)) // how many there are
+
+// Is it a half-vector system? They share their axes: two of the half vector's tilt, then the difference vector's.
+bool gonio_coordinates_are_half_vector(gonio_coordinates system);
+// The system that this one is another width of; itself where it is none.
+gonio_coordinates gonio_coordinates_base(gonio_coordinates system);
+// Bits of the axes, of dims (3: isotropic, 4: not), that are reflected about 1/2 when the pair is mirrored
+// (phi -> -phi), and when its directions are swapped (0: swapping is no such reflection in this system).
+unsigned gonio_coordinates_mirror_axes(gonio_coordinates system, int dims);
+unsigned gonio_coordinates_swap_axes(gonio_coordinates system, int dims);
+// The axes along which BRDFs vary slowly, `*count` of them from the one that is returned on: the difference angle, or
+// the incidence.
+int gonio_coordinates_slow_axes(gonio_coordinates system, int dims, int *count);
 
 // The isotropic (3-D) coordinates of a pair: x[3] in [0, 1]. Defined for every pair with both thetas in [0, pi/2].
 void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[3]);
@@ -60,8 +76,9 @@ void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, goni
 // system are x.
 double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]);
 
-const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half-vector" ...
+const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half-vector" ...; "auto"
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system);
+const char *const *gonio_coordinates_names(void); // in the enum's order, NULL-terminated; static storage
 
 #ifdef __cplusplus
 }

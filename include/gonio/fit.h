@@ -10,10 +10,35 @@
 extern "C" {
 #endif
 
+// The domains that values are fitted in. X(identifier, number, name, what it is).
+#define GONIO_DOMAIN_TABLE(X)                                                                                          \
+    X(LINEAR, 0, "linear", "z itself")                                                                                 \
+    X(LOG, 1, "log", "ln(z + eps), eps from the data's noise; asinh(z / eps) for signed data")
+
+#define GONIO_DOMAIN_ENUM(id, number, name, summary) GONIO_##id = number,
 typedef enum gonio_domain {
-    GONIO_LINEAR = 0, // z itself
-    GONIO_LOG = 1,    // log(z + eps), eps from the data's noise; asinh for signed data
+    GONIO_DOMAIN_AUTO = -1, // in options: the method chooses
+    GONIO_DOMAIN_TABLE(GONIO_DOMAIN_ENUM)
 } gonio_domain;
+#undef GONIO_DOMAIN_ENUM
+#define GONIO_DOMAIN_COUNT(id, number, name, summary) +1
+#define GONIO_DOMAINS (0 GONIO_DOMAIN_TABLE(GONIO_DOMAIN_COUNT)) // how many there are
+
+const char *gonio_domain_name(gonio_domain domain); // "linear" "log"; "auto"
+const char *const *gonio_domain_names(void);        // in the enum's order, NULL-terminated; static storage
+
+// The symmetries that a fit may be given. X(identifier, bit, name, what it says).
+#define GONIO_SYMMETRY_TABLE(X)                                                                                        \
+    X(MIRROR, 0, "mirror", "phi -> -phi of both directions changes nothing")                                           \
+    X(RECIPROCITY, 1, "reciprocity", "exchanging the directions changes nothing")
+
+#define GONIO_SYMMETRY_ENUM(id, bit, name, summary) GONIO_SYMMETRY_##id = 1 << bit,
+enum {
+    GONIO_SYMMETRY_AUTO = -1, // the method chooses
+    GONIO_SYMMETRY_TABLE(GONIO_SYMMETRY_ENUM)
+};
+#undef GONIO_SYMMETRY_ENUM
+const char *const *gonio_symmetry_names(void); // of the bits, from the lowest on, NULL-terminated; static storage
 
 #define GONIO_LEVEL_AUTO (-1)
 #define GONIO_LEVEL_MAX 9
@@ -21,37 +46,33 @@ typedef enum gonio_domain {
 // Called now and then by long work; returning false asks it to stop (the call then returns GONIO_E_INTERRUPTED).
 typedef bool (*gonio_progress_fn)(void *context, double fraction, const char *what, double error_now);
 
-// What to fit and how. gonio_fit_options_default() first, then change members.
+// What to fit and how. gonio_fit_options_default() first, then change members. fit/options.c has a row for each member
+// but the threads and the callback; an option that the method does not have must stay at its default.
 typedef struct gonio_fit_options {
     const char *method; // "mba" "cbmba" "lsq" "auto" ...; NULL: the default method
-    int level;          // 0..9, GONIO_LEVEL_AUTO: chosen by held-out error
-    double tolerance;   // > 0: the smallest level whose held-out RMSE (training without a hold-out) meets it
-    gonio_coordinates coordinates;
-    bool coordinates_set; // false: the method chooses
-    gonio_domain domain;
-    bool domain_set; // false: the method chooses
-    bool thesis;     // exactly Kameya's form: Nusselt, linear, mirrored samples, no offset
-    double hold_out; // fraction of the unique geometries; 0: none
-    int folds;       // >= 2: K-fold instead of one hold-out
+    double hold_out;    // fraction of the unique geometries; 0: none
+    int folds;          // >= 2: K-fold instead of one hold-out
     uint64_t seed;
-    int threads;                       // 0: all
-    int diffuse_level, specular_level; // CBMBA (D,S,C)
-    double drop_percent;
-    const char *storage;        // CBMBA: bricks of "float" "half" "byte", or the thesis' "hash"; NULL: byte
-    double max_error;           // 0: no limit
-    size_t max_bytes;           // 0: no limit
-    size_t max_memory;          // bytes that fitting may take, the samples included; 0: what the machine has free
-    double max_ns, max_seconds; // 0: no limit
-    double lambda;              // least squares: < 0 chosen from training data
-    int iterations;             // least squares: 0 default
-    int symmetry;               // bits GONIO_SYMMETRY_*; GONIO_SYMMETRY_AUTO: the method chooses
+    size_t max_memory; // bytes that fitting may take, the samples included; 0: what the machine has free
+    int threads;       // 0: all
     gonio_progress_fn progress; // NULL: none
     void *progress_context;
+    // From here on: the methods' own.
+    int level;        // 0..9; GONIO_LEVEL_AUTO: chosen by held-out error. cbmba: S of (D,S,C), 6 by default
+    double tolerance; // > 0: the smallest level whose held-out RMSE (training without a hold-out) meets it
+    gonio_coordinates coordinates;
+    gonio_domain domain;
+    int symmetry;               // bits GONIO_SYMMETRY_*, or GONIO_SYMMETRY_AUTO
+    bool thesis;                // exactly Kameya's form: Nusselt, linear, mirrored samples, no offset
+    int diffuse_level;          // D of (D,S,C); -1: 4
+    double drop_percent;        // C of it; -1: 95
+    const char *storage;        // bricks of "float" "half" "byte", or the thesis' "hash"; NULL: byte
+    double lambda;              // least squares: < 0 chosen from training data
+    int iterations;             // least squares: 0 default
+    double max_error;           // 0: no limit
+    size_t max_bytes;           // 0: no limit
+    double max_ns, max_seconds; // 0: no limit
 } gonio_fit_options;
-
-#define GONIO_SYMMETRY_AUTO (-1)
-#define GONIO_SYMMETRY_MIRROR 1
-#define GONIO_SYMMETRY_RECIPROCITY 2
 
 // What was done; the JSON of `gonio fit` is made from it.
 typedef struct gonio_fit_report {
@@ -82,7 +103,7 @@ typedef struct gonio_fit_size {
     bool sigma;                // the samples carry their uncertainties
     bool log;                  // the domain is, or may be, the log's
     bool reciprocal;           // swapped directions are added
-    bool bilevel;              // cbmba; level is then S
+    const char *method;        // NULL: the default one
     double hold_out;           // fraction of one held-out part; 0: none
     int threads;               // 0: all
 } gonio_fit_size;

@@ -66,8 +66,7 @@ static gonio_fit_options form(const char *method, gonio_domain domain, int symme
     gonio_fit_options o;
     gonio_fit_options_default(&o);
     o.method = method;
-    o.coordinates_set = domain == GONIO_LINEAR;
-    o.domain_set = true;
+    o.coordinates = domain == GONIO_LINEAR ? GONIO_NUSSELT : GONIO_COORDINATES_AUTO;
     o.domain = domain;
     o.symmetry = symmetry;
     return o;

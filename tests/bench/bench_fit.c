@@ -293,7 +293,8 @@ static gonio_model *fit_model(const problem *p, const char *method, const char *
     gonio_fit_options_default(&o);
     o.method = method;
     o.level = LEVEL;
-    o.coordinates_set = o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
+    o.domain = GONIO_LINEAR;
     o.hold_out = 0;
     o.storage = storage;
     o.diffuse_level = 4;

@@ -50,7 +50,7 @@ int main(int argc, char **argv) {
     gonio_fit_options_default(&o);
     o.method = "mba";
     o.level = LEVEL;
-    o.coordinates_set = o.domain_set = true;
+    o.domain = GONIO_LINEAR;
     o.coordinates = GONIO_NUSSELT;
     o.hold_out = 0;
     const gonio_fit_size size = {.samples = n, .channels = 1, .dims = 3, .level = LEVEL};

@@ -256,7 +256,7 @@ static gonio_status begin(const gonio_rig *rig, gonio_session **session, gonio_e
     options.audit_poses = 12;
     gonio_setup setup = {0};
     gonio_fit_options_default(&setup.fit);
-    strcpy(setup.fit_method, "mba");
+    setup.fit.method = "mba";
     setup.fit.level = 2;
     setup.fit.hold_out = 0;
     setup.fit.threads = 1;

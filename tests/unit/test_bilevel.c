@@ -195,7 +195,8 @@ static double unseen_rmse(const gonio_samples *samples, const gonio_samples *uns
     o.level = 5;
     o.diffuse_level = 3;
     o.drop_percent = 98;
-    o.coordinates_set = o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
+    o.domain = GONIO_LINEAR;
     o.hold_out = 0;
     assert_int_equal(gonio_fit(samples, &o, &model, NULL, NULL), GONIO_OK);
     assert_int_equal(gonio_errors_model(model, unseen, NULL, 0, &errors, NULL), GONIO_OK);

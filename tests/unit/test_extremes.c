@@ -25,7 +25,8 @@ static gonio_fit_options plain(int level) {
     o.method = "mba";
     o.level = level;
     o.hold_out = 0;
-    o.coordinates_set = o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
+    o.domain = GONIO_LINEAR;
     return o;
 }
 

@@ -75,7 +75,7 @@ static void impossible_options_are_wrong_usage(void **state) {
     o[1].hold_out = 1;
     o[2].folds = 1;
     o[3].tolerance = -1;
-    o[4].thesis = o[4].domain_set = true;
+    o[4].thesis = true;
     o[4].domain = GONIO_LOG;
     o[5] = options("cbmba");
     o[5].diffuse_level = 6;
@@ -164,8 +164,7 @@ static void default_choice_is_accurate(void **state) {
     (void)state;
     gonio_samples *samples = simulate_samples(WARD, 1400, 1, 5), *unseen = simulate_samples(WARD, 4000, 1, 6);
     gonio_fit_options o = options("mba");
-    o.coordinates_set = true;
-    o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
     o.domain = GONIO_LOG;
     gonio_fit_report report;
     gonio_model *model = fit(samples, &o, &report);
@@ -224,10 +223,9 @@ static void anisotropic_samples_are_fitted_in_4d(void **state) {
             both[k]->values[i] *= 1 + 0.5 * cos(2 * both[k]->pairs[i].phi_i) * sin(both[k]->pairs[i].theta_i);
         }
     }
-    for (int system = 0; system < 3; system++) {
+    for (int system = 0; system < GONIO_COORDINATES; system++) {
         gonio_fit_options o = options("mba");
         o.level = 3;
-        o.coordinates_set = o.domain_set = true;
         o.coordinates = (gonio_coordinates)system;
         o.domain = GONIO_LOG;
         gonio_model *model = fit(samples, &o, NULL);
@@ -327,13 +325,14 @@ static void memory_is_predicted(void **state) {
         o.method = cases[k].method;
         o.level = cases[k].level;
         o.hold_out = cases[k].hold_out;
-        o.domain_set = o.coordinates_set = true;
+        o.coordinates = GONIO_NUSSELT;
+        o.domain = GONIO_LINEAR;
         o.threads = 2;
         const gonio_fit_size size = {.samples = samples->n,
                                      .channels = samples->channels,
                                      .dims = 3,
                                      .level = o.level,
-                                     .bilevel = strcmp(o.method, "cbmba") == 0,
+                                     .method = o.method,
                                      .hold_out = o.hold_out,
                                      .threads = 2};
         atomic_store(&heap_peak, 0);
@@ -362,7 +361,7 @@ static void large_streams_equal_the_batch(void **state) {
         gonio_fit_options_default(&o);
         o.method = "mba";
         o.level = 4;
-        o.coordinates_set = o.domain_set = true;
+        o.coordinates = GONIO_NUSSELT;
         o.domain = (gonio_domain)domain;
         o.hold_out = 0;
         gonio_model *first = NULL;
@@ -412,7 +411,8 @@ static void uncertainties_may_begin_late(void **state) {
     gonio_fit_options_default(&o);
     o.method = "mba";
     o.level = 3;
-    o.coordinates_set = o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
+    o.domain = GONIO_LINEAR;
     o.hold_out = 0;
     gonio_model *batch, *streamed;
     gonio_fit_stream *stream;

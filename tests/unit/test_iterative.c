@@ -177,7 +177,6 @@ static gonio_model *fitted(const gonio_samples *samples, int threads, gonio_fit_
     o.method = "lsq";
     o.hold_out = 0;
     o.level = 4; // quick
-    o.coordinates_set = true;
     o.coordinates = GONIO_HALF_VECTOR;
     o.threads = threads;
     assert_int_equal(gonio_fit(samples, &o, &model, report, NULL), GONIO_OK);
@@ -289,7 +288,7 @@ static void test_memory_limits_the_level(void **state) {
     gonio_fit_options_default(&o);
     o.method = "lsq";
     o.hold_out = 0;
-    o.coordinates_set = true;
+    o.coordinates = GONIO_NUSSELT;
     o.max_memory = 23000000; // the program's 20 MB, the samples and a small lattice
     assert_int_equal(gonio_fit(samples, &o, &model, &report, &error), GONIO_OK);
     assert_true(report.level >= 1 && report.level <= 3);

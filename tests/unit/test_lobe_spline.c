@@ -293,7 +293,7 @@ static void test_large_sets_tell_their_neighbours(void **state) {
     gonio_samples *samples = sampled("ward:rho_d=0.3,rho_s=0.2,alpha=0.3", 400, 0, 5);
     gonio_fit_options o = quick("lsq");
     gonio_fit_report free_choice, report;
-    o.coordinates_set = true;
+    o.coordinates = GONIO_NUSSELT;
     o.iterations = 10;
     gonio_model *model = fitted(samples, &o, &free_choice);
     assert_true(strstr(free_choice.note, "next better: none") != NULL);

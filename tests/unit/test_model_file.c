@@ -32,7 +32,6 @@ static gonio_model *fit(const char *method, const char *storage, gonio_domain do
     o.storage = storage;
     o.hold_out = 0;
     o.domain = domain;
-    o.domain_set = true;
     if (gonio_fit(samples, &o, &model, NULL, &error) != GONIO_OK) {
         fail_msg("%s", error.message);
     }

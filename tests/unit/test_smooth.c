@@ -344,7 +344,8 @@ static void test_large_fits_are_invariant(void **state) {
     (void)state;
     gonio_samples *samples = sampled(WARD, 2500, 0.01, 7);
     gonio_fit_options o = quick("lsq");
-    o.coordinates_set = o.domain_set = true;
+    o.coordinates = GONIO_NUSSELT;
+    o.domain = GONIO_LINEAR;
     o.level = 3;
     o.iterations = 6;
     check_invariances(samples, o);
@@ -356,7 +357,6 @@ static void test_symmetries_hold_everywhere(void **state) {
     gonio_samples *samples = sampled(WARD, 200, 0.05, 8);
     gonio_fit_options o = quick("lsq");
     o.symmetry = GONIO_SYMMETRY_MIRROR | GONIO_SYMMETRY_RECIPROCITY;
-    o.coordinates_set = true;
     o.coordinates = GONIO_HALF_VECTOR;
     gonio_model *model = fitted(samples, &o);
     uint64_t seed = 8;
@@ -429,7 +429,8 @@ static void test_beats_multilevel_approximation(void **state) {
     o.level = 6;
     gonio_model *mba = fitted(samples, &o);
     o = quick("lsq");
-    o.coordinates_set = o.domain_set = true; // Nusselt, linear: the same space
+    o.coordinates = GONIO_NUSSELT; // Nusselt, linear: the same space
+    o.domain = GONIO_LINEAR;
     gonio_model *lsq = fitted(samples, &o);
     gonio_errors a, b;
     assert_int_equal(gonio_errors_model(mba, unseen, NULL, 0, &a, NULL), GONIO_OK);
@@ -468,7 +469,6 @@ static void test_anisotropic_lobes(void **state) {
     for (int m = 0; m < 2; m++) {
         gonio_fit_options o = quick(methods[m]);
         o.level = 3;
-        o.coordinates_set = o.domain_set = true;
         o.coordinates = GONIO_HALF_VECTOR;
         o.domain = GONIO_LOG;
         gonio_model *model = fitted(sets[0], &o);
@@ -498,7 +498,6 @@ static void test_extreme_scales(void **state) {
             }
             gonio_fit_options o = quick("lsq");
             o.level = 3;
-            o.coordinates_set = o.domain_set = true;
             o.coordinates = GONIO_NUSSELT;
             o.domain = form % 2 == 0 ? GONIO_LINEAR : GONIO_LOG;
             o.lambda = 1e-3;

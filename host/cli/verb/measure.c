@@ -5,11 +5,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "host/cli/fit_arguments.h"
 #include "host/cli/measuring.h"
 
 typedef struct request {
     cli_rig_options rig;
-    const char *plan, *method;
+    const char *plan;
     gonio_fit_options fit;
     cli_measuring measuring;
 } request;
@@ -47,16 +48,6 @@ static gonio_status journal(gonio_session *session, const request *r, const cli_
 static gonio_status prepare(request *r, const cli_rig *rig, gonio_setup *setup, gonio_step **steps, size_t *n,
                             gonio_error *error) {
     *setup = (gonio_setup){.fit = r->fit};
-    if (r->method != NULL) {
-        const char *const *names = gonio_fit_methods();
-        while (*names != NULL && strcmp(*names, r->method) != 0) {
-            names++;
-        }
-        if (*names == NULL || strlen(r->method) >= sizeof setup->fit_method) {
-            return gonio_fail(error, GONIO_E_USAGE, "--method: unknown method '%s'", r->method);
-        }
-        strcpy(setup->fit_method, r->method);
-    }
     gonio_plan *plan;
     gonio_status status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
     if (status == GONIO_OK) {
@@ -111,34 +102,27 @@ const cli_verb cmd_measure = {"measure", "[--rig sim|RIG.ini] [--sample SPEC] [-
 
 static int run(int argc, char **argv) {
     request r = {.plan = "nusselt:1400"};
-    gonio_fit_options_default(&r.fit);
-    double hold_out = NAN;
+    cli_fit_arguments arguments = {0};
     cli_common common;
-    const cli_option options[] = {
+    const cli_option own[] = {
         CLI_RIG_OPTIONS(r.rig),
         {"plan", 0, CLI_TEXT, &r.plan, NULL, "PLAN", "uniform:STEP, nusselt:N (nusselt:1400) or a CSV of poses"},
         {"model", 0, CLI_TEXT, &r.measuring.model, NULL, "OUT", "where the model goes (SESSION/model.gonio)"},
-        {"method", 0, CLI_TEXT, &r.method, NULL, "NAME", "fit method"},
-        {"level", 0, CLI_INT, &r.fit.level, NULL, "N", "fit level (chosen by held-out error)"},
-        {"hold-out", 0, CLI_DOUBLE, &hold_out, NULL, "FRACTION", "of the geometries, to measure the fit's error (0.2)"},
         {"operator", 0, CLI_TEXT, &r.rig.operator_name, NULL, "NAME", "stored in the session"},
         {"sample-id", 0, CLI_TEXT, &r.rig.sample_id, NULL, "TEXT", "stored in the session"},
         {"notes", 0, CLI_TEXT, &r.rig.notes, NULL, "TEXT", "stored in the session"},
-        {"yes", 'y', CLI_FLAG, &r.measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
-        {0}};
+        {"yes", 'y', CLI_FLAG, &r.measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"}};
+    const int own_n = sizeof own / sizeof *own;
+    cli_option options[sizeof own / sizeof *own + GONIO_FIT_KEYS + 1] = {0};
+    memcpy(options, own, sizeof own);
+    cli_fit_rows(&arguments, options + own_n);
     const char *session;
     int count;
-    if (!cli_parse(&cmd_measure, options, argc, argv, &session, 1, 1, &count, &common)) {
+    if (!cli_parse(&cmd_measure, options, argc, argv, &session, 1, 1, &count, &common) ||
+        !cli_fit_read(&arguments, "measure", &common, &r.fit)) {
         return 2;
     }
-    if (r.fit.level != GONIO_LEVEL_AUTO && (r.fit.level < 0 || r.fit.level > GONIO_LEVEL_MAX)) {
-        return cli_usage(&common, "measure: --level: expected 0 to %d, found %d", GONIO_LEVEL_MAX, r.fit.level);
-    }
-    r.fit.hold_out = isnan(hold_out) ? 0.2 : hold_out;
-    if (!(r.fit.hold_out >= 0 && r.fit.hold_out < 1)) {
-        return cli_usage(&common, "measure: --hold-out: expected 0 to below 1, found %g", r.fit.hold_out);
-    }
-    r.fit.seed = r.rig.seed = common.seed;
+    r.rig.seed = common.seed;
     r.rig.threads = common.threads;
     r.measuring.common = &common;
     return run_request(&r, session);

@@ -207,7 +207,7 @@ static gonio_status find_model(gonio_session *session, const gonio_process *proc
     gonio_samples *samples;
     gonio_fit_report report;
     bool final;
-    const gonio_fit_options options = gonio_setup_fit(&process->setup);
+    const gonio_fit_options options = process->setup.fit;
     gonio_status status = gonio_session_final_samples(session, &samples, &final, error);
     if (status == GONIO_OK) {
         status = gonio_fit(samples, &options, model, &report, error);

@@ -1,0 +1,360 @@
+#include "base/keys.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/text.h"
+
+static void *at(const gonio_key *key, void *object) { return (char *)object + key->offset; }
+static const void *in(const gonio_key *key, const void *object) { return (const char *)object + key->offset; }
+
+void gonio_key_option(const gonio_key *key, char *text, size_t size) {
+    snprintf(text, size, "%s", key->option != NULL ? key->option : key->name);
+    for (char *c = text; *c != 0; c++) {
+        *c = *c == '_' ? '-' : *c;
+    }
+}
+
+// ---- what a value may be ----
+
+static void append(char *text, size_t size, const char *more) {
+    const size_t used = strlen(text);
+    snprintf(text + used, size - used, "%s", more);
+}
+
+// "a, b or c", with last (may be NULL) behind the names.
+static void list_names(const char *const *names, const char *last, char *text, size_t size) {
+    for (int i = 0; names[i] != NULL; i++) {
+        const bool is_last = names[i + 1] == NULL && last == NULL;
+        append(text, size, i == 0 ? "" : is_last ? " or " : ", ");
+        append(text, size, names[i]);
+    }
+    if (last != NULL) {
+        append(text, size, " or ");
+        append(text, size, last);
+    }
+}
+
+static bool bounded(const gonio_key *key) { return key->low != 0 || key->high != 0; }
+
+static void expected_number(const gonio_key *key, const char *what, char *text, size_t size) {
+    if (!bounded(key)) {
+        snprintf(text, size, "%s", what);
+    } else if (isinf(key->high)) {
+        snprintf(text, size, "%s from %g on", what, key->low);
+    } else {
+        snprintf(text, size, "%s from %g to %g", what, key->low, key->high);
+    }
+    append(text, size, key->automatic ? ", or auto" : "");
+}
+
+void gonio_key_expected(const gonio_key *key, char *text, size_t size) {
+    text[0] = 0;
+    switch (key->kind) {
+    case GONIO_KEY_REAL:
+        expected_number(key, "a number", text, size);
+        return;
+    case GONIO_KEY_INTEGER:
+        expected_number(key, "a whole number", text, size);
+        return;
+    case GONIO_KEY_REALS:
+        snprintf(text, size, "%zu numbers with commas between them", key->size / sizeof(double));
+        return;
+    case GONIO_KEY_SIZE:
+        snprintf(text, size, "a number of bytes, with k, M or G where it is large");
+        return;
+    case GONIO_KEY_SEED:
+        snprintf(text, size, "a whole number from 0 to 2^64 - 1");
+        return;
+    case GONIO_KEY_BOOLEAN:
+        snprintf(text, size, "0 or 1");
+        return;
+    case GONIO_KEY_TEXT:
+        snprintf(text, size, "at most %zu bytes", key->size - 1);
+        return;
+    case GONIO_KEY_NAME:
+    case GONIO_KEY_CHOICE:
+        list_names(key->names(), key->automatic ? "auto" : NULL, text, size);
+        return;
+    case GONIO_KEY_FLAGS:
+        list_names(key->names(), "none", text, size);
+        append(text, size, key->automatic ? ", several with commas between them, or auto" : ", several with commas");
+        return;
+    }
+}
+
+// ---- text to value ----
+
+static bool parse_real(const gonio_key *key, const char *text, double *value) {
+    char *end;
+    const double v = gonio_text_decimal(text, &end);
+    *value = v;
+    return end != text && *end == 0 && isfinite(v) && (!bounded(key) || (v >= key->low && v <= key->high));
+}
+
+static bool parse_reals(const gonio_key *key, const char *text, double *values) {
+    const size_t n = key->size / sizeof *values;
+    for (size_t k = 0; k < n; k++) {
+        char *end;
+        values[k] = gonio_text_decimal(text, &end);
+        if (end == text || !isfinite(values[k]) || *end != (k + 1 < n ? ',' : 0)) {
+            return false;
+        }
+        text = end + 1;
+    }
+    return true;
+}
+
+static bool parse_integer(const gonio_key *key, const char *text, int *value) {
+    char *end;
+    errno = 0;
+    const long v = strtol(text, &end, 10);
+    *value = (int)v;
+    return end != text && *end == 0 && errno == 0 && v == (int)v &&
+           (!bounded(key) || ((double)v >= key->low && (double)v <= key->high));
+}
+
+static bool parse_size(const char *text, size_t *value) {
+    static const char suffixes[] = "kMG";
+    char *end;
+    double number = gonio_text_decimal(text, &end);
+    const char *suffix = *end != 0 ? strchr(suffixes, *end) : NULL;
+    if (suffix != NULL) {
+        number *= pow(1000, (double)(suffix - suffixes + 1));
+        end++;
+    }
+    // Below 2^53 a double is the whole number itself.
+    *value = number >= 0 && number < 9e18 ? (size_t)number : 0;
+    if (suffix == NULL && *end == 0 && strspn(text, "0123456789") == strlen(text)) {
+        *value = (size_t)strtoull(text, NULL, 10);
+    }
+    return end != text && *end == 0 && number >= 0 && number < 9e18;
+}
+
+static bool parse_seed(const char *text, uint64_t *value) {
+    char *end;
+    errno = 0;
+    *value = strtoull(text, &end, 10);
+    return end != text && *end == 0 && errno == 0 && strchr(text, '-') == NULL;
+}
+
+static bool parse_flags(const char *const *names, const char *text, int *value) {
+    *value = 0;
+    if (strcmp(text, "none") == 0) {
+        return true;
+    }
+    for (;; text++) {
+        const size_t length = strcspn(text, ",");
+        char name[32];
+        snprintf(name, sizeof name, "%.*s", (int)length, text);
+        const int bit = length < sizeof name ? gonio_names_find(names, name) : -1;
+        if (bit < 0) {
+            return false;
+        }
+        *value |= 1 << bit;
+        text += length;
+        if (*text == 0) {
+            return true;
+        }
+    }
+}
+
+static bool parse_choice(const char *const *names, const char *text, int *value) {
+    *value = gonio_names_find(names, text);
+    return *value >= 0;
+}
+
+static bool parse_name(const char *const *names, const char *text, const char **value) {
+    const int found = gonio_names_find(names, text);
+    *value = found >= 0 ? names[found] : NULL;
+    return found >= 0;
+}
+
+// Room for one value of any kind but TEXT and REALS.
+typedef union value {
+    double real;
+    int integer;
+    size_t size;
+    uint64_t seed;
+    bool boolean;
+    const char *name;
+} value;
+
+static bool parse_single(const gonio_key *key, const char *text, value *v) {
+    if (key->automatic && strcmp(text, "auto") == 0) {
+        *v = key->kind == GONIO_KEY_REAL ? (value){.real = -1} : (value){.integer = -1};
+        return true;
+    }
+    switch (key->kind) {
+    case GONIO_KEY_REAL:
+        return parse_real(key, text, &v->real);
+    case GONIO_KEY_INTEGER:
+        return parse_integer(key, text, &v->integer);
+    case GONIO_KEY_SIZE:
+        return parse_size(text, &v->size);
+    case GONIO_KEY_SEED:
+        return parse_seed(text, &v->seed);
+    case GONIO_KEY_BOOLEAN:
+        v->boolean = strcmp(text, "1") == 0;
+        return v->boolean || strcmp(text, "0") == 0;
+    case GONIO_KEY_NAME:
+        return parse_name(key->names(), text, &v->name);
+    case GONIO_KEY_CHOICE:
+        return parse_choice(key->names(), text, &v->integer);
+    case GONIO_KEY_FLAGS:
+        return parse_flags(key->names(), text, &v->integer);
+    case GONIO_KEY_REALS:
+    case GONIO_KEY_TEXT:
+        break;
+    }
+    return false;
+}
+
+static bool parse(const gonio_key *key, void *object, const char *text) {
+    if (key->kind == GONIO_KEY_TEXT) {
+        const bool fits = strlen(text) < key->size;
+        if (fits) {
+            strcpy(at(key, object), text);
+        }
+        return fits;
+    }
+    if (key->kind == GONIO_KEY_REALS) {
+        double values[key->size / sizeof(double)];
+        const bool good = parse_reals(key, text, values);
+        if (good) {
+            memcpy(at(key, object), values, key->size);
+        }
+        return good;
+    }
+    value v = {0};
+    const bool good = parse_single(key, text, &v);
+    if (good) {
+        memcpy(at(key, object), &v, key->size);
+    }
+    return good;
+}
+
+gonio_status gonio_key_parse(const gonio_key *key, void *object, const char *text, gonio_error *error) {
+    if (parse(key, object, text)) {
+        return GONIO_OK;
+    }
+    char option[64], expected[256];
+    gonio_key_option(key, option, sizeof option);
+    gonio_key_expected(key, expected, sizeof expected);
+    return gonio_fail(error, GONIO_E_USAGE, "--%s: expected %s, found '%s'", option, expected, text);
+}
+
+// ---- value to text ----
+
+static void print_flags(const char *const *names, int flags, char *text, size_t size) {
+    snprintf(text, size, "%s", flags == 0 ? "none" : "");
+    for (int bit = 0; names[bit] != NULL; bit++) {
+        if ((flags & 1 << bit) != 0) {
+            append(text, size, text[0] != 0 ? "," : "");
+            append(text, size, names[bit]);
+        }
+    }
+}
+
+static int names_count(const char *const *names) {
+    int n = 0;
+    while (names[n] != NULL) {
+        n++;
+    }
+    return n;
+}
+
+static void print_integer(const gonio_key *key, int v, char *text, size_t size) {
+    if (key->automatic && v == -1) {
+        snprintf(text, size, "auto");
+    } else if (key->kind == GONIO_KEY_FLAGS) {
+        print_flags(key->names(), v, text, size);
+    } else if (key->kind == GONIO_KEY_CHOICE && v >= 0 && v < names_count(key->names())) {
+        snprintf(text, size, "%s", key->names()[v]);
+    } else {
+        snprintf(text, size, "%d", v);
+    }
+}
+
+static void print_reals(const double *values, size_t n, char *text, size_t size) {
+    text[0] = 0;
+    for (size_t k = 0; k < n; k++) {
+        char number[32];
+        gonio_text_shortest(values[k], number);
+        append(text, size, k > 0 ? "," : "");
+        append(text, size, number);
+    }
+}
+
+void gonio_key_print(const gonio_key *key, const void *object, char *text, size_t size) {
+    const void *v = in(key, object);
+    if (key->automatic && key->kind == GONIO_KEY_REAL && *(const double *)v == -1) {
+        snprintf(text, size, "auto");
+        return;
+    }
+    switch (key->kind) {
+    case GONIO_KEY_REAL:
+    case GONIO_KEY_REALS:
+        print_reals(v, key->size / sizeof(double), text, size);
+        return;
+    case GONIO_KEY_INTEGER:
+    case GONIO_KEY_CHOICE:
+    case GONIO_KEY_FLAGS:
+        print_integer(key, *(const int *)v, text, size);
+        return;
+    case GONIO_KEY_SIZE:
+        snprintf(text, size, "%zu", *(const size_t *)v);
+        return;
+    case GONIO_KEY_SEED:
+        snprintf(text, size, "%" PRIu64, *(const uint64_t *)v);
+        return;
+    case GONIO_KEY_BOOLEAN:
+        snprintf(text, size, "%d", *(const bool *)v);
+        return;
+    case GONIO_KEY_TEXT:
+        snprintf(text, size, "%s", (const char *)v);
+        return;
+    case GONIO_KEY_NAME: {
+        const char *name = *(const char *const *)v;
+        snprintf(text, size, "%s", name != NULL ? name : "");
+        return;
+    }
+    }
+}
+
+// ---- values of the object ----
+
+bool gonio_key_equal(const gonio_key *key, const void *a, const void *b) {
+    const void *x = in(key, a), *y = in(key, b);
+    if (key->kind == GONIO_KEY_TEXT) {
+        return strcmp(x, y) == 0;
+    }
+    if (key->kind == GONIO_KEY_NAME) {
+        const char *left = *(const char *const *)x, *right = *(const char *const *)y;
+        return left == right || (left != NULL && right != NULL && strcmp(left, right) == 0);
+    }
+    return memcmp(x, y, key->size) == 0;
+}
+
+void gonio_key_copy(const gonio_key *key, void *to, const void *from) {
+    memcpy(at(key, to), in(key, from), key->size);
+}
+
+gonio_status gonio_key_check(const gonio_key *key, const void *object, gonio_error *error) {
+    if (key->kind == GONIO_KEY_NAME && *(const char *const *)in(key, object) == NULL) {
+        return GONIO_OK;
+    }
+    char text[1024];
+    _Alignas(max_align_t) char copy[key->offset + key->size];
+    gonio_key_print(key, object, text, sizeof text);
+    gonio_status status = gonio_key_parse(key, copy, text, error);
+    if (status == GONIO_OK && !gonio_key_equal(key, copy, object)) {
+        status = gonio_fail(error, GONIO_E_USAGE, "%s: a value that stands for nothing", key->name);
+    }
+    return status;
+}

@@ -1,0 +1,171 @@
+#include "fit/options.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "brdf/spline/sparse.h"
+
+// ---- names ----
+
+#define NAME(id, number, name, summary) [number] = name,
+
+const char *const *gonio_domain_names(void) {
+    static const char *const names[] = {GONIO_DOMAIN_TABLE(NAME)[GONIO_DOMAINS] = NULL};
+    return names;
+}
+
+const char *const *gonio_symmetry_names(void) {
+    static const char *const names[] = {GONIO_SYMMETRY_TABLE(NAME) NULL};
+    return names;
+}
+
+const char *const *gonio_storage_names(void) {
+    static const char *const names[] = {GONIO_STORAGE_TABLE(NAME)[GONIO_STORAGES] = NULL};
+    return names;
+}
+
+const char *gonio_domain_name(gonio_domain domain) {
+    return domain == GONIO_DOMAIN_AUTO ? "auto" : gonio_domain_names()[domain];
+}
+
+// ---- the table ----
+
+#define ROW(member, kind) GONIO_KEY(gonio_fit_options, member, kind)
+
+const gonio_key gonio_fit_keys[] = {
+    {ROW(method, NAME), .names = gonio_fit_methods, .was = "fit_method", .argument = "NAME",
+     .help = "how to fit (auto)"},
+    {ROW(hold_out, REAL), .low = 0, .high = 1, .argument = "FRACTION",
+     .help = "of the geometries, to measure the error on (0.2); 0: none"},
+    {ROW(folds, INTEGER), .low = 0, .high = 1e6, .late = true, .argument = "K",
+     .help = "K-fold errors instead of one hold-out"},
+    {ROW(seed, SEED), .argument = "N", .help = "seed of everything random (1)"},
+    {ROW(max_memory, SIZE), .late = true, .argument = "BYTES", .help = "memory that fitting may take (what is free)"},
+    {ROW(level, INTEGER), .automatic = true, .low = 0, .high = GONIO_LEVEL_MAX, .argument = "N|auto",
+     .help = "lattice level (auto: by held-out error)"},
+    {ROW(tolerance, REAL), .low = 0, .high = INFINITY, .argument = "RMSE", .help = "the smallest level that meets it"},
+    {ROW(coordinates, CHOICE), .names = gonio_coordinates_names, .automatic = true, .late = true, .argument = "NAME"},
+    {ROW(domain, CHOICE), .names = gonio_domain_names, .automatic = true, .late = true, .argument = "NAME"},
+    {ROW(symmetry, FLAGS), .names = gonio_symmetry_names, .automatic = true, .late = true, .argument = "LIST"},
+    {ROW(thesis, BOOLEAN), .late = true, .help = "exactly Kameya's form: Nusselt, linear, no offset"},
+    {ROW(diffuse_level, INTEGER), .automatic = true, .low = 0, .high = GONIO_LEVEL_MAX, .late = true, .argument = "D",
+     .help = "level of the diffuse lattice"},
+    {ROW(drop_percent, REAL), .automatic = true, .low = 0, .high = 100, .late = true, .option = "drop", .argument = "C",
+     .help = "per cent of the control points to drop"},
+    {ROW(storage, NAME), .names = gonio_storage_names, .late = true, .argument = "NAME",
+     .help = "bricks of such numbers, or the thesis' hash"},
+    {ROW(lambda, REAL), .automatic = true, .late = true, .argument = "X",
+     .help = "smoothness (below 0: from the training data)"},
+    {ROW(iterations, INTEGER), .low = 0, .high = 1e9, .late = true, .argument = "N", .help = "at most N iterations"},
+    {ROW(max_error, REAL), .low = 0, .high = INFINITY, .late = true, .argument = "X",
+     .help = "the largest held-out error"},
+    {ROW(max_bytes, SIZE), .late = true, .argument = "BYTES", .help = "the largest model"},
+    {ROW(max_ns, REAL), .low = 0, .high = INFINITY, .late = true, .argument = "X", .help = "the slowest evaluation"},
+    {ROW(max_seconds, REAL), .low = 0, .high = INFINITY, .late = true, .argument = "X", .help = "the longest fit"},
+    {0}};
+_Static_assert(sizeof gonio_fit_keys / sizeof *gonio_fit_keys == GONIO_FIT_KEYS + 1, "the number of the options");
+
+void gonio_fit_options_default(gonio_fit_options *options) {
+    *options = (gonio_fit_options){.level = GONIO_LEVEL_AUTO,
+                                   .coordinates = GONIO_COORDINATES_AUTO,
+                                   .domain = GONIO_DOMAIN_AUTO,
+                                   .hold_out = 0.2,
+                                   .seed = 1,
+                                   .diffuse_level = -1,
+                                   .drop_percent = -1,
+                                   .lambda = -1,
+                                   .symmetry = GONIO_SYMMETRY_AUTO};
+}
+
+// ---- which method has which ----
+
+static const gonio_method_option *option_of(const gonio_method *method, const gonio_key *key) {
+    const gonio_method_option *o = method->options;
+    while (o->offset != 0 && o->offset != key->offset) {
+        o++;
+    }
+    return o->offset != 0 ? o : NULL;
+}
+
+const gonio_method *gonio_fit_method_of(const gonio_fit_options *options) {
+    const char *name = options->thesis && options->method == NULL ? "mba" : options->method;
+    return gonio_method_find(&name);
+}
+
+bool gonio_method_has(const gonio_method *method, const gonio_key *key) {
+    return key - gonio_fit_keys < GONIO_FIT_KEYS_COMMON || option_of(method, key) != NULL;
+}
+
+gonio_status gonio_method_refuse(const gonio_method *method, const gonio_key *key, gonio_error *error) {
+    char option[64], list[400] = "";
+    for (const gonio_key *k = gonio_fit_keys; k->name != NULL; k++) {
+        const size_t used = strlen(list);
+        gonio_key_option(k, option, sizeof option);
+        snprintf(list + used, sizeof list - used, gonio_method_has(method, k) ? " --%s" : "", option);
+    }
+    gonio_key_option(key, option, sizeof option);
+    return gonio_fail(error, GONIO_E_USAGE, "method '%s' has no --%s; it has%s", method->name, option, list);
+}
+
+gonio_status gonio_fit_options_check(const gonio_fit_options *options, const gonio_method *method, gonio_error *error) {
+    gonio_fit_options usual;
+    gonio_fit_options_default(&usual);
+    gonio_status status = GONIO_OK;
+    for (const gonio_key *k = gonio_fit_keys; k->name != NULL && status == GONIO_OK; k++) {
+        if (!gonio_method_has(method, k) && !gonio_key_equal(k, options, &usual)) {
+            return gonio_method_refuse(method, k, error);
+        }
+        status = gonio_key_check(k, options, error);
+    }
+    if (status == GONIO_OK && (options->hold_out == 1 || options->folds == 1)) {
+        status = gonio_fail(error, GONIO_E_USAGE, "hold-out %g, %d folds; 0 <= hold-out < 1 and folds 0 or >= 2",
+                            options->hold_out, options->folds);
+    }
+    const bool other_coordinates =
+        options->coordinates != GONIO_COORDINATES_AUTO && options->coordinates != GONIO_NUSSELT;
+    const bool other_domain = options->domain != GONIO_DOMAIN_AUTO && options->domain != GONIO_LINEAR;
+    if (status == GONIO_OK && options->thesis && (other_coordinates || other_domain)) {
+        status = gonio_fail(error, GONIO_E_USAGE, "the thesis' form is in Nusselt coordinates and the linear domain");
+    }
+    return status;
+}
+
+void gonio_fit_options_for(gonio_fit_options *options, const char *name) {
+    const gonio_method *method = gonio_method_find(&name);
+    gonio_fit_options usual;
+    gonio_fit_options_default(&usual);
+    options->method = name;
+    for (const gonio_key *k = gonio_fit_keys; k->name != NULL; k++) {
+        if (!gonio_method_has(method, k)) {
+            gonio_key_copy(k, options, &usual);
+        }
+    }
+}
+
+// ---- help ----
+
+static void append(char *text, size_t size, const char *before, const char *more) {
+    const size_t used = strlen(text);
+    snprintf(text + used, size - used, "%s%s", before, more);
+}
+
+void gonio_fit_option_help(const gonio_key *key, char *text, size_t size) {
+    text[0] = 0;
+    if (key->names != NULL) {
+        gonio_key_expected(key, text, size);
+    }
+    if (key->help != NULL) {
+        append(text, size, text[0] != 0 ? ": " : "", key->help);
+    }
+    const char *before = " [";
+    for (int i = 0; key - gonio_fit_keys >= GONIO_FIT_KEYS_COMMON && gonio_method_at(i) != NULL; i++) {
+        const gonio_method_option *o = option_of(gonio_method_at(i), key);
+        if (o != NULL) {
+            append(text, size, before, gonio_method_at(i)->name);
+            append(text, size, o->note != NULL ? ": " : "", o->note != NULL ? o->note : "");
+            before = ", ";
+        }
+    }
+    append(text, size, before[0] == ',' ? "]" : "", "");
+}
