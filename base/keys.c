@@ -341,9 +341,7 @@ bool gonio_key_equal(const gonio_key *key, const void *a, const void *b) {
     return memcmp(x, y, key->size) == 0;
 }
 
-void gonio_key_copy(const gonio_key *key, void *to, const void *from) {
-    memcpy(at(key, to), in(key, from), key->size);
-}
+void gonio_key_copy(const gonio_key *key, void *to, const void *from) { memcpy(at(key, to), in(key, from), key->size); }
 
 gonio_status gonio_key_check(const gonio_key *key, const void *object, gonio_error *error) {
     if (key->kind == GONIO_KEY_NAME && *(const char *const *)in(key, object) == NULL) {

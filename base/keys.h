@@ -26,19 +26,18 @@ typedef struct gonio_key {
     gonio_key_kind kind;
     size_t offset, size;
     const char *const *(*names)(void);
-    bool automatic;        // -1 is written "auto"
-    double low, high;      // of REAL and INTEGER; both 0: any finite value
-    const char *was;       // the member's name in files of earlier releases; NULL: the same
-    bool late;             // earlier releases lack it; it then keeps its default
-    const char *option;    // its name on the command line; NULL: the member's, with hyphens
-    const char *argument;  // "FRACTION"; NULL: none
+    bool automatic;       // -1 is written "auto"
+    double low, high;     // of REAL and INTEGER; both 0: any finite value
+    const char *was;      // the member's name in files of earlier releases; NULL: the same
+    bool late;            // earlier releases lack it; it then keeps its default
+    const char *option;   // its name on the command line; NULL: the member's, with hyphens
+    const char *argument; // "FRACTION"; NULL: none
     const char *help;
 } gonio_key;
 
 // The head of a row; designated members may follow it.
 #define GONIO_KEY(type, member, key_kind)                                                                              \
-    .name = #member, .kind = GONIO_KEY_##key_kind, .offset = offsetof(type, member),                                   \
-    .size = sizeof(((type *)0)->member)
+    .name = #member, .kind = GONIO_KEY_##key_kind, .offset = offsetof(type, member), .size = sizeof(((type *)0)->member)
 
 // The value of that name in a NULL-terminated array, -1 where there is none.
 static inline int gonio_names_find(const char *const *names, const char *name) {

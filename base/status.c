@@ -45,6 +45,7 @@ static void fill(gonio_error *error, gonio_status status, const char *file, long
     error->status = status;
     error->line = line;
     error->byte = byte;
+    error->step = error->frame = -1;
     // A message may quote the error it wraps, so it is formatted aside first.
     char text[sizeof error->message];
     vsnprintf(text, sizeof text, format, arguments);
@@ -75,5 +76,20 @@ gonio_status gonio_fail_byte(gonio_error *error, gonio_status status, const char
     va_start(arguments, format);
     fill(error, status, file, -1, byte, format, arguments);
     va_end(arguments);
+    return status;
+}
+
+gonio_status gonio_fail_frame(gonio_error *error, gonio_status status, long long step, int frame, const char *format,
+                              ...) {
+    char text[sizeof error->message];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    gonio_fail(error, status, "step %lld frame %d: %s", step, frame, text);
+    if (error != NULL) {
+        error->step = step;
+        error->frame = frame;
+    }
     return status;
 }

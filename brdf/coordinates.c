@@ -139,7 +139,10 @@ static void reflected_anisotropic(const coordinate_system *system, gonio_vec3 wi
     {                                                                                                                  \
         .map = {half_vector_isotropic, half_vector_anisotropic}, .stretch = (width), .limit = (bound),                 \
         .half_vector = true, .base = GONIO_HALF_VECTOR, .mirror_axes = {AXIS(1), AXIS(1) | AXIS(3)},                   \
-        .swap_axes = {AXIS(0) | AXIS(1), AXIS(2) | AXIS(3)}, .slow_axes = {{2, 1}, {2, 2}}                             \
+        .swap_axes = {AXIS(0) | AXIS(1), AXIS(2) | AXIS(3)}, .slow_axes = {                                            \
+            {2, 1},                                                                                                    \
+            {2, 2}                                                                                                     \
+        }                                                                                                              \
     }
 
 static const coordinate_system systems[GONIO_COORDINATES] = {

@@ -159,20 +159,20 @@ gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *expo
     const long long pose = f->stamp.pose;
     const int frame = f->stamp.frame;
     if (f->window.x != w->x || f->window.y != w->y || f->window.width != w->width || f->window.height != w->height) {
-        return gonio_fail(error, GONIO_E_INPUT, "step %lld frame %d: window %dx%d+%d+%d, expected %dx%d+%d+%d", pose,
-                          frame, f->window.width, f->window.height, f->window.x, f->window.y, w->width, w->height, w->x,
-                          w->y);
+        return gonio_fail_frame(error, GONIO_E_INPUT, pose, frame, "window %dx%d+%d+%d, expected %dx%d+%d+%d",
+                                f->window.width, f->window.height, f->window.x, f->window.y, w->width, w->height, w->x,
+                                w->y);
     }
     if (f->pixels == NULL || !(f->exposure_s > 0) || !isfinite(f->exposure_s)) {
-        return gonio_fail(error, GONIO_E_INPUT, "step %lld frame %d: exposure of %g s", pose, frame, f->exposure_s);
+        return gonio_fail_frame(error, GONIO_E_INPUT, pose, frame, "exposure of %g s", f->exposure_s);
     }
     if ((calib->dark.n > 0 || calib->prepared) && f->gain_db != calib->gain_db) {
-        return gonio_fail(error, GONIO_E_INPUT, "step %lld frame %d: gain %g dB; the dark frames had %g dB", pose,
-                          frame, f->gain_db, calib->gain_db);
+        return gonio_fail_frame(error, GONIO_E_INPUT, pose, frame, "gain %g dB; the dark frames had %g dB", f->gain_db,
+                                calib->gain_db);
     }
     if (exposure->monitor <= 0) {
-        return gonio_fail(error, GONIO_E_DEVICE, "step %lld frame %d: the lamp is off (monitor reads %g)", pose, frame,
-                          exposure->monitor);
+        return gonio_fail_frame(error, GONIO_E_DEVICE, pose, frame, "the lamp is off (monitor reads %g)",
+                                exposure->monitor);
     }
     return GONIO_OK;
 }

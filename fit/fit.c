@@ -127,8 +127,8 @@ static gonio_status held_out_errors(const gonio_samples *samples, const gonio_me
 static bool holds_out(const gonio_fit_options *o) { return o->hold_out > 0 || o->folds >= 2; }
 
 // The smallest level whose held-out RMSE (training, without a hold-out) meets the tolerance.
-static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_method *method,
-                                   gonio_fit_options *options, gonio_error *error) {
+static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_method *method, gonio_fit_options *options,
+                                   gonio_error *error) {
     const bool held = holds_out(options);
     double best = INFINITY;
     for (int level = 0; level <= GONIO_LEVEL_MAX; level++) {
@@ -199,9 +199,7 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_method *me
 }
 
 // The level that is certain to be fitted; 0 where the method chooses.
-static int given_level(const gonio_fit_options *o) {
-    return o->level >= 0 ? o->level : 0;
-}
+static int given_level(const gonio_fit_options *o) { return o->level >= 0 ? o->level : 0; }
 
 static void note_errors(const gonio_fit_options *o, bool searched, gonio_fit_report *report) {
     if (searched) {

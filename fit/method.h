@@ -19,8 +19,8 @@ typedef struct gonio_method_option {
 
 // Rows of `gonio tradeoff`: every level from `first` to `last` in these coordinates and this domain.
 typedef struct gonio_method_form {
-    int first, last;             // GONIO_LEVEL_AUTO: one row, the method chooses
-    int coordinates, domain;     // of the enums, AUTO among them, or GONIO_METHOD_EVERY: a row for each
+    int first, last;         // GONIO_LEVEL_AUTO: one row, the method chooses
+    int coordinates, domain; // of the enums, AUTO among them, or GONIO_METHOD_EVERY: a row for each
 } gonio_method_form;
 
 #define GONIO_METHOD_EVERY (-2)
@@ -29,8 +29,8 @@ typedef struct gonio_method_form {
 
 typedef struct gonio_method {
     const char *name;
-    const char *summary; // one line for --help
-    const char *kind;    // of the models that it makes (gonio_model_ops)
+    const char *summary;                // one line for --help
+    const char *kind;                   // of the models that it makes (gonio_model_ops)
     const gonio_method_option *options; // beside those that all methods have (fit/options.c); ends with {0}
     // Fit the samples (at least one). Every choice that the options leave open is made from these samples alone: the
     // driver (fit/fit.c) calls it for the whole set and again without each held-out part. Fills *out and, of the

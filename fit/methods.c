@@ -17,9 +17,7 @@ static const gonio_method *const methods[] = {
 #undef METHOD
 #define METHODS (sizeof methods / sizeof *methods)
 
-const gonio_method *gonio_method_at(int index) {
-    return index >= 0 && (size_t)index < METHODS ? methods[index] : NULL;
-}
+const gonio_method *gonio_method_at(int index) { return index >= 0 && (size_t)index < METHODS ? methods[index] : NULL; }
 
 const gonio_method *gonio_method_find(const char **name) {
     *name = *name != NULL ? *name : DEFAULT_METHOD;

@@ -1,4 +1,4 @@
-// Every error figure that Gonio prints (DESIGN section 2): per channel first, then the mean over the channels.
+// Every error figure that Gonio prints: per channel first, then the mean over the channels.
 //
 //   rmse        sqrt(mean (p - f)^2)                      channels: root of the mean square
 //   max_abs     max |p - f|                               Kameya's MAE

@@ -26,8 +26,8 @@ static size_t expand(const gonio_method *method, const gonio_method_form *form, 
         for (int d = GONIO_DOMAIN_AUTO; d < GONIO_DOMAINS; d++) {
             const bool every_c = form->coordinates == GONIO_METHOD_EVERY && c != GONIO_COORDINATES_AUTO;
             const bool every_d = form->domain == GONIO_METHOD_EVERY && d != GONIO_DOMAIN_AUTO;
-            for (int level = form->first; level <= form->last && (every_c || form->coordinates == c) &&
-                                          (every_d || form->domain == d);
+            for (int level = form->first;
+                 level <= form->last && (every_c || form->coordinates == c) && (every_d || form->domain == d);
                  level++) {
                 n = append(forms, limit, n,
                            (gonio_tradeoff_form){method->name, level, (gonio_coordinates)c, (gonio_domain)d});

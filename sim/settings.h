@@ -1,4 +1,4 @@
-// The simulated rig's settings, by the sections and keys of the rig file, and their defaults (DESIGN section 3).
+// The simulated rig's settings, by the sections and keys of the rig file, and their defaults.
 #ifndef GONIO_SIM_SETTINGS_H
 #define GONIO_SIM_SETTINGS_H
 

@@ -130,9 +130,8 @@ static gonio_status check_dark(const gonio_calib *calib, gonio_error *error) {
     }
     // Half the read noise, everywhere at once, is hundreds of standard errors of a window's mean.
     if (at != NULL && worst > 0.5 * sqrt(calib->noise.read_variance) + 0.5) {
-        return gonio_fail(error, GONIO_E_DEVICE,
-                          "step %lld frame %d: dark frame not dark: its mean lies %.1f DN above the other dark frames",
-                          (long long)at->stamp.pose, at->stamp.frame, worst);
+        return gonio_fail_frame(error, GONIO_E_DEVICE, at->stamp.pose, at->stamp.frame,
+                                "dark frame not dark: its mean lies %.1f DN above the other dark frames", worst);
     }
     return GONIO_OK;
 }
@@ -146,9 +145,9 @@ static gonio_status check_level(const gonio_calib *calib, gonio_error *error) {
         }
         const double mean = sum / (double)calib->pixels;
         if (mean > 0.5 * calib->saturation) {
-            return gonio_fail(error, GONIO_E_DEVICE,
-                              "step %lld frame %d: dark frame not dark: mean %.0f DN of %d at %g s",
-                              (long long)f->stamp.pose, f->stamp.frame, mean, calib->saturation, f->exposure_s);
+            return gonio_fail_frame(error, GONIO_E_DEVICE, f->stamp.pose, f->stamp.frame,
+                                    "dark frame not dark: mean %.0f DN of %d at %g s", mean, calib->saturation,
+                                    f->exposure_s);
         }
     }
     return GONIO_OK;

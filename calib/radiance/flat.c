@@ -210,9 +210,9 @@ gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
     }
     if (work.failed * 100 > calib->pixels || work.n == 0) {
         const stored_frame *f = &calib->reference.items[0];
-        status = gonio_fail(error, GONIO_E_DEVICE,
-                            "step %lld frame %d: reference overexposed: %zu of %zu pixels have no valid exposure",
-                            (long long)f->stamp.pose, f->stamp.frame, work.failed, calib->pixels);
+        status = gonio_fail_frame(error, GONIO_E_DEVICE, f->stamp.pose, f->stamp.frame,
+                                  "reference overexposed: %zu of %zu pixels have no valid exposure", work.failed,
+                                  calib->pixels);
         goto done;
     }
     describe_reference(calib, &work);

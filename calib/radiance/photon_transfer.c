@@ -143,13 +143,13 @@ static gonio_status check_light(const gonio_calib *calib, gonio_error *error) {
         }
     }
     if (best == NULL) {
-        return gonio_fail(error, GONIO_E_DEVICE, "step %lld frame %d: reference overexposed, as is every other one",
-                          (long long)first->stamp.pose, first->stamp.frame);
+        return gonio_fail_frame(error, GONIO_E_DEVICE, first->stamp.pose, first->stamp.frame,
+                                "reference overexposed, as is every other one");
     }
     if (brightest < 5 * sqrt(calib->noise.read_variance)) {
-        return gonio_fail(error, GONIO_E_DEVICE,
-                          "step %lld frame %d: the lamp is off: the reference reads %.1f DN above dark at %g s",
-                          (long long)first->stamp.pose, first->stamp.frame, brightest, best->exposure_s);
+        return gonio_fail_frame(error, GONIO_E_DEVICE, first->stamp.pose, first->stamp.frame,
+                                "the lamp is off: the reference reads %.1f DN above dark at %g s", brightest,
+                                best->exposure_s);
     }
     return GONIO_OK;
 }

@@ -84,9 +84,9 @@ static gonio_status check_trap(const gonio_calib *calib, double trap_rate, gonio
         return GONIO_OK;
     }
     const stored_frame *first = &calib->trap.items[0];
-    return gonio_fail(error, GONIO_E_DEVICE,
-                      "step %lld frame %d: the light trap is not dark: it reads %.3g %% of the white reference",
-                      (long long)first->stamp.pose, first->stamp.frame, 100 * trap_rate / white);
+    return gonio_fail_frame(error, GONIO_E_DEVICE, first->stamp.pose, first->stamp.frame,
+                            "the light trap is not dark: it reads %.3g %% of the white reference",
+                            100 * trap_rate / white);
 }
 
 gonio_status stray_prepare(gonio_calib *calib, gonio_error *error) {
@@ -106,9 +106,9 @@ gonio_status stray_prepare(gonio_calib *calib, gonio_error *error) {
         }
     }
     if (lost * 100 > sound) {
-        return gonio_fail(error, GONIO_E_DEVICE,
-                          "step %lld frame %d: light trap overexposed: %zu of %zu pixels have no valid exposure",
-                          (long long)first->stamp.pose, first->stamp.frame, lost, calib->pixels);
+        return gonio_fail_frame(error, GONIO_E_DEVICE, first->stamp.pose, first->stamp.frame,
+                                "light trap overexposed: %zu of %zu pixels have no valid exposure", lost,
+                                calib->pixels);
     }
     if (sound == 0) {
         return GONIO_OK; // no trap

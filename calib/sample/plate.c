@@ -81,20 +81,20 @@ static gonio_status check_disc(const gonio_calib *calib, const gonio_exposure *f
     const long long step = first->frame.stamp.pose;
     const double r = calib->facts.region_radius_mm;
     if ((double)invalid > INVALID_SHARE_MAX * (double)(valid + invalid)) {
-        return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no valid exposure for %zu of %zu pixels (%s)",
-                          step, first->frame.stamp.frame, invalid, valid + invalid,
-                          saturated > 0 ? "saturated even at the shortest" : "no light");
+        return gonio_fail_frame(error, GONIO_E_RANGE, step, first->frame.stamp.frame,
+                                "no valid exposure for %zu of %zu pixels (%s)", invalid, valid + invalid,
+                                saturated > 0 ? "saturated even at the shortest" : "no light");
     }
     area /= calib->camera.fx * calib->camera.fy;
     if (valid == 0 || area < COVERAGE_MIN * GONIO_PI * r * r) {
-        return gonio_fail(error, GONIO_E_RANGE,
-                          "step %lld frame %d: the window holds %.0f %% of the averaged disc of %g mm radius", step,
-                          first->frame.stamp.frame, 100 * area / (GONIO_PI * r * r), r);
+        return gonio_fail_frame(error, GONIO_E_RANGE, step, first->frame.stamp.frame,
+                                "the window holds %.0f %% of the averaged disc of %g mm radius",
+                                100 * area / (GONIO_PI * r * r), r);
     }
     for (int k = 0; k < calib->channels; k++) {
         if (sums[k].valid == 0) {
-            return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no pixel of channel %s in the averaged disc",
-                              step, first->frame.stamp.frame, calib->names[k]);
+            return gonio_fail_frame(error, GONIO_E_RANGE, step, first->frame.stamp.frame,
+                                    "no pixel of channel %s in the averaged disc", calib->names[k]);
         }
     }
     return GONIO_OK;
@@ -110,11 +110,10 @@ static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *
     if (gonio_radians(pointing) * sin(pair->theta_i) < INCIDENCE_MAX * cos(pair->theta_i)) {
         return GONIO_OK;
     }
-    return gonio_fail(error, GONIO_E_RANGE,
-                      "step %lld frame %d: theta_i %.6g deg grazes so far that pointing to %.2g deg leaves its "
-                      "irradiance unknown",
-                      (long long)first->frame.stamp.pose, first->frame.stamp.frame, gonio_degrees(pair->theta_i),
-                      pointing);
+    return gonio_fail_frame(error, GONIO_E_RANGE, first->frame.stamp.pose, first->frame.stamp.frame,
+                            "theta_i %.6g deg grazes so far that pointing to %.2g deg leaves its "
+                            "irradiance unknown",
+                            gonio_degrees(pair->theta_i), pointing);
 }
 
 static gonio_status check_edges(const gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *first,
@@ -124,8 +123,7 @@ static gonio_status check_edges(const gonio_calib *calib, const gonio_pair *pose
     if ((flags & (GONIO_EDGE_REGION | GONIO_EDGE_UNLIT)) == 0) {
         return GONIO_OK;
     }
-    return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: %s", (long long)first->frame.stamp.pose,
-                      first->frame.stamp.frame, text);
+    return gonio_fail_frame(error, GONIO_E_RANGE, first->frame.stamp.pose, first->frame.stamp.frame, "%s", text);
 }
 
 gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,

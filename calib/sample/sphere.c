@@ -109,8 +109,8 @@ gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, i
         }
     }
     if (made == 0) {
-        return gonio_fail(error, GONIO_E_RANGE, "step %lld frame %d: no pixel of the sphere has a valid exposure",
-                          (long long)exposures[0].frame.stamp.pose, exposures[0].frame.stamp.frame);
+        return gonio_fail_frame(error, GONIO_E_RANGE, exposures[0].frame.stamp.pose, exposures[0].frame.stamp.frame,
+                                "no pixel of the sphere has a valid exposure");
     }
     return GONIO_OK;
 }

@@ -57,7 +57,7 @@ int cli_usage(const cli_common *common, const char *format, ...) __attribute__((
 // Print the object as one line on stdout and release it; returns 0.
 int cli_json(json_t *object);
 json_t *cli_json_real(double value);                 // null for NaN and infinities
-json_t *cli_json_errors(const gonio_errors *errors); // E of DESIGN section 3
+json_t *cli_json_errors(const gonio_errors *errors); // {"rmse", "max_abs" ...}: "train" and "held_out" of fit
 void cli_print_errors(const char *label, const gonio_errors *errors);
 
 // Progress on stderr: one line that rewrites itself on a TTY, else a plain line now and then. error_now may be NaN.

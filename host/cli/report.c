@@ -1,4 +1,4 @@
-// Results and failures, for people and as JSON (DESIGN section 3).
+// Results and failures, for people and as JSON.
 #include "host/cli/cli.h"
 
 #include <math.h>

@@ -53,8 +53,8 @@ typedef struct gonio_fit_options {
     double hold_out;    // fraction of the unique geometries; 0: none
     int folds;          // >= 2: K-fold instead of one hold-out
     uint64_t seed;
-    size_t max_memory; // bytes that fitting may take, the samples included; 0: what the machine has free
-    int threads;       // 0: all
+    size_t max_memory;          // bytes that fitting may take, the samples included; 0: what the machine has free
+    int threads;                // 0: all
     gonio_progress_fn progress; // NULL: none
     void *progress_context;
     // From here on: the methods' own.

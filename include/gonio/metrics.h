@@ -1,4 +1,4 @@
-// Every error figure that Gonio prints (DESIGN section 2), computed in one place.
+// Every error figure that Gonio prints, computed in one place.
 #ifndef GONIO_METRICS_H
 #define GONIO_METRICS_H
 

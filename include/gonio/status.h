@@ -38,6 +38,8 @@ typedef struct gonio_error {
     char file[256];    // the file at fault; empty where none is
     long long line;    // 1-based line of a text file; -1 where there is none
     long long byte;    // 0-based offset in a binary file; -1 where there is none
+    long long step;    // of a session, the frame at fault; -1 where none is
+    int frame;         // its number within the step; -1
 } gonio_error;
 
 // The short text of a status; static storage.
@@ -56,6 +58,10 @@ gonio_status gonio_fail_line(gonio_error *error, gonio_status status, const char
 // The same for a binary file: byte is a 0-based offset, or -1.
 gonio_status gonio_fail_byte(gonio_error *error, gonio_status status, const char *file, long long byte,
                              const char *format, ...) __attribute__((format(printf, 5, 6)));
+
+// The same for a frame of a step; the message begins with both.
+gonio_status gonio_fail_frame(gonio_error *error, gonio_status status, long long step, int frame, const char *format,
+                              ...) __attribute__((format(printf, 5, 6)));
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
 // How often a model's error lies within 2 of its sigmas, pooled over seeds: materials x noise, and in each where
 // samples are dense, sparse, and where there are none, in the lobe (specular above a tenth of the diffuse term) and in
-// the base apart, and in bands of the larger theta. Wanted (DESIGN section 2): 90 to 99 % and a median |error|/sigma of
+// the base apart, and in bands of the larger theta. Wanted: 90 to 99 % and a median |error|/sigma of
 // 0.5 to 0.85. Printed, and cells outside are counted; apart, those where the typical error is below 1e-4 of the value,
 // the least sigma that a model states.
 //

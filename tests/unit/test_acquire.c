@@ -12,11 +12,12 @@
 
 #include <cmocka.h>
 
+#include "fit/options.h"
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
 #include "host/drivers/null.h"
+#include "tests/unit/key_values.h"
 #include "tests/unit/session_folder.h"
-
 
 typedef struct bench {
     gonio_sim *sim;
@@ -179,6 +180,46 @@ static void test_setup_comes_back(void **state) {
     assert_int_equal(gonio_session_put(session, "window", "{\"x\":1}", NULL), GONIO_OK);
     assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "window"));
+    gonio_session_close(session);
+}
+
+// Every option of the fit, whatever it is, and what sessions of earlier releases hold of them.
+static void test_fit_options_come_back(void **state) {
+    (void)state;
+    gonio_session *session;
+    gonio_error error = {0};
+    assert_int_equal(gonio_session_create(path, &session, NULL), GONIO_OK);
+    gonio_setup setup = {0}, back;
+    gonio_fit_options_default(&setup.fit);
+    assert_int_equal(gonio_setup_put(session, &setup, &error), GONIO_OK);
+    assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_OK);
+    for (const gonio_key *key = gonio_fit_keys; key->name != NULL; key++) {
+        assert_true(gonio_key_equal(key, &setup.fit, &back.fit));
+        set_other(key, &setup.fit);
+    }
+    assert_int_equal(gonio_setup_put(session, &setup, &error), GONIO_OK);
+    assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_OK);
+    for (const gonio_key *key = gonio_fit_keys; key->name != NULL; key++) {
+        if (!gonio_key_equal(key, &setup.fit, &back.fit)) {
+            fail_msg("%s does not come back", key->name);
+        }
+    }
+    static const char first[] = "{\"fit_method\":\"lsq\",\"fit.level\":4,\"fit.tolerance\":0.0,"
+                                "\"fit.hold_out\":0.25,\"fit.seed\":\"7\"}";
+    gonio_fit_options usual;
+    gonio_fit_options_default(&usual);
+    usual.method = "lsq";
+    usual.level = 4;
+    usual.hold_out = 0.25;
+    usual.seed = 7;
+    assert_int_equal(gonio_session_put(session, "fit", first, &error), GONIO_OK);
+    assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_OK);
+    for (const gonio_key *key = gonio_fit_keys; key->name != NULL; key++) {
+        assert_true(gonio_key_equal(key, &usual, &back.fit));
+    }
+    assert_int_equal(gonio_session_put(session, "fit", "{\"fit_method\":\"nonsense\"}", &error), GONIO_OK);
+    assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_E_INPUT);
+    assert_non_null(strstr(error.message, "method"));
     gonio_session_close(session);
 }
 
@@ -434,6 +475,7 @@ int main(void) {
         T(test_steps_make_short_moves),
         T(test_windows),
         T(test_setup_comes_back),
+        T(test_fit_options_come_back),
         T(test_a_scan_in_pieces),
         T(test_frames_give_the_samples_again),
         T(test_dark_frames_that_are_not_dark),

@@ -30,6 +30,17 @@ static void every_status_has_its_texts(void **state) {
     assert_string_equal(gonio_status_name((gonio_status)-99), "E_UNKNOWN");
 }
 
+static void an_error_tells_which_frame(void **state) {
+    (void)state;
+    gonio_error e = {0};
+    assert_int_equal(gonio_fail_frame(&e, GONIO_E_DEVICE, 12, 3, "%d of %d", 4, 5), GONIO_E_DEVICE);
+    assert_string_equal(e.message, "step 12 frame 3: 4 of 5");
+    assert_true(e.step == 12 && e.frame == 3);
+    gonio_fail(&e, GONIO_E_DEVICE, "none");
+    assert_true(e.step == -1 && e.frame == -1);
+    assert_int_equal(gonio_fail_frame(NULL, GONIO_E_IO, 0, 0, "nobody listens"), GONIO_E_IO);
+}
+
 static void an_error_tells_where(void **state) {
     (void)state;
     gonio_error e = {0};
@@ -63,6 +74,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_texts),
         cmocka_unit_test(an_error_tells_where),
+        cmocka_unit_test(an_error_tells_which_frame),
         cmocka_unit_test(an_error_may_quote_itself_and_be_too_long),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

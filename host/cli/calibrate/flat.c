@@ -60,12 +60,11 @@ static gonio_status add_file(const settings *s, const frame_row *row, int index,
     return status;
 }
 
-// Which of the listed files the message speaks of.
+// The listed file at fault: its frame has the row's number.
 static void name_file(const frame_row *rows, size_t n, gonio_error *error) {
-    size_t frame;
-    if (sscanf(error->message, "step 0 frame %zu:", &frame) == 1 && frame < n &&
-        strlen(rows[frame].path) < sizeof error->file) {
-        strcpy(error->file, rows[frame].path);
+    const bool one = error->step == 0 && error->frame >= 0 && (size_t)error->frame < n;
+    if (one && strlen(rows[error->frame].path) < sizeof error->file) {
+        strcpy(error->file, rows[error->frame].path);
     }
 }
 

@@ -19,8 +19,7 @@ typedef struct table {
 // What was asked for and what the method made of it, for people: "half-vector log lambda=1e-5".
 static void describe(const gonio_tradeoff_row *row, char *text, size_t size) {
     snprintf(text, size, "%s %s%s%s", gonio_coordinates_name(row->report.coordinates),
-             gonio_domain_name(row->report.domain), row->report.options[0] != '\0' ? " " : "",
-             row->report.options);
+             gonio_domain_name(row->report.domain), row->report.options[0] != '\0' ? " " : "", row->report.options);
 }
 
 static void print_number(FILE *f, double value) {
