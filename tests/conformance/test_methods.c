@@ -19,7 +19,8 @@
 
 #define ISOTROPIC "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
 #define ANISOTROPIC "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4"
-#define SAMPLES 40
+#define SAMPLES 16      // a second lobe needs 14
+#define MORE_SAMPLES 40 // lobes below a spline need 30
 #define LEVEL 2
 
 static char path[64];
@@ -172,7 +173,7 @@ static void test_forms_of_the_trade_off(void **state) {
     (void)state;
     const size_t n = gonio_tradeoff_forms(NULL, 0);
     gonio_tradeoff_form *forms = calloc(n, sizeof *forms);
-    gonio_samples *samples = simulate_samples(ISOTROPIC, SAMPLES, 1, 3);
+    gonio_samples *samples = simulate_samples(ISOTROPIC, MORE_SAMPLES, 1, 3);
     gonio_fit_options o;
     gonio_fit_options_default(&o);
     o.hold_out = 0;
@@ -264,7 +265,7 @@ static void scale(gonio_samples *samples, int exponent) {
 
 static void test_scaling_by_powers_of_two_is_exact(void **state) {
     (void)state;
-    static const int exponents[] = {-40, 3, 100};
+    static const int exponents[] = {-40, 100};
     gonio_samples *samples = simulate_samples(ISOTROPIC, SAMPLES, 2, 5);
     for (int i = 0; gonio_method_at(i) != NULL; i++) {
         const gonio_fit_options o = quick(gonio_method_at(i));
@@ -344,6 +345,18 @@ static void test_threads_give_the_same_bits(void **state) {
     gonio_samples_free(sets[1]);
 }
 
+static void check_constant(const gonio_method *method, const gonio_model *model, const gonio_samples *one) {
+    double value, values[DIRECTIONS];
+    gonio_model_eval_pair(model, one->pairs, &value);
+    if (!(fabs(value - one->values[0]) <= 1e-3 * one->values[0])) {
+        fail_msg("%s: one sample of %g is fitted by %g", method->name, one->values[0], value);
+    }
+    evaluate(model, values);
+    for (int d = 0; d < DIRECTIONS; d++) {
+        assert_true(isfinite(values[d]));
+    }
+}
+
 // One sample: its value there, or an error that says what is missing; never nonsense.
 static void test_one_sample_and_none(void **state) {
     (void)state;
@@ -354,17 +367,13 @@ static void test_one_sample_and_none(void **state) {
         gonio_fit_options o = quick(method);
         gonio_model *model;
         gonio_error error = {0};
-        double value, values[DIRECTIONS];
-        model = fitted(one, &o, NULL);
-        gonio_model_eval_pair(model, one->pairs, &value);
-        if (!(fabs(value - one->values[0]) <= 1e-3 * one->values[0])) {
-            fail_msg("%s: one sample of %g is fitted by %g", method->name, one->values[0], value);
+        if (gonio_fit(one, &o, &model, NULL, &error) == GONIO_OK) {
+            check_constant(method, model, one);
+            gonio_model_free(model);
+        } else {
+            assert_int_equal(error.status, GONIO_E_INPUT);
+            assert_non_null(strstr(error.message, "need at least"));
         }
-        evaluate(model, values);
-        for (int d = 0; d < DIRECTIONS; d++) {
-            assert_true(isfinite(values[d]));
-        }
-        gonio_model_free(model);
         assert_int_equal(gonio_fit(none, &o, &model, NULL, &error), GONIO_E_INPUT);
         assert_null(model);
         assert_non_null(strstr(error.message, "no samples"));

@@ -9,6 +9,7 @@ exits "tradeoff" 0 "$GONIO" tradeoff "$work/s.csv" -o "$work/t" --json
 check "a row has every key" json "all(k in r for r in d['rows'] for k in 'method level options fit_seconds eval_ns bytes train held_out pareto'.split())"
 check "every method has a row" json "{'mba','lsq','auto','ggx','cook-torrance'} <= {r['method'] for r in d['rows']} and not d['failed']"
 check "mba has 8 levels in 5 coordinates and 2 domains" json "sum(r['method']=='mba' for r in d['rows'])==80"
+check "each of them in every coordinates" json "all(sum(r['method']=='mba' and r['options'].split()[0]==c for r in d['rows'])==16 for c in 'nusselt half-vector reflected half-vector-narrow half-vector-wide'.split())"
 check "the most accurate row is on the front" json "any(r['pareto'] for r in d['rows'] if r['held_out']['rms_log']==min(q['held_out']['rms_log'] for q in d['rows']))"
 check "a least-squares fit beats every multilevel one" json "min(r['held_out']['median_rel'] for r in d['rows'] if r['method'] in ('lsq','auto')) < min(r['held_out']['median_rel'] for r in d['rows'] if r['method']=='mba')"
 check "the table has a line a row" python3 -c "

@@ -15,6 +15,20 @@ typedef struct request {
     cli_measuring measuring;
 } request;
 
+// A resume may run in another folder: the model's place is kept as an absolute path.
+static gonio_status put_model_place(gonio_session *session, const char *model, gonio_error *error) {
+    char folder[4096] = "", *place;
+    if (model[0] != '/' && getcwd(folder, sizeof folder) == NULL) {
+        return gonio_fail(error, GONIO_E_IO, "cannot tell the working folder, in which the model is to go");
+    }
+    if (asprintf(&place, "%s%s%s", folder, folder[0] != 0 ? "/" : "", model) < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    const gonio_status status = gonio_session_put(session, "model", place, error);
+    free(place);
+    return status;
+}
+
 static gonio_status journal(gonio_session *session, const request *r, const cli_rig *rig, const gonio_setup *setup,
                             const gonio_step *steps, size_t n, gonio_error *error) {
     gonio_status status = gonio_session_begin(session, error);
@@ -30,6 +44,9 @@ static gonio_status journal(gonio_session *session, const request *r, const cli_
     }
     if (status == GONIO_OK) {
         status = gonio_setup_put(session, setup, error);
+    }
+    if (status == GONIO_OK && r->measuring.model != NULL) {
+        status = put_model_place(session, r->measuring.model, error);
     }
     if (status == GONIO_OK) {
         status = gonio_session_put_steps(session, steps, n, error);

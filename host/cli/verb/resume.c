@@ -35,7 +35,7 @@ static int run(int argc, char **argv) {
     cli_measuring measuring = {.common = &common, .resumed = true};
     cli_list set = {0};
     const cli_option options[] = {
-        {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "where the model goes (SESSION/model.gonio)"},
+        {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "where the model goes (where measure was told)"},
         {"set", 0, CLI_LIST, &set, NULL, "SECTION.KEY=VALUE", "change what has changed on the rig since"},
         {"yes", 'y', CLI_FLAG, &measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
         {0}};
@@ -46,6 +46,7 @@ static int run(int argc, char **argv) {
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_session *session = NULL;
+    char *place = NULL; // of the model, as measure was told
     gonio_setup setup;
     cli_rig rig = {0};
     cli_catch_interrupts();
@@ -63,10 +64,14 @@ static int run(int argc, char **argv) {
         if (is_finished(session)) {
             fprintf(stderr, "the session is finished; fitting it again\n");
         }
+        if (measuring.model == NULL && gonio_session_get(session, "model", &place, NULL) == GONIO_OK) {
+            measuring.model = place;
+        }
         gonio_session_event(session, "resumed", "", NULL);
         rig.journal = session;
         exit_status = cli_measuring_run(&measuring, session, &rig.rig);
     }
+    free(place);
     cli_rig_close(&rig);
     gonio_session_close(session);
     return exit_status;
