@@ -4,6 +4,7 @@
 
 #include <jansson.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "gonio/metrics.h"
@@ -56,7 +57,14 @@ int cli_fail(const cli_common *common, const gonio_error *error);
 int cli_usage(const cli_common *common, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // Print the object as one line on stdout and release it; returns 0.
 int cli_json(json_t *object);
-json_t *cli_json_real(double value);                 // null for NaN and infinities
+json_t *cli_json_real(double value); // null for NaN and infinities
+// The figures of gonio_errors that are numbers, by name; ends with {0}.
+typedef struct cli_figure {
+    const char *name;
+    size_t offset; // of a double in gonio_errors
+} cli_figure;
+extern const cli_figure cli_figures[];
+double cli_figure_of(const cli_figure *figure, const gonio_errors *errors);
 json_t *cli_json_errors(const gonio_errors *errors); // {"rmse", "max_abs" ...}: "train" and "held_out" of fit
 void cli_print_errors(const char *label, const gonio_errors *errors);
 

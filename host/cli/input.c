@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/keys.h"
 #include "gonio/session.h"
 
 // A wavelength is given in nm; nobody measures below 20 nm or beyond 20 um, so a small number is in um.

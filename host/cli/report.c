@@ -51,11 +51,22 @@ int cli_usage(const cli_common *common, const char *format, ...) {
     return cli_fail(common, &error);
 }
 
+#define FIGURE(member)                                                                                                 \
+    { #member, offsetof(gonio_errors, member) }
+const cli_figure cli_figures[] = {
+    FIGURE(rmse), FIGURE(max_abs), FIGURE(max_rel), FIGURE(median_rel), FIGURE(rms_log), FIGURE(rmse_70), {0}};
+
+double cli_figure_of(const cli_figure *figure, const gonio_errors *errors) {
+    return *(const double *)((const char *)errors + figure->offset);
+}
+
 json_t *cli_json_errors(const gonio_errors *e) {
-    return json_pack("{s:o,s:o,s:o,s:o,s:o,s:o,s:I}", "rmse", cli_json_real(e->rmse), "max_abs",
-                     cli_json_real(e->max_abs), "max_rel", cli_json_real(e->max_rel), "median_rel",
-                     cli_json_real(e->median_rel), "rms_log", cli_json_real(e->rms_log), "rmse_70",
-                     cli_json_real(e->rmse_70), "samples", (json_int_t)e->samples);
+    json_t *object = json_object();
+    for (const cli_figure *f = cli_figures; f->name != NULL; f++) {
+        json_object_set_new(object, f->name, cli_json_real(cli_figure_of(f, e)));
+    }
+    json_object_set_new(object, "samples", json_integer((json_int_t)e->samples));
+    return object;
 }
 
 void cli_print_errors(const char *label, const gonio_errors *e) {

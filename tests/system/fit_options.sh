@@ -31,7 +31,7 @@ exits "thesis in other coordinates" 2 "$GONIO" fit none.csv --thesis --coordinat
 # survives NAME OPTION...: a measure killed among its poses, resumed in another folder and replayed has the model that
 # fit makes of the session's samples with these options.
 survives() {
-    name=$1
+    set=$1
     shift
     rm -rf "$work/s"
     "$GONIO" measure --sample $ward --plan nusselt:30 --set scan.dark_frames=4,scan.reference_frames=4 "$@" "$work/s" \
@@ -42,11 +42,11 @@ survives() {
     done
     kill -KILL $pid 2>/dev/null
     wait $pid 2>/dev/null
-    check "$name: it was killed before its end" [ ! -e "$work/s/model.gonio" ]
-    check "$name: resume" "$GONIO" resume "$work/s"
-    check "$name: replay gives the same bits" "$GONIO" replay "$work/s"
-    check "$name: fit" "$GONIO" fit "$work/s" -o "$work/model" "$@"
-    check "$name: the model is the one that was asked for" cmp "$work/model" "$work/s/model.gonio"
+    check "$set: it was killed before its end" [ ! -e "$work/s/model.gonio" ]
+    check "$set: resume" "$GONIO" resume "$work/s"
+    check "$set: replay gives the same bits" "$GONIO" replay "$work/s"
+    check "$set: fit" "$GONIO" fit "$work/s" -o "$work/model" "$@"
+    check "$set: the model is the one that was asked for" cmp "$work/model" "$work/s/model.gonio"
 }
 survives mba --method mba --level 3 --coordinates half-vector-wide --domain log --symmetry none --folds 3 \
     --max-bytes 2G --max-memory 2G --seed 5

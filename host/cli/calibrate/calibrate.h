@@ -69,4 +69,7 @@ typedef struct frame_row {
 // The caller frees *rows.
 gonio_status frame_list_read(const char *path, frame_row **rows, size_t *n, gonio_error *error);
 
+// What stands in the lists of views for each gonio_rig_object.
+extern const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS];
+
 #endif

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/keys.h"
 #include "host/cli/calibrate/calibrate.h"
 
 typedef struct settings {
@@ -22,16 +23,16 @@ typedef struct work {
     gonio_response_curve curve;
 } work;
 
-static const char *const methods[] = {"spline", "emor", "debevec", "robertson"};
+static const char *const methods[] = {[GONIO_RESPONSE_SPLINE] = "spline",
+                                      [GONIO_RESPONSE_EMOR] = "emor",
+                                      [GONIO_RESPONSE_DEBEVEC] = "debevec",
+                                      [GONIO_RESPONSE_ROBERTSON] = "robertson",
+                                      NULL};
 
 static bool parse_method(const char *name, gonio_response_method *method) {
-    for (int k = 0; k < 4; k++) {
-        if (strcmp(name, methods[k]) == 0) {
-            *method = (gonio_response_method)k;
-            return true;
-        }
-    }
-    return false;
+    const int found = gonio_names_find(methods, name);
+    *method = found >= 0 ? (gonio_response_method)found : *method;
+    return found >= 0;
 }
 
 static gonio_status read_images(const settings *s, work *w, gonio_error *error) {

@@ -11,7 +11,7 @@
 #define HEADER "file,object,light_theta,light_phi,camera_theta,camera_phi"
 #define VIEWS_MAX 4096
 
-static const char *const objects[GONIO_RIG_OBJECTS] = {"board", "ball", "mirror"};
+const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS] = {"board", "ball", "mirror"};
 static const char *const axis_names[4] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
 
 // ---- frames from a list ----
@@ -27,7 +27,7 @@ static gonio_status parse_row(const char *path, long long line, char *text, char
         return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected a row of " HEADER);
     }
     int k = 0;
-    while (k < GONIO_RIG_OBJECTS && strcmp(objects[k], object) != 0) {
+    while (k < GONIO_RIG_OBJECTS && strcmp(calibrate_rig_objects[k], object) != 0) {
         k++;
     }
     if (k == GONIO_RIG_OBJECTS) {
@@ -124,8 +124,8 @@ static json_t *as_json(const gonio_rig_report *r, const calibrate_rig_views *vie
                                       "range_deg", r->range_deg[k]));
     }
     for (int k = 0; k < GONIO_RIG_OBJECTS; k++) {
-        json_object_set_new(counts, objects[k], json_integer(r->views[k]));
-        json_object_set_new(noise, objects[k], cli_json_real(r->noise_px[k]));
+        json_object_set_new(counts, calibrate_rig_objects[k], json_integer(r->views[k]));
+        json_object_set_new(noise, calibrate_rig_objects[k], cli_json_real(r->noise_px[k]));
     }
     for (int i = 0; i < views->n; i++) {
         if (!views->items[i].used) {
@@ -146,7 +146,7 @@ static void print(const gonio_rig_report *r, const calibrate_rig_views *views) {
     }
     for (int k = 0; k < GONIO_RIG_OBJECTS; k++) {
         if (r->views[k] > 0) {
-            printf("%-14s %3d frames, noise %.3f px\n", objects[k], r->views[k], r->noise_px[k]);
+            printf("%-14s %3d frames, noise %.3f px\n", calibrate_rig_objects[k], r->views[k], r->noise_px[k]);
         }
     }
     for (int k = 0; k < 4; k++) {

@@ -155,14 +155,14 @@ static gonio_status put_down(taking *t, gonio_rig_object object, gonio_error *er
 }
 
 static gonio_status keep(taking *t, const gonio_rig_view *view, const char *name, gonio_error *error) {
-    static const char *const names[] = {"board", "ball", "mirror"};
     char path[1200];
     if (t->list == NULL) {
         return GONIO_OK;
     }
     snprintf(path, sizeof path, "%s/%s", t->request->save, name);
-    fprintf(t->list, "%s,%s,%.17g,%.17g,%.17g,%.17g\n", name, names[view->object], gonio_degrees(view->axes.theta_i),
-            gonio_degrees(view->axes.phi_i), gonio_degrees(view->axes.theta_o), gonio_degrees(view->axes.phi_o));
+    fprintf(t->list, "%s,%s,%.17g,%.17g,%.17g,%.17g\n", name, calibrate_rig_objects[view->object],
+            gonio_degrees(view->axes.theta_i), gonio_degrees(view->axes.phi_i), gonio_degrees(view->axes.theta_o),
+            gonio_degrees(view->axes.phi_o));
     return gonio_image_write(&t->image, path, error);
 }
 

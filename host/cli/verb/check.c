@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/keys.h"
 #include "fit/check/check.h"
 #include "gonio/fit.h"
 #include "host/cli/input.h"
@@ -15,7 +16,7 @@ typedef struct check_arguments {
 } check_arguments;
 
 static bool parse_apply(const cli_common *common, check_arguments *a) {
-    static const char *const names[] = {"mirror", "reciprocity", "isotropy", "clamp", "energy"};
+    static const char *const names[] = {"mirror", "reciprocity", "isotropy", "clamp", "energy", NULL};
     if ((a->apply == NULL) != (a->output == NULL)) {
         cli_usage(common, "check: --apply and -o belong together");
         return false;
@@ -23,11 +24,8 @@ static bool parse_apply(const cli_common *common, check_arguments *a) {
     char copy[128], *rest;
     snprintf(copy, sizeof copy, "%s", a->apply != NULL ? a->apply : "");
     for (char *item = strtok_r(copy, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
-        int k = 0;
-        while (k < 5 && strcmp(item, names[k]) != 0) {
-            k++;
-        }
-        if (k == 5) {
+        const int k = gonio_names_find(names, item);
+        if (k < 0) {
             cli_usage(common, "check: --apply: expected mirror, reciprocity, isotropy, clamp, energy, found '%s'",
                       item);
             return false;

@@ -31,9 +31,8 @@ static void print_number(FILE *f, double value) {
 }
 
 static void print_errors(FILE *f, const gonio_errors *e) {
-    const double values[] = {e->rmse, e->max_abs, e->max_rel, e->median_rel, e->rms_log, e->rmse_70};
-    for (size_t k = 0; k < sizeof values / sizeof *values; k++) {
-        print_number(f, e->samples > 0 ? values[k] : NAN);
+    for (const cli_figure *figure = cli_figures; figure->name != NULL; figure++) {
+        print_number(f, e->samples > 0 ? cli_figure_of(figure, e) : NAN);
     }
 }
 
@@ -46,9 +45,8 @@ static gonio_status write_csv(const table *t, const char *path, gonio_error *err
     FILE *f = gonio_output_stream(output);
     fputs("method,level,options,fit_seconds,eval_ns,batch_ns,bytes", f);
     for (int side = 0; side < 2; side++) {
-        static const char *const names[] = {"rmse", "max_abs", "max_rel", "median_rel", "rms_log", "rmse_70"};
-        for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
-            fprintf(f, ",%s_%s", side == 0 ? "train" : "held_out", names[k]);
+        for (const cli_figure *figure = cli_figures; figure->name != NULL; figure++) {
+            fprintf(f, ",%s_%s", side == 0 ? "train" : "held_out", figure->name);
         }
     }
     fputs(",pareto\n", f);
