@@ -9,6 +9,7 @@
 #include "brdf/spline/lattice_eval.h"
 #include "fit/bilevel/bilevel.h"
 #include "fit/mba/mba.h"
+#include "fit/options.h"
 #include "gonio/fit.h"
 #include "tests/golden/oracle.h"
 #include "tests/simulate.h"
@@ -299,6 +300,7 @@ static gonio_model *fit_model(const problem *p, const char *method, const char *
     o.storage = storage;
     o.diffuse_level = 4;
     o.drop_percent = drop;
+    gonio_fit_options_for(&o, method); // without what it does not have
     check(gonio_fit(p->samples, &o, &m, NULL, &error), &error);
     return m;
 }

@@ -14,6 +14,7 @@
 #include <time.h>
 
 #include "brdf/kind/lattice.h"
+#include "fit/options.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
 #include "tests/simulate.h"
@@ -99,6 +100,7 @@ static gonio_model *fit(const gonio_samples *samples, const char *method, int le
     o.drop_percent = drop;
     o.storage = storage;
     o.thesis = true;
+    gonio_fit_options_for(&o, method); // without what it does not have
     check(gonio_fit(samples, &o, &model, report, &error), &error);
     return model;
 }

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "fit/bilevel/bilevel.h"
+#include "fit/options.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"
@@ -198,6 +199,7 @@ static double unseen_rmse(const gonio_samples *samples, const gonio_samples *uns
     o.coordinates = GONIO_NUSSELT;
     o.domain = GONIO_LINEAR;
     o.hold_out = 0;
+    gonio_fit_options_for(&o, method); // without what it does not have
     assert_int_equal(gonio_fit(samples, &o, &model, NULL, NULL), GONIO_OK);
     assert_int_equal(gonio_errors_model(model, unseen, NULL, 0, &errors, NULL), GONIO_OK);
     gonio_model_free(model);

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "fit/options.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 #include "tests/unit/near.h"
@@ -25,13 +26,13 @@ static gonio_model *fit(const char *method, const char *storage, gonio_domain do
     gonio_model *model;
     gonio_error error = {0};
     gonio_fit_options_default(&o);
-    o.method = method;
     o.level = 4;
     o.diffuse_level = 2;
     o.drop_percent = 80;
     o.storage = storage;
     o.hold_out = 0;
     o.domain = domain;
+    gonio_fit_options_for(&o, method); // without what it does not have
     if (gonio_fit(samples, &o, &model, NULL, &error) != GONIO_OK) {
         fail_msg("%s", error.message);
     }
