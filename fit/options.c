@@ -102,7 +102,9 @@ gonio_status gonio_method_refuse(const gonio_method *method, const gonio_key *ke
     for (const gonio_key *k = gonio_fit_keys; k->name != NULL; k++) {
         const size_t used = strlen(list);
         gonio_key_option(k, option, sizeof option);
-        snprintf(list + used, sizeof list - used, gonio_method_has(method, k) ? " --%s" : "", option);
+        if (gonio_method_has(method, k)) {
+            snprintf(list + used, sizeof list - used, " --%s", option);
+        }
     }
     gonio_key_option(key, option, sizeof option);
     return gonio_fail(error, GONIO_E_USAGE, "method '%s' has no --%s; it has%s", method->name, option, list);

@@ -26,6 +26,21 @@ static gonio_status check(gonio_session *session, gonio_setup *setup, gonio_erro
     return gonio_setup_get(session, setup, error);
 }
 
+static int go_on(cli_measuring *measuring, gonio_session *session, cli_rig *rig) {
+    char *place = NULL; // of the model, as measure was told
+    if (is_finished(session)) {
+        fprintf(stderr, "the session is finished; fitting it again\n");
+    }
+    if (measuring->model == NULL && gonio_session_get(session, "model", &place, NULL) == GONIO_OK) {
+        measuring->model = place;
+    }
+    gonio_session_event(session, "resumed", "", NULL);
+    rig->journal = session;
+    const int exit_status = cli_measuring_run(measuring, session, &rig->rig);
+    free(place);
+    return exit_status;
+}
+
 static int run(int argc, char **argv);
 
 const cli_verb cmd_resume = {"resume", "SESSION", "go on with a session that was stopped, killed or powered off", run};
@@ -46,7 +61,6 @@ static int run(int argc, char **argv) {
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_session *session = NULL;
-    char *place = NULL; // of the model, as measure was told
     gonio_setup setup;
     cli_rig rig = {0};
     cli_catch_interrupts();
@@ -61,17 +75,8 @@ static int run(int argc, char **argv) {
     if (status != GONIO_OK) {
         exit_status = cli_fail(&common, &error);
     } else if (cli_measuring_hands(&measuring, &rig.rig, setup.scan.hands)) {
-        if (is_finished(session)) {
-            fprintf(stderr, "the session is finished; fitting it again\n");
-        }
-        if (measuring.model == NULL && gonio_session_get(session, "model", &place, NULL) == GONIO_OK) {
-            measuring.model = place;
-        }
-        gonio_session_event(session, "resumed", "", NULL);
-        rig.journal = session;
-        exit_status = cli_measuring_run(&measuring, session, &rig.rig);
+        exit_status = go_on(&measuring, session, &rig);
     }
-    free(place);
     cli_rig_close(&rig);
     gonio_session_close(session);
     return exit_status;
