@@ -253,7 +253,7 @@ void gonio_text_shortest(double value, char *buffer) {
 bool gonio_text_count(const char *text, size_t *value) {
     static const char suffixes[] = "kMG";
     char *end;
-    double number = decimal(text, &end);
+    double number = gonio_text_decimal(text, &end);
     const char *suffix = *end != 0 ? strchr(suffixes, *end) : NULL;
     if (suffix != NULL) {
         number *= pow(1000, (double)(suffix - suffixes + 1));
