@@ -15,11 +15,12 @@ ifeq ($(origin CXX),default)
 CXX := g++
 endif
 
-VERSION  := 0.1.0
+# include/gonio/version.h holds the version.
+VERSION  := $(shell awk '/define GONIO_VERSION_(MAJOR|MINOR|PATCH) /{v = v s $$3; s = "."} END{print v}' include/gonio/version.h)
 WARN     := -Wall -Wextra -Wpedantic -Wconversion -Werror
 OPT      ?= -O2 -g
 SANITIZE ?=
-CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE -DGONIO_VERSION='"$(VERSION)"'
+CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE
 CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
 CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -pthread $(SANITIZE)
 LDFLAGS  += -pthread $(SANITIZE)

@@ -4,7 +4,7 @@
 // mixture of densities: the cosine, and Beckmann half vectors of four widths a decade apart (multiple importance
 // sampling with the balance heuristic; Veach & Guibas 1995), at the points of a rank-1 lattice, which makes it
 // deterministic. A grid would miss a mirror's lobe or spend everything on it.
-#include "fit/check/check.h"
+#include "gonio/check.h"
 
 #include <lapacke.h>
 #include <math.h>
@@ -13,6 +13,7 @@
 
 #include "base/statistics.h"
 #include "base/thread_pool.h"
+#include "gonio/fit.h"
 #include "gonio/plan.h"
 
 #define PAIRS ((size_t)4000)
@@ -238,6 +239,27 @@ gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_chec
         status = check_energy(model, threads, report, error);
     }
     return status == GONIO_OK ? check_separability(model, report, error) : status;
+}
+
+gonio_status gonio_check_samples(const gonio_samples *samples, uint64_t seed, int threads, gonio_check_report *report,
+                                 gonio_error *error) {
+    *report = (gonio_check_report){0};
+    gonio_fit_options options;
+    gonio_fit_options_default(&options);
+    options.method = "mba"; // the figures are medians and integrals: no solve is needed for them
+    options.hold_out = 0;
+    options.seed = seed;
+    options.threads = threads;
+    options.symmetry = GONIO_SYMMETRY_MIRROR; // half a hemisphere is often all that was measured; not reciprocity,
+                                              // which is what is asked for
+    gonio_model *model;
+    gonio_fit_report fit;
+    gonio_status status = gonio_fit(samples, &options, &model, &fit, error);
+    if (status == GONIO_OK) {
+        status = gonio_check_model(model, threads, report, error);
+        gonio_model_free(model);
+    }
+    return status;
 }
 
 // ---- transforms ----

@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "gonio/version.h"
 #include "host/cli/cli.h"
 #include "host/cli/verbs.h"
 

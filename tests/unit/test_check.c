@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "fit/check/check.h"
+#include "gonio/check.h"
 #include "tests/unit/near.h"
 
 static gonio_model *from(const char *spec) {

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "gonio/session.h"
+#include "gonio/version.h"
 #include "host/cli/rig/actions.h"
 
 // Half a second of a fast camera is synced and entered at once; three seconds of it may wait for the disk.

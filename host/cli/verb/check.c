@@ -4,8 +4,7 @@
 #include <string.h>
 
 #include "base/keys.h"
-#include "fit/check/check.h"
-#include "gonio/fit.h"
+#include "gonio/check.h"
 #include "host/cli/input.h"
 
 typedef struct check_arguments {
@@ -35,21 +34,6 @@ static bool parse_apply(const cli_common *common, check_arguments *a) {
     return true;
 }
 
-// Samples cannot be integrated or exchanged as they lie, so a fit stands for them.
-static gonio_status fit_of(const gonio_samples *samples, const cli_common *common, gonio_model **model,
-                           gonio_error *error) {
-    gonio_fit_options options;
-    gonio_fit_options_default(&options);
-    options.method = "mba"; // the figures are medians and integrals: no solve is needed for them
-    options.hold_out = 0;
-    options.seed = common->seed;
-    options.threads = common->threads;
-    options.symmetry = GONIO_SYMMETRY_MIRROR; // half a hemisphere is often all that was measured; not reciprocity,
-                                              // which is what is asked for
-    gonio_fit_report report;
-    return gonio_fit(samples, &options, model, &report, error);
-}
-
 static gonio_status limits(const check_arguments *a, const gonio_check_report *r, gonio_error *error) {
     if (a->max_energy > 0 && r->energy > a->max_energy) {
         return gonio_fail(error, GONIO_E_MISMATCH, "energy %g at theta_i = %g deg exceeds %g", r->energy,
@@ -74,14 +58,11 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
     if (is_model) {
         status = cli_input_refuse(&a->input, "a model", error);
         status = status == GONIO_OK ? gonio_model_resolve(name, &model, error) : status;
+        status = status == GONIO_OK ? gonio_check_model(model, common->threads, report, error) : status;
     } else {
         status = cli_input_read(name, &a->input, common, &samples, error);
-        if (status == GONIO_OK) {
-            status = fit_of(samples, common, &model, error);
-        }
-    }
-    if (status == GONIO_OK) {
-        status = gonio_check_model(model, common->threads, report, error);
+        status =
+            status == GONIO_OK ? gonio_check_samples(samples, common->seed, common->threads, report, error) : status;
     }
     if (status == GONIO_OK && a->transforms != 0) {
         status = gonio_check_apply(samples, a->transforms, report->energy, &changed, error);

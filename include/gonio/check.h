@@ -1,9 +1,14 @@
-// Is a BRDF physical, and how simple is it: reciprocity, energy, isotropy, separability.
-#ifndef GONIO_FIT_CHECK_CHECK_H
-#define GONIO_FIT_CHECK_CHECK_H
+// Is a BRDF physical, and how simple is it: reciprocity, energy, isotropy, separability; and transforms that make
+// samples so.
+#ifndef GONIO_CHECK_H
+#define GONIO_CHECK_H
 
 #include "gonio/model.h"
 #include "gonio/sample.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 #define GONIO_CHECK_RANKS 8
 
@@ -14,25 +19,35 @@ typedef struct gonio_check_report {
     // The largest directional-hemispherical reflectance of any channel over theta_i = 0, 5 ... 85 deg, and where.
     double energy, energy_theta_rad;
     int energy_channel;
-    // Kautz & McCool 1999: of the matrix f(half vector; difference vector), the relative Frobenius error of the best
-    // approximation by k = 1, 2 ... products; rms over the channels.
+    // Kautz & McCool, "Interactive rendering with arbitrary BRDFs using separable approximations" (1999): of the matrix
+    // f(half vector; difference vector), the relative Frobenius error of the best approximation by k = 1, 2 ...
+    // products; rms over the channels.
     double separability[GONIO_CHECK_RANKS];
     size_t negative, not_finite; // values among the 4,000 pairs
 } gonio_check_report;
 
-// Deterministic; any thread count gives the same figures. GONIO_E_FAILED where a value is not finite.
+// Measure a model. Deterministic: any thread count (0: all) gives the same figures. The report is the caller's and owns
+// nothing. GONIO_E_FAILED where a value is not finite.
 gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error);
-// Directional-hemispherical reflectance of every channel (albedo: channels) for light at theta_i, phi_i = 0; about 1e-3
-// of it.
+// Measure samples. They cannot be integrated or exchanged as they lie, so a fit stands for them: multilevel B-splines
+// with mirrored samples, the level chosen with the seed's split. threads: 0 all; equal figures for any number.
+gonio_status gonio_check_samples(const gonio_samples *samples, uint64_t seed, int threads, gonio_check_report *report,
+                                 gonio_error *error);
+// Directional-hemispherical reflectance of every channel (albedo: channels values) for light at theta_i, phi_i = 0, to
+// about 1e-3 of it.
 void gonio_check_albedo(const gonio_model *model, double theta_i_rad, double *albedo);
 
-// Transforms of samples; each gives a new set, which the caller frees.
+// Transforms of samples, joined by |.
 #define GONIO_APPLY_MIRROR 1      // add f(-phi) = f(phi)
 #define GONIO_APPLY_RECIPROCITY 2 // add f(o, i) = f(i, o)
 #define GONIO_APPLY_ISOTROPY 4    // turn every pair to phi_i = 0 and declare the set isotropic
 #define GONIO_APPLY_CLAMP 8       // raise negative values to 0
 #define GONIO_APPLY_ENERGY 16     // divide by `energy` where it exceeds 1
+// A new set, which the caller frees; `samples` stays as it is. energy: as reported; used by GONIO_APPLY_ENERGY alone.
 gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, double energy, gonio_samples **out,
                                gonio_error *error);
 
+#ifdef __cplusplus
+}
+#endif
 #endif

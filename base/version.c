@@ -1,0 +1,3 @@
+#include "gonio/version.h"
+
+const char *gonio_version(void) { return GONIO_VERSION; }
