@@ -1,3 +1,4 @@
+#include "base/number.h"
 #include "base/keys.h"
 
 #include <errno.h>
@@ -92,7 +93,7 @@ void gonio_key_expected(const gonio_key *key, char *text, size_t size) {
 
 static bool parse_real(const gonio_key *key, const char *text, double *value) {
     char *end;
-    const double v = gonio_text_decimal(text, &end);
+    const double v = gonio_number_parse(text, &end);
     *value = v;
     return end != text && *end == 0 && isfinite(v) && (!bounded(key) || (v >= key->low && v <= key->high));
 }
@@ -101,7 +102,7 @@ static bool parse_reals(const gonio_key *key, const char *text, double *values) 
     const size_t n = key->size / sizeof *values;
     for (size_t k = 0; k < n; k++) {
         char *end;
-        values[k] = gonio_text_decimal(text, &end);
+        values[k] = gonio_number_parse(text, &end);
         if (end == text || !isfinite(values[k]) || *end != (k + 1 < n ? ',' : 0)) {
             return false;
         }
@@ -122,7 +123,7 @@ static bool parse_integer(const gonio_key *key, const char *text, int *value) {
 static bool parse_size(const char *text, size_t *value) {
     static const char suffixes[] = "kMG";
     char *end;
-    double number = gonio_text_decimal(text, &end);
+    double number = gonio_number_parse(text, &end);
     const char *suffix = *end != 0 ? strchr(suffixes, *end) : NULL;
     if (suffix != NULL) {
         number *= pow(1000, (double)(suffix - suffixes + 1));

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "base/text.h"
 
 #define POSES_MAX 20000000 // 640 MB of poses; no rig visits more
@@ -206,7 +207,7 @@ static gonio_status parse_options(const char *preset, char *text, plan_options *
     char *rest;
     for (char *item = strtok_r(text, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
         char *equals = strchr(item, '='), *end = NULL;
-        const double value = equals != NULL ? strtod(equals + 1, &end) : NAN;
+        const double value = equals != NULL ? gonio_number_parse(equals + 1, &end) : NAN;
         const bool number = equals != NULL && end != equals + 1 && *end == 0;
         if (strncmp(item, "theta_max=", 10) == 0) {
             if (!number || !(value > 0 && value <= 90)) {
@@ -234,7 +235,7 @@ static gonio_status make_preset(const char *text, uint64_t seed, gonio_plan **ou
     }
     strcpy(copy, text);
     char *number = strchr(copy, ':') + 1, *end;
-    const double value = strtod(number, &end);
+    const double value = gonio_number_parse(number, &end);
     if (end == number || (*end != 0 && *end != ',')) {
         return gonio_fail(error, GONIO_E_USAGE, "plan '%s': expected a number after the colon", text);
     }

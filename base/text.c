@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <locale.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -10,6 +9,8 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#include "base/number.h"
 
 // ---- files ----
 
@@ -184,22 +185,13 @@ gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const c
 // Only what a decimal number holds: strtod alone would take "0x1p3", "nan(3)" and "infinity" too.
 static bool decimal_characters(const char *field) { return field[strspn(field, "0123456789+-.eE")] == 0; }
 
-// In the C locale whatever the process has set: a comma is a separator here, never a decimal point. glibc hands out one
-// static object for "C", so this costs little.
-double gonio_text_decimal(const char *field, char **end) {
-    const locale_t locale = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    const double value = strtod_l(field, end, locale);
-    freelocale(locale);
-    return value;
-}
-
 gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
                                gonio_error *error) {
     char *end = NULL;
     if (field[0] == 0 || !decimal_characters(field)) {
         return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
     }
-    *value = gonio_text_decimal(field, &end);
+    *value = gonio_number_parse(field, &end);
     if (end == field || *end != 0 || !isfinite(*value)) {
         return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
     }
@@ -238,13 +230,9 @@ gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], goni
 // %g drops trailing zeros, so 15 digits give every shorter form too; 17 always suffice.
 void gonio_text_shortest(double value, char *buffer) {
     for (int digits = 15; digits <= 17; digits++) {
-        snprintf(buffer, 32, "%.*g", digits, value);
-        char *comma = strchr(buffer, ',');
-        if (comma != NULL) {
-            *comma = '.'; // the process may run in another locale
-        }
+        gonio_number_format(buffer, 32, "%.*g", digits, value);
         char *end;
-        if (gonio_text_decimal(buffer, &end) == value) {
+        if (gonio_number_parse(buffer, &end) == value) {
             return;
         }
     }
@@ -253,7 +241,7 @@ void gonio_text_shortest(double value, char *buffer) {
 bool gonio_text_count(const char *text, size_t *value) {
     static const char suffixes[] = "kMG";
     char *end;
-    double number = gonio_text_decimal(text, &end);
+    double number = gonio_number_parse(text, &end);
     const char *suffix = *end != 0 ? strchr(suffixes, *end) : NULL;
     if (suffix != NULL) {
         number *= pow(1000, (double)(suffix - suffixes + 1));

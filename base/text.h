@@ -42,8 +42,6 @@ gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const c
 // True where the first four fields are that header's.
 bool gonio_text_is_pair_header(char *const *fields, int n);
 
-// strtod with a point whatever the process's locale is.
-double gonio_text_decimal(const char *text, char **end);
 // The shortest decimal that reads back as exactly this finite double; buffer: 32 bytes.
 void gonio_text_shortest(double value, char *buffer);
 

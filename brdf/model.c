@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "gonio/sample.h"
+
 void gonio_model_free(gonio_model *model) {
     if (model != NULL) {
         model->ops->free(model);
@@ -83,6 +85,10 @@ void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int 
                                                   gonio_direction(high[2], high[3]), channel);
         gradient[k] = (b - a) / (high[k] - low[k]);
     }
+}
+
+double gonio_model_wavelength_nm(const gonio_model *model, int channel) {
+    return gonio_channel_wavelength_nm(model->channel_names[channel]);
 }
 
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma) {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "io/format.h"
 
 // The text's six decimals may round a full turn up.
@@ -42,7 +43,7 @@ static gonio_status read_wavelengths(gonio_text *text, char **fields, gonio_samp
             if (!(nm >= 1 && nm <= 1e6)) {
                 return gonio_text_fail(text, error, "wavelength: expected 1 to 1e6 nm, found %s", fields[k]);
             }
-            snprintf(samples->channel_names[found++], GONIO_CHANNEL_NAME_MAX, "%.10gnm", nm);
+            gonio_number_format(samples->channel_names[found++], GONIO_CHANNEL_NAME_MAX, "%.10gnm", nm);
         }
     }
     return GONIO_OK;

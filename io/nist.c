@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "io/format.h"
 
 #define COLUMNS 21
@@ -196,7 +197,8 @@ static gonio_status add_groups(gonio_text *text, const nist_rows *all, nist_row 
                                gonio_row_collector *sink, gonio_error *error) {
     gonio_status status = gonio_samples_new(all->n_lambdas, false, &sink->samples, error);
     for (int k = 0; k < all->n_lambdas && status == GONIO_OK; k++) {
-        snprintf(sink->samples->channel_names[k], GONIO_CHANNEL_NAME_MAX, "%.10gnm", 1000 * all->lambdas_um[k]);
+        gonio_number_format(sink->samples->channel_names[k], GONIO_CHANNEL_NAME_MAX, "%.10gnm",
+                            1000 * all->lambdas_um[k]);
     }
     for (size_t g = 0; g < n && status == GONIO_OK; g++) {
         double values[GONIO_CHANNELS_MAX];

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "gonio/plan.h"
 #include "io/format.h"
 
@@ -370,7 +371,7 @@ static gonio_status name_channels(const tensor_file *file, rgl_model *m, gonio_e
     const bool named = wavelengths != NULL && wavelengths->dtype == TYPE_F32 && wavelengths->count == (size_t)n;
     for (int c = 0; c < n; c++) {
         if (named) {
-            snprintf(m->names[c], sizeof m->names[c], "%.7gnm", (double)float_at(wavelengths, (size_t)c));
+            gonio_number_format(m->names[c], sizeof m->names[c], "%.7gnm", (double)float_at(wavelengths, (size_t)c));
         } else if (n == 3) {
             snprintf(m->names[c], sizeof m->names[c], "%c", "rgb"[c]);
         } else {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "brdf/kind/analytic.h"
 #include "gonio/io.h"
 
@@ -28,7 +29,7 @@ static gonio_status check_body(const char *key, const char *value, gonio_error *
         return known ? GONIO_OK : gonio_fail(error, GONIO_E_USAGE, "shape=%s; expected flat or sphere", value);
     }
     char *end;
-    const double mm = strtod(value, &end);
+    const double mm = gonio_number_parse(value, &end);
     return end != value && *end == 0 && mm > 0 && mm <= 1e5
                ? GONIO_OK
                : gonio_fail(error, GONIO_E_USAGE, "%s=%s; expected a number above 0, up to 100000", key, value);

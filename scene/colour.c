@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gonio/sample.h"
+
 typedef struct lobe {
     int axis; // X, Y or Z
     double height, centre_nm, below_nm, above_nm;
@@ -28,13 +30,6 @@ static void matching(double nm, double xyz[3]) {
         const double d = (nm - lobes[k].centre_nm) / (nm < lobes[k].centre_nm ? lobes[k].below_nm : lobes[k].above_nm);
         xyz[lobes[k].axis] += lobes[k].height * exp(-0.5 * d * d);
     }
-}
-
-// "550nm" -> 550; NaN for any other name.
-static double wavelength_nm(const char *name) {
-    char *end;
-    const double nm = strtod(name, &end);
-    return end != name && strcmp(end, "nm") == 0 && nm > 0 ? nm : NAN;
 }
 
 // Linear sRGB from XYZ (IEC 61966-2-1), and D65's white, which it maps to (1, 1, 1).
@@ -87,7 +82,7 @@ gonio_status sim_colour_new(int channels, const char (*names)[32], sim_colour *c
     }
     int visible = 0;
     for (int c = 0; c < channels; c++) {
-        nm[c] = wavelength_nm(names[c]);
+        nm[c] = gonio_channel_wavelength_nm(names[c]);
         visible += nm[c] >= VISIBLE_MIN_NM && nm[c] <= VISIBLE_MAX_NM;
     }
     if (visible >= 3) {

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+
 struct sim_response {
     double (*knots)[2]; // NULL: linear or gamma
     size_t n;
@@ -25,7 +27,7 @@ static gonio_status parse_row(char *line, const char *path, long long number, bo
         return GONIO_OK;
     }
     for (int k = 0; k < 2; k++) {
-        row[k] = strtod(text, &end);
+        row[k] = gonio_number_parse(text, &end);
         const bool ends = k == 0 ? *end == ',' : end[strspn(end, " \t\r\n")] == 0;
         if (end == text || !ends || !(row[k] >= 0 && row[k] <= 1)) {
             return gonio_fail_line(error, GONIO_E_INPUT, path, number,
@@ -90,7 +92,7 @@ gonio_status sim_response_new(const char *text, sim_response **out, gonio_error 
     gonio_status status = GONIO_OK;
     if (strncmp(text, "gamma:", 6) == 0) {
         char *end;
-        response->gamma = strtod(text + 6, &end);
+        response->gamma = gonio_number_parse(text + 6, &end);
         if (*end != 0 || !(response->gamma >= 0.2 && response->gamma <= 5)) {
             status = gonio_fail(error, GONIO_E_INPUT, "response '%s': gamma must be from 0.2 to 5", text);
         }

@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+
 typedef enum kind { REAL, AUTO_REAL, TRIPLE, INTEGER, CHOICE, TEXT, FAULT } kind;
 
 typedef struct entry {
@@ -118,7 +120,7 @@ static gonio_status bad_range(const entry *e, const char *value, gonio_error *er
 }
 
 static bool parse_real(const entry *e, const char *text, char **end, double *value) {
-    *value = strtod(text, end);
+    *value = gonio_number_parse(text, end);
     return *end != text && *value >= e->low && *value <= e->high; // false for NaN too
 }
 
@@ -302,13 +304,13 @@ static void print_value(const entry *e, const sim_settings *settings, char *text
     switch (e->kind) {
     case AUTO_REAL:
     case REAL:
-        snprintf(text, size, isnan(*real) ? "auto" : "%.17g", *real);
+        gonio_number_format(text, size, isnan(*real) ? "auto" : "%.17g", *real);
         return;
     case INTEGER:
         snprintf(text, size, "%d", *(const int *)at);
         return;
     case TRIPLE:
-        snprintf(text, size, "%.17g/%.17g/%.17g", real[0], real[1], real[2]);
+        gonio_number_format(text, size, "%.17g/%.17g/%.17g", real[0], real[1], real[2]);
         return;
     case CHOICE:
         for (int index = e->first_choice; index < *(const int *)at; index++) {

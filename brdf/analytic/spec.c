@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "brdf/kind/analytic.h"
 
 #define CHANNELS_MAX 64 // of a tuple a/b/c...
@@ -54,7 +55,7 @@ static int parse_tuple(const char *text, double *values) {
     int n = 0;
     for (;;) {
         char *end;
-        const double value = strtod(text, &end);
+        const double value = gonio_number_parse(text, &end);
         if (end == text || !isfinite(value) || n == CHANNELS_MAX) {
             return 0;
         }

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "gonio/characterise.h"
 #include "gonio/session_calibration.h"
 
@@ -22,8 +23,15 @@
 static gonio_status add_row(gonio_reflectance *r, const char *path, long long line, const char *text,
                             gonio_error *error) {
     double v[3];
-    int used = 0;
-    if (sscanf(text, "%lf,%lf,%lf %n", &v[0], &v[1], &v[2], &used) != 3 || text[used] != '\0') {
+    bool good = true;
+    const char *at = text;
+    for (int k = 0; k < 3 && good; k++) {
+        char *end;
+        v[k] = gonio_number_parse(at, &end);
+        good = end != at && (k == 2 || *end == ',');
+        at = k < 2 ? end + 1 : end;
+    }
+    if (!good || at[strspn(at, " \t\r\n")] != '\0') {
         return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected nm,reflectance,sigma");
     }
     if (!(v[0] > 0 && v[0] < 1e5 && v[1] > 0 && v[1] <= 2 && v[2] >= 0 && v[2] <= v[1])) {

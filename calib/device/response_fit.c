@@ -14,6 +14,7 @@
 
 #include "base/order_statistic.h"
 #include "base/statistics.h"
+#include "base/number.h"
 #include "calib/device/curve.h"
 #include "calib/opencv.h"
 #include "gonio/output.h"
@@ -474,13 +475,14 @@ gonio_status gonio_response_write(const gonio_response_curve *curve, const char 
         return status;
     }
     FILE *stream = gonio_output_stream(output);
-    fprintf(stream, "# camera response; rests on data for relative values %.3f to %.3f\n", curve->low, curve->high);
+    gonio_number_write(stream, "# camera response; rests on data for relative values %.3f to %.3f\n", curve->low,
+                       curve->high);
     fputs("relative exposure,relative value\n0,0\n", stream);
     double last = 0;
     for (int j = 1; j < CURVE_POINTS; j++) {
         if (curve->exposure[j] > last) { // a reader wants a rising curve
             last = curve->exposure[j];
-            fprintf(stream, "%.9g,%.9g\n", fmin(last, 1), (double)j / (CURVE_POINTS - 1));
+            gonio_number_write(stream, "%.9g,%.9g\n", fmin(last, 1), (double)j / (CURVE_POINTS - 1));
         }
     }
     return gonio_output_commit(output, error);

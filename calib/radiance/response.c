@@ -7,12 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+
 #define POINTS_MAX 65536
 
 static gonio_status add_row(response *c, const char *path, long long line, const char *text, gonio_error *error) {
     char *end, *last;
-    const double exposure = strtod(text, &end);
-    const double value = *end == ',' ? strtod(end + 1, &last) : 0;
+    const double exposure = gonio_number_parse(text, &end);
+    const double value = *end == ',' ? gonio_number_parse(end + 1, &last) : 0;
     if (end == text || *end != ',' || last == end + 1 || last[strspn(last, " \t\r\n")] != '\0') {
         return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected relative exposure,relative value");
     }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "gonio/alignment.h"
 #include "gonio/output.h"
 
@@ -50,9 +51,9 @@ gonio_status gonio_alignment_write(const gonio_alignment *alignment, const char 
     FILE *stream = gonio_output_stream(output);
     fputs("# The true axes of a rig (gonio calibrate rig); [rig] alignment = this file\n" HEADER "\n", stream);
     for (int k = 0; k < P; k++) {
-        fprintf(stream, "%s,%.17g", gonio_alignment_parameter_name(k), alignment->value[k]);
+        gonio_number_write(stream, "%s,%.17g", gonio_alignment_parameter_name(k), alignment->value[k]);
         for (int l = 0; l < P; l++) {
-            fprintf(stream, ",%.17g", alignment->covariance[k * P + l]);
+            gonio_number_write(stream, ",%.17g", alignment->covariance[k * P + l]);
         }
         fputc('\n', stream);
     }
@@ -71,7 +72,7 @@ static gonio_status parse_row(const char *path, long long line, int k, const cha
     for (int column = 0; column <= P; column++) {
         char *end = NULL;
         double *to = column == 0 ? &out->value[k] : &out->covariance[k * P + column - 1];
-        *to = *at == ',' ? strtod(at + 1, &end) : NAN;
+        *to = *at == ',' ? gonio_number_parse(at + 1, &end) : NAN;
         if (*at != ',' || end == at + 1 || !isfinite(*to)) {
             return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%d numbers behind '%s' expected, found %d", P + 1,
                                    name, column);

@@ -1,4 +1,5 @@
 // Table-driven options: every verb states its table once; parsing and --help both come from it.
+#include "base/number.h"
 #include "host/cli/cli.h"
 
 #include <errno.h>
@@ -61,7 +62,7 @@ static bool store(const cli_option *option, const char *text) {
     case CLI_SIZE:
         return gonio_text_count(text, option->value);
     case CLI_DOUBLE: {
-        const double value = strtod(text, &end);
+        const double value = gonio_number_parse(text, &end);
         *(double *)option->value = value;
         return end != text && *end == 0 && value == value;
     }

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+
 typedef enum kind { TEXT, INTEGER, REAL, PERCENT, REFLECTANCE, WINDOW, MOUNT, SHAPE } kind;
 
 typedef struct entry {
@@ -83,7 +85,7 @@ static gonio_status bad(const entry *e, const char *value, const char *expected,
 }
 
 static bool number(const entry *e, const char *text, char **end, double *value) {
-    *value = strtod(text, end);
+    *value = gonio_number_parse(text, end);
     return *end != text && *value >= e->low && *value <= e->high; // false for NaN too
 }
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "host/drivers/driver.h"
 #include "host/transport/gpio.h"
 
@@ -44,7 +45,7 @@ static bool set_number(const gonio_driver_key *key, void *at, const char *value)
     static const double scales[] = {
         [GONIO_DRIVER_MILLI] = 1e-3, [GONIO_DRIVER_MICRO] = 1e-6, [GONIO_DRIVER_PERCENT] = 1e-2};
     char *end;
-    const double number = strtod(value, &end);
+    const double number = gonio_number_parse(value, &end);
     const bool whole = key->kind == GONIO_DRIVER_WHOLE;
     if (end == value || *end != 0 || !(number >= key->low && number <= key->high) ||
         (whole && number != floor(number))) {

@@ -1,3 +1,4 @@
+#include "base/number.h"
 #include "host/drivers/hardware.h"
 
 #include <stdio.h>
@@ -137,8 +138,8 @@ static gonio_status set_zone(gonio_keep_out *keep_out, const char *section, cons
         }
         *taken = true;
         char *end, *last;
-        const double low = strtod(value, &end);
-        const double high = strtod(end, &last);
+        const double low = gonio_number_parse(value, &end);
+        const double high = gonio_number_parse(end, &last);
         if (end == value || last == end || *last != 0 || !(low <= high)) {
             return gonio_fail(error, GONIO_E_INPUT,
                               "[%s] %s: found '%.80s', expected two angles in degrees, the lower first", section, key,

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "host/drivers/driver.h"
+#include "base/number.h"
 #include "host/transport/clock.h"
 
 // SCPI-1999 section 7.2.1: these numbers stand for infinity and for "not a number".
@@ -95,7 +96,7 @@ static gonio_status recover(meter *m, gonio_error *error) {
 
 static gonio_status parse_reading(const char *reply, double *value, gonio_error *error) {
     char *end;
-    const double number = strtod(reply, &end);
+    const double number = gonio_number_parse(reply, &end);
     if (end == reply || (*end != 0 && *end != ',' && *end != ' ')) {
         return gonio_fail(error, GONIO_E_DEVICE, "meter: expected a number, found '%.60s'", reply);
     }

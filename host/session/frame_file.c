@@ -6,6 +6,7 @@
 #include <string.h>
 #include <zlib.h>
 
+#include "base/number.h"
 #include "host/session/internal.h"
 
 void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
@@ -65,9 +66,9 @@ static void write_texts(png_structp png, png_infop info, const gonio_frame *fram
     char values[6][40];
     snprintf(values[0], sizeof values[0], "%lld", (long long)frame->stamp.pose);
     snprintf(values[1], sizeof values[1], "%d", frame->stamp.frame);
-    snprintf(values[2], sizeof values[2], "%.17g", frame->stamp.clock_s);
-    snprintf(values[3], sizeof values[3], "%.17g", frame->exposure_s);
-    snprintf(values[4], sizeof values[4], "%.17g", frame->gain_db);
+    gonio_number_format(values[2], sizeof values[2], "%.17g", frame->stamp.clock_s);
+    gonio_number_format(values[3], sizeof values[3], "%.17g", frame->exposure_s);
+    gonio_number_format(values[4], sizeof values[4], "%.17g", frame->gain_db);
     snprintf(values[5], sizeof values[5], "%d,%d", frame->window.x, frame->window.y);
     static const char *const keys[6] = {"step", "frame", "clock_s", "exposure_s", "gain_db", "window_origin_px"};
     png_text texts[6];

@@ -74,6 +74,9 @@ void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int 
 // Standard uncertainty of every channel; false where the model carries none (sigma untouched).
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
 
+// The wavelength in nm of a channel whose name states it ("550nm"); NaN where it is not known.
+double gonio_model_wavelength_nm(const gonio_model *model, int channel);
+
 // An exact analytic BRDF: "lambert:rho=0.5", "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", "ggx:...", a channel triple as
 // rho_d=0.3/0.2/0.1, or "file:PATH" (a measured table or a model file). Not in libgonio-eval. Unknown names, keys and
 // impossible values are GONIO_E_USAGE, and the message lists what exists. The caller frees the model.

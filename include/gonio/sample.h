@@ -48,6 +48,9 @@ gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, go
 gonio_status gonio_samples_check(const gonio_samples *samples, gonio_error *error);
 // Combined standard uncertainty of one value; 0 where the set carries none.
 double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel);
+// The wavelength in nm that a channel's name states ("550nm", "550.5nm"); NaN where it states none ("r").
+double gonio_channel_wavelength_nm(const char *name);
+double gonio_samples_wavelength_nm(const gonio_samples *samples, int channel);
 
 // Splits are by unique geometry (theta_i, theta_o, phi_o - phi_i and, for anisotropic sets, phi_i), before mirroring:
 // equal geometries, and mirror images of each other, always fall on the same side. fold[i] is filled with 0..folds-1;

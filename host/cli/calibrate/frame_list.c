@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "host/cli/calibrate/calibrate.h"
 
 #define HEADER "file,exposure_s"
@@ -28,7 +29,7 @@ static gonio_status parse_row(const char *path, const char *folder, char *text, 
         return gonio_fail_line(error, GONIO_E_INPUT, path, row->line, "expected a file name and an exposure");
     }
     *comma = '\0';
-    row->exposure_s = strtod(comma + 1, &end);
+    row->exposure_s = gonio_number_parse(comma + 1, &end);
     if (end == comma + 1 || !(row->exposure_s > 0) || !isfinite(row->exposure_s)) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, row->line, "an exposure above 0 s expected");
     }

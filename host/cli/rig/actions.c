@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "gonio/output.h"
 #include "host/drivers/controller_map.h"
 
@@ -63,7 +64,7 @@ static gonio_status read_target(const rig_request *request, const cli_rig *rig, 
             axis = length == (size_t)(equals - text) && strncmp(text, rig_axes[k], length) == 0 ? k : axis;
         }
         char *end = NULL;
-        const double deg = equals != NULL ? strtod(equals + 1, &end) : 0;
+        const double deg = equals != NULL ? gonio_number_parse(equals + 1, &end) : 0;
         if (axis < 0 || end == equals + 1 || *end != 0 || !isfinite(deg)) {
             return gonio_fail(error, GONIO_E_USAGE,
                               "found '%s', expected AXIS=DEGREES; axes are light_theta, light_phi, camera_theta and "
@@ -129,7 +130,7 @@ static gonio_status clear(const rig_request *request, cli_rig *rig, json_t **out
 
 static gonio_status lamp(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
     char *end;
-    const double level = strtod(request->arguments[0], &end);
+    const double level = gonio_number_parse(request->arguments[0], &end);
     if (end == request->arguments[0] || *end != 0 || !(level >= 0 && level <= 1)) {
         return gonio_fail(error, GONIO_E_USAGE, "lamp: found '%s', expected a level from 0 to 1",
                           request->arguments[0]);
