@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <libgen.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -34,6 +36,22 @@ static bool is_special(const char *path) {
     return stat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
 }
 
+// A new file of a random name beside path; its name goes to temporary. Not mkstemp, whose files are the user's alone:
+// results are ordinary files under the umask, which nobody can ask for without changing it for a moment.
+static int create_beside(const char *path, char *temporary, size_t size) {
+    int fd;
+    int tries = 100;
+    do {
+        uint32_t number;
+        if (getrandom(&number, sizeof number, 0) != sizeof number) {
+            return -1;
+        }
+        snprintf(temporary, size, "%s.%06" PRIx32, path, number & 0xffffff);
+        fd = open(temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    } while (fd < 0 && errno == EEXIST && --tries > 0);
+    return fd;
+}
+
 gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error *error) {
     *out = NULL;
     gonio_output *output = calloc(1, sizeof *output);
@@ -52,17 +70,10 @@ gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error
     if (direct) {
         fd = open(path, O_WRONLY | O_CLOEXEC);
     } else {
-        snprintf(output->temporary, size, "%s.XXXXXX", path);
-        fd = mkostemp(output->temporary, O_CLOEXEC);
+        fd = create_beside(path, output->temporary, size);
     }
     if (fd < 0) {
         return cannot_write(output, error);
-    }
-    if (!direct) {
-        // mkstemp makes 0600 files; results are ordinary files under the user's umask.
-        const mode_t mask = umask(0);
-        umask(mask);
-        fchmod(fd, 0666 & ~mask);
     }
     output->stream = fdopen(fd, "wb");
     if (output->stream == NULL) {

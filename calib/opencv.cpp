@@ -4,7 +4,6 @@
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/photo.hpp>
@@ -12,10 +11,15 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+
+extern "C" {
+#include "base/text.h"
+}
 
 namespace {
 
@@ -56,14 +60,19 @@ extern "C" gonio_status opencv_undistort(const gonio_camera_info *camera, int n,
 extern "C" gonio_status opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels,
                                           int *bits, uint16_t **pixels, gonio_error *error) {
     return guarded(error, path, [&] {
-        std::FILE *file = std::fopen(path, "rb");
-        if (file == nullptr) {
-            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", std::strerror(errno));
+        char *data;
+        size_t size;
+        const gonio_status status = gonio_file_read(path, 0, &data, &size, error);
+        if (status != GONIO_OK) {
+            return status;
         }
-        std::fclose(file);
-        // A library does not print: OpenCV would warn on stderr about files it cannot decode.
-        cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-        cv::Mat image = cv::imread(path, cv::IMREAD_ANYDEPTH | (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR));
+        const std::unique_ptr<char, decltype(&std::free)> owner(data, &std::free);
+        // From memory: of a file that it cannot decode imread warns on stderr, imdecode says nothing.
+        cv::Mat image;
+        if (size > 0 && size <= INT_MAX) {
+            const cv::Mat bytes(1, static_cast<int>(size), CV_8U, data);
+            image = cv::imdecode(bytes, cv::IMREAD_ANYDEPTH | (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR));
+        }
         if (image.empty()) {
             return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not an image that can be read");
         }
