@@ -1,4 +1,3 @@
-#include "base/number.h"
 #include "base/keys.h"
 
 #include <errno.h>
@@ -9,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "base/text.h"
 
 static void *at(const gonio_key *key, void *object) { return (char *)object + key->offset; }

@@ -25,6 +25,8 @@
 #include "brdf/kind.h"
 #include "gonio/sample.h"
 
+#define MEMORY "(memory)" // in place of a path in messages
+
 static gonio_status check_head(const gonio_model_file_head *h, const char *path, size_t length, gonio_error *error) {
     if (length < sizeof *h || memcmp(h->magic, GONIO_MODEL_FILE_MAGIC, sizeof h->magic) != 0) {
         return gonio_fail_byte(error, GONIO_E_INPUT, path, 0,
@@ -78,6 +80,8 @@ static gonio_status check_names(const gonio_model_file_head *h, const unsigned c
     return GONIO_OK;
 }
 
+static void unmap(void *base, size_t length) { munmap(base, length); }
+
 static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped, gonio_error *error) {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     struct stat info;
@@ -94,13 +98,14 @@ static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped,
                                (long long)info.st_size);
     }
     mapped->length = (size_t)info.st_size;
-    mapped->base = mmap(NULL, mapped->length, PROT_READ, MAP_PRIVATE | (whole ? MAP_POPULATE : 0), fd, 0);
+    void *base = mmap(NULL, mapped->length, PROT_READ, MAP_PRIVATE | (whole ? MAP_POPULATE : 0), fd, 0);
     const int why = errno;
     close(fd);
-    if (mapped->base == MAP_FAILED) {
-        mapped->base = NULL;
+    if (base == MAP_FAILED) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot map it: %s", strerror(why));
     }
+    mapped->base = base;
+    mapped->release = unmap;
     mapped->path = strdup(path);
     return mapped->path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to open %s", path);
 }
@@ -151,4 +156,44 @@ gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *
 
 gonio_status gonio_model_map(const char *path, gonio_model **out, gonio_error *error) {
     return open_file(path, false, out, error);
+}
+
+static void free_copy(void *base, size_t length) {
+    (void)length;
+    free(base);
+}
+
+// The bytes where they lie, or a copy where they do not lie as the arrays in them must.
+static gonio_status place(const void *data, size_t length, gonio_mapped *mapped, gonio_error *error) {
+    if (length < sizeof(gonio_model_file_head)) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, MEMORY, 0, "not a Gonio model file: %zu bytes", length);
+    }
+    mapped->base = data;
+    mapped->length = length;
+    if ((uintptr_t)data % GONIO_MODEL_FILE_ALIGN != 0) {
+        // aligned_alloc wants a multiple of the alignment.
+        const size_t whole = (length + GONIO_MODEL_FILE_ALIGN - 1) / GONIO_MODEL_FILE_ALIGN * GONIO_MODEL_FILE_ALIGN;
+        void *copy = length <= SIZE_MAX / 2 ? aligned_alloc(GONIO_MODEL_FILE_ALIGN, whole) : NULL;
+        mapped->base = copy;
+        mapped->release = free_copy;
+        if (copy == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for a copy of %zu bytes", length);
+        }
+        memcpy(copy, data, length);
+    }
+    mapped->path = strdup(MEMORY);
+    return mapped->path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to open a model");
+}
+
+gonio_status gonio_model_open_memory(const void *data, size_t length, gonio_model **out, gonio_error *error) {
+    *out = NULL;
+    gonio_mapped mapped = {0};
+    gonio_status status = place(data, length, &mapped, error);
+    if (status == GONIO_OK) {
+        status = read_mapped(&mapped, MEMORY, true, out, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_mapped_release(&mapped);
+    }
+    return status;
 }

@@ -24,13 +24,14 @@ _Static_assert(sizeof(gonio_model_file_head) == 64, "the head of a model file is
 // The sum to which everything behind the head is added; begun with the head, its own checksum taken as 0.
 gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head);
 
-// A mapped file whose length and checksum were verified; a model made from it keeps it until it is freed.
+// A model file in memory whose length and checksum were verified; a model made from it keeps it until it is freed.
 typedef struct gonio_mapped {
-    void *base;
+    const void *base;
     size_t length;
-    char *path;                   // for messages of the kind that parses it; owned
-    const char (*names)[32];      // inside the mapping, terminated
-    const unsigned char *section; // aligned
+    void (*release)(void *base, size_t length); // NULL: borrowed from the caller
+    char *path;                                 // for messages of the kind that parses it; owned
+    const char (*names)[32];                    // inside the mapping, terminated
+    const unsigned char *section;               // aligned
     size_t section_length;
     int channels;
     bool isotropic;

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "brdf/model_file.h"
 #include "gonio/output.h"
@@ -21,8 +20,8 @@ static size_t aligned(size_t length) {
 }
 
 void gonio_mapped_release(gonio_mapped *mapped) {
-    if (mapped->base != NULL) {
-        munmap(mapped->base, mapped->length);
+    if (mapped->base != NULL && mapped->release != NULL) {
+        mapped->release((void *)(uintptr_t)mapped->base, mapped->length);
     }
     free(mapped->path);
     *mapped = (gonio_mapped){0};

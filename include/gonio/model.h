@@ -57,6 +57,10 @@ gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *
 // The same but for the checksum, which takes a pass over the file: for files that are known to be sound. Lengths and
 // tables are checked, control points are read when they are evaluated; microseconds, whatever the size.
 gonio_status gonio_model_map(const char *path, gonio_model **out, gonio_error *error);
+// The bytes of a model file in memory (a resource of the program, an entry of an archive, a received message), with all
+// the checks of gonio_model_open. Borrowed: data must stay where it is, unchanged, until the model is freed. Data that
+// begin at a multiple of 64 bytes are used in place; others cost a copy. Messages call the file "(memory)".
+gonio_status gonio_model_open_memory(const void *data, size_t length, gonio_model **out, gonio_error *error);
 // Write it (beside, sync, rename). GONIO_E_UNSUPPORTED for kinds that have no file form.
 gonio_status gonio_model_save(const gonio_model *model, const char *path, gonio_error *error);
 void gonio_model_free(gonio_model *model); // NULL is allowed
