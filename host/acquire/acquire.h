@@ -1,13 +1,12 @@
-// The acquisition: plan -> steps -> frames -> samples -> model, journalled as it happens.
+// The acquisition: plan -> steps -> frames -> samples -> model, journalled as it happens. gonio/acquire.h is what
+// others use of it.
 //
 // gonio_scan_* drive a rig; gonio_process_* are plain functions of what the session holds, so that a replay runs the
 // same code on the same frames and gets the same bits.
-#ifndef GONIO_ACQUIRE_H
-#define GONIO_ACQUIRE_H
+#ifndef GONIO_HOST_ACQUIRE_ACQUIRE_H
+#define GONIO_HOST_ACQUIRE_ACQUIRE_H
 
-#include "gonio/characterise.h"
-#include "gonio/fit.h"
-#include "gonio/session.h"
+#include "gonio/acquire.h"
 
 // How to scan. gonio_scan_options_default() first.
 typedef struct gonio_scan_options {
@@ -151,19 +150,6 @@ void gonio_scan_halt(gonio_scan *scan);
 void gonio_scan_free(gonio_scan *scan); // NULL is allowed
 
 // ---- finish.c: all samples -> final samples and model ----
-typedef struct gonio_outcome {
-    gonio_samples *samples; // final
-    gonio_model *model;
-    gonio_fit_report fit;
-    gonio_blur blur;    // of light, aperture and averaged disc
-    double drift_ratio; // responsivity at the end / at the start; NaN: not known
-    size_t poses, frames;
-    gonio_motion motion;                  // between the frames before and after the scan
-    char motion_text[256];                // where something moved: what, and in which frame
-    size_t edges_excluded, edges_spilled; // poses over the sample's edge: without a sample, and flagged
-    char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
-} gonio_outcome;
-
 // How to finish. sets: of gonio_process_samples, each released as it is joined; NULL: as the journal holds them. stream
 // (may be NULL): was given exactly these samples in this order and stands in for the first fit. progress may be NULL.
 typedef struct gonio_finish_options {
@@ -178,7 +164,6 @@ typedef struct gonio_finish_options {
 // outcome with gonio_outcome_free.
 gonio_status gonio_finish(gonio_session *session, gonio_process *process, const gonio_finish_options *options,
                           gonio_outcome *out, gonio_error *error);
-void gonio_outcome_free(gonio_outcome *outcome);
 // Store the final samples and the results' checksums ("result.samples_sha256" ...), in one transaction.
 gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error);
 

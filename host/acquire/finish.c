@@ -144,8 +144,8 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
 void gonio_outcome_free(gonio_outcome *outcome) {
     gonio_samples_free(outcome->samples);
     gonio_model_free(outcome->model);
-    outcome->samples = NULL;
-    outcome->model = NULL;
+    free(outcome->model_path);
+    *outcome = (gonio_outcome){0};
 }
 
 static gonio_status put_results(gonio_session *session, const gonio_outcome *outcome, gonio_error *error) {

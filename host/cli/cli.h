@@ -20,8 +20,8 @@ typedef struct cli_list {
 
 // One option: where its value goes and what --help says. A table ends with {0}. CLI_FLAG: bool *, CLI_INT: int *,
 // CLI_U64: uint64_t *, CLI_SIZE: size_t * (suffixes k, M, G), CLI_DOUBLE: double *, CLI_TEXT: const char **,
-// CLI_LIST: cli_list *, one item each time the option is given. CLI_TABLE: const cli_option *, the rows of another table,
-// which stand here; only value counts, and name is not NULL.
+// CLI_LIST: cli_list *, one item each time the option is given. CLI_TABLE: const cli_option *, the rows of another
+// table, which stand here; only value counts, and name is not NULL.
 typedef struct cli_option {
     const char *name; // "hold-out"
     char letter;      // 'o', or 0

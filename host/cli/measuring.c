@@ -1,4 +1,4 @@
-// Drive a scan to its end: progress, Ctrl-C, the operator's hands, the live fit, the result.
+// Show a scan and its result on a terminal, and ask for the operator's hands.
 #include "host/cli/measuring.h"
 
 #include <math.h>
@@ -9,19 +9,8 @@
 
 #include "base/clock.h"
 
-typedef struct run {
-    const cli_measuring *m;
-    gonio_session *session;
-    gonio_scan *scan;
-    gonio_fit_stream *stream;
-    bool in_order; // the stream was given every sample in the steps' order
-    bool undone;   // an audit took samples back that the stream was given
-    cli_progress progress;
-    size_t done, total; // sample steps
-} run;
-
-bool cli_measuring_hands(const cli_measuring *measuring, const gonio_rig *rig, bool hands) {
-    if ((!hands && rig->mount != NULL) || measuring->yes || isatty(STDIN_FILENO) == 1) {
+bool cli_measuring_hands(const cli_measuring *measuring, const cli_rig *rig) {
+    if (!gonio_rig_file_needs_hands(rig) || measuring->yes || isatty(STDIN_FILENO) == 1) {
         return true;
     }
     cli_usage(measuring->common,
@@ -31,12 +20,12 @@ bool cli_measuring_hands(const cli_measuring *measuring, const gonio_rig *rig, b
 }
 
 static gonio_status ask_for_hands(void *context, gonio_target target, gonio_error *error) {
-    run *r = context;
+    cli_measuring *m = context;
     const char *what = target == GONIO_TARGET_REFERENCE ? "white reference"
                        : target == GONIO_TARGET_TRAP    ? "light trap"
                                                         : "sample";
-    cli_progress_end(&r->progress);
-    if (r->m->yes) {
+    cli_progress_end(&m->progress);
+    if (m->yes) {
         fprintf(stderr, "assuming that the %s lies on the table (--yes)\n", what);
         return GONIO_OK;
     }
@@ -53,101 +42,30 @@ static gonio_status ask_for_hands(void *context, gonio_target target, gonio_erro
 }
 
 static void show_note(void *context, const char *text) {
-    run *r = context;
-    cli_progress_end(&r->progress);
+    cli_progress_end(&((cli_measuring *)context)->progress);
     fprintf(stderr, "%s\n", text);
 }
 
-static void note_undone(void *context, size_t steps) {
-    (void)steps;
-    ((run *)context)->undone = true;
-}
-
-static gonio_status open_stream(run *r, gonio_error *error) {
-    gonio_process *process = gonio_scan_process(r->scan);
-    gonio_fit_options options = gonio_setup_slope_fit(&process->setup);
-    options.threads = r->m->common->threads;
-    gonio_status status = gonio_fit_stream_new(gonio_calib_channels(process->calib),
-                                               gonio_calib_channel_names(process->calib), &options, &r->stream, error);
-    r->in_order = true;
-    r->undone = false;
-    r->total = r->done = 0;
-    for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
-        const gonio_step *step = &process->steps[i];
-        r->total += step->kind == GONIO_STEP_SAMPLE;
-        r->done += step->kind == GONIO_STEP_SAMPLE && step->done;
-        // A step that the doctor undid leaves a gap: what is measured into it comes out of order.
-        r->in_order &= !step->done || i == 0 || process->steps[i - 1].done;
-        gonio_samples *samples = NULL;
-        if (step->kind == GONIO_STEP_SAMPLE && step->done) {
-            status = gonio_session_step_samples(r->session, step->index, &samples, error);
-        }
-        if (samples != NULL && samples->n > 0) {
-            status = gonio_fit_stream_add(r->stream, samples, error);
-        }
-        gonio_samples_free(samples);
+static bool show_progress(void *context, const gonio_measure_progress *now) {
+    cli_measuring *m = context;
+    const bool poses = now->phase == GONIO_MEASURE_POSES;
+    if (m->phase != (int)now->phase) {
+        cli_progress_end(&m->progress);
+        cli_progress_start(&m->progress, poses ? "poses" : "fit", poses ? (double)(now->total - now->done_before) : 1);
+        m->phase = (int)now->phase;
     }
-    return status;
-}
-
-static gonio_status scan_all(run *r, gonio_error *error) {
-    gonio_status status = GONIO_OK;
-    const double before = (double)r->done;
-    cli_progress_start(&r->progress, "poses", (double)r->total - before);
-    while (status == GONIO_OK && !gonio_scan_done(r->scan)) {
-        if (cli_interrupted()) {
-            status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu poses", r->done, r->total);
-            break;
-        }
-        const gonio_samples *samples;
-        status = gonio_scan_step(r->scan, &samples, error);
-        if (status == GONIO_OK && samples != NULL) {
-            r->done++;
-            if (samples->n > 0) {
-                status = gonio_fit_stream_add(r->stream, samples, error);
-            }
-        }
-        if (status == GONIO_OK && r->undone) {
-            gonio_fit_stream_free(r->stream);
-            r->stream = NULL;
-            status = open_stream(r, error);
-        }
-        char detail[48];
-        snprintf(detail, sizeof detail, "%zu of %zu", r->done, r->total);
-        cli_progress_update(&r->progress, (double)r->done - before, detail, gonio_fit_stream_error(r->stream));
-    }
-    cli_progress_end(&r->progress);
-    return status;
-}
-
-static bool on_fit(void *context, double fraction, const char *what, double error_now) {
-    run *r = context;
-    cli_progress_update(&r->progress, fraction, what, error_now);
+    char detail[48];
+    snprintf(detail, sizeof detail, "%zu of %zu", now->done, now->total);
+    cli_progress_update(&m->progress, poses ? (double)(now->done - now->done_before) : now->fraction,
+                        poses ? detail : now->what, now->error);
     return !cli_interrupted();
 }
 
-static gonio_status finish(run *r, gonio_outcome *outcome, char **model_path, gonio_error *error) {
-    const bool own_path = r->m->model == NULL;
-    if (asprintf(model_path, "%s%s", own_path ? gonio_session_path(r->session) : r->m->model,
-                 own_path ? "/model.gonio" : "") < 0) {
-        *model_path = NULL;
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
-    gonio_process *process = gonio_scan_process(r->scan);
-    const gonio_finish_options options = {.stream = r->in_order ? r->stream : NULL,
-                                          .threads = r->m->common->threads,
-                                          .model_path = *model_path,
-                                          .progress = on_fit,
-                                          .context = r};
-    cli_progress_start(&r->progress, "fit", 1);
-    gonio_status status = gonio_finish(r->session, process, &options, outcome, error);
-    cli_progress_end(&r->progress);
-    if (status == GONIO_OK) {
-        char *full = own_path ? strdup("model.gonio") : realpath(*model_path, NULL);
-        status = gonio_session_put(r->session, "result.model_path", full != NULL ? full : *model_path, error);
-        free(full);
-    }
-    return status == GONIO_OK ? gonio_outcome_put(r->session, outcome, error) : status;
+void cli_measuring_options(cli_measuring *measuring, gonio_measure_options *options) {
+    measuring->phase = -1;
+    options->model_path = measuring->model;
+    options->threads = measuring->common->threads;
+    options->hooks = (gonio_measure_hooks){measuring, show_progress, ask_for_hands, show_note};
 }
 
 void cli_outcome_print(const gonio_outcome *outcome) {
@@ -200,48 +118,34 @@ json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
                      "held_out", cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion));
 }
 
-static void report(const run *r, const gonio_outcome *outcome, const char *model_path, double seconds) {
-    if (r->m->common->json) {
-        json_t *object = cli_outcome_json(gonio_session_path(r->session), outcome);
-        json_object_set_new(object, "model", json_string(model_path));
-        json_object_set_new(object, "resumed", json_boolean(r->m->resumed));
+static void report(const cli_measuring *m, const char *session, const gonio_outcome *outcome, double seconds) {
+    if (m->common->json) {
+        json_t *object = cli_outcome_json(session, outcome);
+        json_object_set_new(object, "model", json_string(outcome->model_path));
+        json_object_set_new(object, "resumed", json_boolean(m->resumed));
         json_object_set_new(object, "seconds", json_real(seconds));
         cli_json(object);
         return;
     }
-    printf("session    %s\n", gonio_session_path(r->session));
+    printf("session    %s\n", session);
     cli_outcome_print(outcome);
-    printf("wrote      %s\ntook       %.1f s\n", model_path, seconds);
+    printf("wrote      %s\ntook       %.1f s\n", outcome->model_path, seconds);
 }
 
-int cli_measuring_run(const cli_measuring *measuring, gonio_session *session, const gonio_rig *rig) {
+int cli_measuring_run(cli_measuring *measuring, const gonio_measure_options *options, gonio_session *session,
+                      cli_rig *rig) {
     const double started = gonio_clock_s();
-    run r = {.m = measuring, .session = session};
-    const gonio_scan_hooks hooks = {&r, ask_for_hands, show_note, note_undone};
     gonio_error error = {.line = -1, .byte = -1};
-    gonio_outcome outcome = {0};
-    char *model_path = NULL;
-    gonio_status status = gonio_scan_new(session, rig, &hooks, &r.scan, &error);
-    if (status == GONIO_OK) {
-        status = open_stream(&r, &error);
-    }
-    if (status == GONIO_OK) {
-        status = scan_all(&r, &error);
-    }
-    if (status == GONIO_OK) {
-        status = finish(&r, &outcome, &model_path, &error);
-    }
+    gonio_outcome outcome;
+    const gonio_status status = gonio_measure_run(session, rig, options, &outcome, &error);
+    cli_progress_end(&measuring->progress);
     int exit_status = 0;
     if (status == GONIO_OK) {
-        report(&r, &outcome, model_path, gonio_clock_s() - started);
+        report(measuring, gonio_session_path(session), &outcome, gonio_clock_s() - started);
     } else {
-        gonio_session_event(session, "stopped", error.message, NULL);
         exit_status = cli_fail(measuring->common, &error);
         fprintf(stderr, "nothing is lost: `gonio resume %s` goes on\n", gonio_session_path(session));
     }
     gonio_outcome_free(&outcome);
-    free(model_path);
-    gonio_fit_stream_free(r.stream);
-    gonio_scan_free(r.scan);
     return exit_status;
 }

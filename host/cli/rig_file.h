@@ -1,13 +1,10 @@
-// The rig of a measurement: from a rig file, --set and --rig to open devices, and from the journal back.
+// What the command line says of a rig, and opening it.
 #ifndef GONIO_CLI_RIG_FILE_H
 #define GONIO_CLI_RIG_FILE_H
 
-#include "gonio/sim.h"
-#include "host/acquire/acquire.h"
+#include "host/acquire/rig_file.h"
 #include "host/cli/cli.h"
-#include "host/drivers/hardware.h"
 
-// What the command line says of the rig.
 typedef struct cli_rig_options {
     const char *rig;      // "sim" or the path of a rig file
     const char *sample;   // SPEC of the simulated sample
@@ -28,26 +25,13 @@ typedef struct cli_rig_options {
         "set", 0, CLI_LIST, &(o).set, NULL, "SECTION.KEY=VALUE", "override the rig file; repeat it or use commas"        \
     }
 
-typedef struct cli_rig {
-    gonio_rig rig;
-    gonio_sim *sim;           // NULL: not the simulator
-    gonio_hardware *hardware; // real devices
-    gonio_scan_options scan;
-    char driver[16];
-    char spec[256];         // of the simulated sample
-    gonio_session *journal; // where the devices' events go; NULL: nowhere. Borrowed
-    int retries;            // told so far
-    char *text;             // the rig file as read, every override appended; owned
-} cli_rig;
+typedef gonio_rig_file cli_rig;
 
 // The seed, the threads and a stand-in for the sample, for a verb whose answer does not depend on it.
 void cli_rig_any_sample(cli_rig_options *options, const cli_common *common);
-// Read and check everything, open the devices. Release with cli_rig_close, also on failure. The rig must stay where it
-// is.
+// Read and check everything, open the devices; their events go to stderr. Release with cli_rig_close, also on failure.
+// The rig must stay where it is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);
-// Journal what cli_rig_reopen needs.
-gonio_status cli_rig_put(gonio_session *session, const cli_rig_options *options, const cli_rig *rig,
-                         gonio_error *error);
 // The rig that the session was begun with; set overrides what must have changed since (a port, a fault that is gone).
 gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, int threads, cli_rig *rig, gonio_error *error);
 void cli_rig_close(cli_rig *rig);

@@ -26,9 +26,9 @@ typedef struct gonio_controller_config {
     gonio_tape_mode mode;
     // Told of what a session should note, e.g. ("lost-steps", "..."); NULL: nobody.
     void (*event)(void *context, const char *kind, const char *text);
-    void *event_context;
     // Asked while a move is waited for; true stops it. NULL: never.
-    bool (*cancelled)(void);
+    bool (*cancelled)(void *context);
+    void *event_context; // of both
 } gonio_controller_config;
 
 typedef struct gonio_controller_identity {

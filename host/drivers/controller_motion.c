@@ -118,7 +118,7 @@ static gonio_status reason_to_stop(const gonio_controller *c, gonio_deadline dea
     if (status != GONIO_OK) {
         return status;
     }
-    if (c->config.cancelled != NULL && c->config.cancelled()) {
+    if (c->config.cancelled != NULL && c->config.cancelled(c->config.event_context)) {
         return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted in mid-move; the axes were stopped");
     }
     return gonio_deadline_left_ms(deadline) > 0

@@ -16,7 +16,7 @@ typedef struct gonio_hardware gonio_hardware;
 typedef struct gonio_hardware_hooks {
     void (*event)(void *context, const char *kind, const char *text); // may be NULL
     void *context;
-    bool (*cancelled)(void); // asked while axes move; may be NULL
+    bool (*cancelled)(void *context); // asked while axes move; may be NULL
 } gonio_hardware_hooks;
 
 gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardware **out, gonio_error *error);

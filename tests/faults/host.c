@@ -149,7 +149,10 @@ static void tell(void *context, const char *kind, const char *text) {
     }
 }
 
-static bool cancelled(void) { return w->interrupted; }
+static bool cancelled(void *context) {
+    (void)context;
+    return w->interrupted;
+}
 
 static const char *const sim_keys[][3] = {
     {"camera", "width", "44"},

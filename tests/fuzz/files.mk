@@ -9,13 +9,11 @@ fuzz: deps ## fuzz what is read and answered for FUZZ_SECONDS (20) each, with cl
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory fuzz-build B=$(B)/fuzz CC=clang CXX=clang++ OPT='-O1 -g' SANITIZE='-DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 	$(Q)tests/fuzz/run.sh $(B)/fuzz $(FUZZ_SECONDS) $(FUZZ_TARGETS)
 fuzz-build: $(FUZZ_BINS) $(B)/tests/fuzz/make_seeds
-FUZZ_RIG_OBJS := $(addprefix $(B)/host/cli/,rig_file.o rig_keys.o progress.o)
 # Waits and devices are stood in for by functions of the target itself.
 comma := ,
 wrap = $(addprefix -Wl$(comma)--wrap=,$(1))
 $(B)/tests/fuzz/fuzz_modbus: FUZZ_LINK = $(call wrap,gonio_clock_sleep_ms gonio_modbus_drain modbus_set_byte_timeout)
-$(B)/tests/fuzz/fuzz_rig: FUZZ_LINK = $(call wrap,gonio_sim_new gonio_sim_open gonio_hardware_open) $(FUZZ_RIG_OBJS)
-$(B)/tests/fuzz/fuzz_rig: $(FUZZ_RIG_OBJS)
+$(B)/tests/fuzz/fuzz_rig: FUZZ_LINK = $(call wrap,gonio_sim_new gonio_sim_open gonio_hardware_open)
 $(FUZZ_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(FUZZ_LINK) $(B)/libgonio.a $(PKG_LIBS)

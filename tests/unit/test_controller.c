@@ -308,7 +308,10 @@ static void test_feeding(void **state) {
 }
 
 static bool stop_now;
-static bool cancelled(void) { return stop_now; }
+static bool cancelled(void *context) {
+    (void)context;
+    return stop_now;
+}
 
 static gonio_status pressed(void *device, gonio_error *error) {
     return *(bool *)device ? gonio_fail(error, GONIO_E_DEVICE, "interlock: door is active") : GONIO_OK;

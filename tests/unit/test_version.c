@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "gonio/version.h"
+#include "gonio/gonio.h"
 
 static void it_is_the_headers(void **state) {
     (void)state;

@@ -1,45 +1,5 @@
 // gonio resume: go on where a stopped, killed or powered-off measure was.
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "host/cli/measuring.h"
-
-static bool is_finished(gonio_session *session) {
-    char *hash = NULL;
-    const bool finished = gonio_session_get(session, "result.model_sha256", &hash, NULL) == GONIO_OK;
-    free(hash);
-    return finished;
-}
-
-static gonio_status check(gonio_session *session, gonio_setup *setup, gonio_error *error) {
-    gonio_step *steps;
-    size_t n;
-    gonio_status status = gonio_session_steps(session, &steps, &n, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    free(steps);
-    if (n == 0) {
-        return gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(session), -1,
-                               "stopped before its plan was entered, so nothing was measured; measure it again");
-    }
-    return gonio_setup_get(session, setup, error);
-}
-
-static int go_on(cli_measuring *measuring, gonio_session *session, cli_rig *rig) {
-    char *place = NULL; // of the model, as measure was told
-    if (is_finished(session)) {
-        fprintf(stderr, "the session is finished; fitting it again\n");
-    }
-    if (measuring->model == NULL && gonio_session_get(session, "model", &place, NULL) == GONIO_OK) {
-        measuring->model = place;
-    }
-    gonio_session_event(session, "resumed", "", NULL);
-    rig->journal = session;
-    const int exit_status = cli_measuring_run(measuring, session, &rig->rig);
-    free(place);
-    return exit_status;
-}
 
 static int run(int argc, char **argv);
 
@@ -61,21 +21,20 @@ static int run(int argc, char **argv) {
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_session *session = NULL;
-    gonio_setup setup;
     cli_rig rig = {0};
     cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, true, &session, &error);
-    if (status == GONIO_OK) {
-        status = check(session, &setup, &error);
-    }
     if (status == GONIO_OK) {
         status = cli_rig_reopen(session, &set, common.threads, &rig, &error);
     }
     int exit_status = 2;
     if (status != GONIO_OK) {
         exit_status = cli_fail(&common, &error);
-    } else if (cli_measuring_hands(&measuring, &rig.rig, setup.scan.hands)) {
-        exit_status = go_on(&measuring, session, &rig);
+    } else if (cli_measuring_hands(&measuring, &rig)) {
+        gonio_measure_options options;
+        gonio_measure_options_default(&options);
+        cli_measuring_options(&measuring, &options);
+        exit_status = cli_measuring_run(&measuring, &options, session, &rig);
     }
     cli_rig_close(&rig);
     gonio_session_close(session);

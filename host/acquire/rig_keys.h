@@ -1,6 +1,6 @@
 // The keys of a rig file that the host itself understands.
-#ifndef GONIO_CLI_RIG_KEYS_H
-#define GONIO_CLI_RIG_KEYS_H
+#ifndef GONIO_HOST_ACQUIRE_RIG_KEYS_H
+#define GONIO_HOST_ACQUIRE_RIG_KEYS_H
 
 #include "host/acquire/acquire.h"
 

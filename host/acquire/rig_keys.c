@@ -1,5 +1,5 @@
 // The host's own keys of a rig file, in one table.
-#include "host/cli/rig_keys.h"
+#include "host/acquire/rig_keys.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -1,0 +1,289 @@
+// A plan on a rig, into a session: begin it, and drive it to its end with a fit running along.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fit/options.h"
+#include "gonio/version.h"
+#include "host/acquire/rig_file.h"
+
+void gonio_measure_options_default(gonio_measure_options *options) {
+    *options = (gonio_measure_options){.plan = "nusselt:1400", .seed = 1};
+    gonio_fit_options_default(&options->fit);
+}
+
+// ---- begin ----
+
+static gonio_status check_hands(const gonio_rig_file *rig, const gonio_measure_options *options, gonio_error *error) {
+    return options->hooks.mount != NULL || !gonio_rig_file_needs_hands(rig)
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_USAGE,
+                            "the reference and the sample are put on the table by hand and there is nobody to ask");
+}
+
+static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_options *options, gonio_setup *setup,
+                            gonio_step **steps, size_t *n, gonio_error *error) {
+    *setup = (gonio_setup){.fit = options->fit};
+    setup->fit.progress = NULL;
+    gonio_status status = check_hands(rig, options, error);
+    const gonio_method *method = gonio_fit_method_of(&options->fit);
+    if (status == GONIO_OK) {
+        status = method != NULL ? gonio_fit_options_check(&options->fit, method, error)
+                                : gonio_fail(error, GONIO_E_USAGE, "unknown fit method '%s'", options->fit.method);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
+    }
+    gonio_plan *plan;
+    if (status == GONIO_OK) {
+        status = gonio_plan_make(options->plan, options->seed, &plan, error);
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, &setup->scan, plan, steps, n, error)
+                         : gonio_fail(error, GONIO_E_INPUT, "plan '%s' has no poses", options->plan);
+    gonio_plan_free(plan);
+    return status;
+}
+
+// A resume may run in another folder: the model's place is kept as an absolute path.
+static gonio_status put_model_place(gonio_session *session, const char *model, gonio_error *error) {
+    char folder[4096] = "", *place;
+    if (model[0] != '/' && getcwd(folder, sizeof folder) == NULL) {
+        return gonio_fail(error, GONIO_E_IO, "cannot tell the working folder, in which the model is to go");
+    }
+    if (asprintf(&place, "%s%s%s", folder, folder[0] != 0 ? "/" : "", model) < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    const gonio_status status = gonio_session_put(session, "model", place, error);
+    free(place);
+    return status;
+}
+
+static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
+                            const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
+    gonio_status status = gonio_session_put(session, "gonio.version", gonio_version(), error);
+    if (status == GONIO_OK) {
+        status = gonio_session_put(session, "plan", options->plan, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_rig_file_put(session, rig, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_setup_put(session, setup, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_session_put_steps(session, steps, n, error);
+    }
+    if (status == GONIO_OK && options->model_path != NULL) {
+        status = put_model_place(session, options->model_path, error);
+    }
+    return status == GONIO_OK ? gonio_session_event(session, "begun", options->plan, error) : status;
+}
+
+static gonio_status journal(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
+                            const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
+    gonio_status status = gonio_session_begin(session, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = put_all(session, rig, options, setup, steps, n, error);
+    if (status == GONIO_OK) {
+        return gonio_session_commit(session, error);
+    }
+    gonio_session_rollback(session);
+    return status;
+}
+
+gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, const gonio_measure_options *options,
+                                 gonio_session **out, gonio_error *error) {
+    *out = NULL;
+    gonio_setup setup;
+    gonio_step *steps = NULL;
+    size_t n = 0;
+    gonio_status status = prepare(rig, options, &setup, &steps, &n, error);
+    if (status == GONIO_OK) {
+        status = gonio_session_create(path, out, error);
+    }
+    if (status == GONIO_OK) {
+        status = journal(*out, rig, options, &setup, steps, n, error);
+    }
+    free(steps);
+    if (status != GONIO_OK) {
+        gonio_session_close(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+// ---- run ----
+
+typedef struct run {
+    const gonio_measure_options *options;
+    gonio_session *session;
+    gonio_scan *scan;
+    gonio_fit_stream *stream;
+    bool in_order;                   // the stream was given every sample in the steps' order
+    bool undone;                     // an audit took samples back that the stream was given
+    size_t done, total, done_before; // sample steps
+} run;
+
+static gonio_status ask_for_hands(void *context, gonio_target target, gonio_error *error) {
+    const gonio_measure_hooks *hooks = &((const run *)context)->options->hooks;
+    return hooks->mount(hooks->context, target, error);
+}
+
+static void note(void *context, const char *text) {
+    const gonio_measure_hooks *hooks = &((const run *)context)->options->hooks;
+    if (hooks->note != NULL) {
+        hooks->note(hooks->context, text);
+    }
+}
+
+static void note_undone(void *context, size_t steps) {
+    (void)steps;
+    ((run *)context)->undone = true;
+}
+
+static bool go_on(const run *r, gonio_measure_phase phase, double fraction, const char *what, double error_now) {
+    const gonio_measure_hooks *hooks = &r->options->hooks;
+    const gonio_measure_progress now = {phase, r->done, r->total, r->done_before, fraction, what, error_now};
+    return hooks->progress == NULL || hooks->progress(hooks->context, &now);
+}
+
+static gonio_status open_stream(run *r, gonio_error *error) {
+    gonio_process *process = gonio_scan_process(r->scan);
+    gonio_fit_options options = gonio_setup_slope_fit(&process->setup);
+    options.threads = r->options->threads;
+    gonio_status status = gonio_fit_stream_new(gonio_calib_channels(process->calib),
+                                               gonio_calib_channel_names(process->calib), &options, &r->stream, error);
+    r->in_order = true;
+    r->undone = false;
+    r->total = r->done = 0;
+    for (size_t i = 0; status == GONIO_OK && i < process->n; i++) {
+        const gonio_step *step = &process->steps[i];
+        r->total += step->kind == GONIO_STEP_SAMPLE;
+        r->done += step->kind == GONIO_STEP_SAMPLE && step->done;
+        // A step that the doctor undid leaves a gap: what is measured into it comes out of order.
+        r->in_order &= !step->done || i == 0 || process->steps[i - 1].done;
+        gonio_samples *samples = NULL;
+        if (step->kind == GONIO_STEP_SAMPLE && step->done) {
+            status = gonio_session_step_samples(r->session, step->index, &samples, error);
+        }
+        if (samples != NULL && samples->n > 0) {
+            status = gonio_fit_stream_add(r->stream, samples, error);
+        }
+        gonio_samples_free(samples);
+    }
+    return status;
+}
+
+static gonio_status one_step(run *r, gonio_error *error) {
+    const gonio_samples *samples;
+    gonio_status status = gonio_scan_step(r->scan, &samples, error);
+    if (status == GONIO_OK && samples != NULL) {
+        r->done++;
+        if (samples->n > 0) {
+            status = gonio_fit_stream_add(r->stream, samples, error);
+        }
+    }
+    if (status == GONIO_OK && r->undone) {
+        gonio_fit_stream_free(r->stream);
+        r->stream = NULL;
+        status = open_stream(r, error);
+    }
+    return status;
+}
+
+static gonio_status scan_all(run *r, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    r->done_before = r->done;
+    while (status == GONIO_OK && !gonio_scan_done(r->scan)) {
+        const double fraction = r->total > 0 ? (double)r->done / (double)r->total : 1;
+        status = go_on(r, GONIO_MEASURE_POSES, fraction, "", gonio_fit_stream_error(r->stream))
+                     ? one_step(r, error)
+                     : gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu poses", r->done, r->total);
+    }
+    return status;
+}
+
+static bool on_fit(void *context, double fraction, const char *what, double error_now) {
+    return go_on(context, GONIO_MEASURE_FIT, fraction, what, error_now);
+}
+
+static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
+    char *place = NULL; // as gonio_measure_begin was told
+    const char *wanted = r->options->model_path;
+    if (wanted == NULL && gonio_session_get(r->session, "model", &place, NULL) == GONIO_OK) {
+        wanted = place;
+    }
+    char *path;
+    if (asprintf(&path, "%s%s", wanted == NULL ? gonio_session_path(r->session) : wanted,
+                 wanted == NULL ? "/model.gonio" : "") < 0) {
+        free(place);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    const gonio_finish_options options = {.stream = r->in_order ? r->stream : NULL,
+                                          .threads = r->options->threads,
+                                          .model_path = path,
+                                          .progress = on_fit,
+                                          .context = r};
+    gonio_status status = gonio_finish(r->session, gonio_scan_process(r->scan), &options, outcome, error);
+    outcome->model_path = path; // also on failure: released with the rest
+    if (status == GONIO_OK) {
+        char *full = wanted == NULL ? strdup("model.gonio") : realpath(path, NULL);
+        status = gonio_session_put(r->session, "result.model_path", full != NULL ? full : path, error);
+        free(full);
+    }
+    free(place);
+    return status == GONIO_OK ? gonio_outcome_put(r->session, outcome, error) : status;
+}
+
+static gonio_status run_all(run *r, const gonio_rig *rig, gonio_outcome *outcome, gonio_error *error) {
+    const gonio_scan_hooks hooks = {r, r->options->hooks.mount != NULL ? ask_for_hands : NULL, note, note_undone};
+    gonio_status status = gonio_scan_new(r->session, rig, &hooks, &r->scan, error);
+    if (status == GONIO_OK) {
+        status = open_stream(r, error);
+    }
+    if (status == GONIO_OK) {
+        status = scan_all(r, error);
+    }
+    return status == GONIO_OK ? finish(r, outcome, error) : status;
+}
+
+static void tell_finished(run *r) {
+    char *hash = NULL;
+    if (gonio_session_get(r->session, "result.model_sha256", &hash, NULL) == GONIO_OK) {
+        note(r, "the session is finished; fitting it again");
+    }
+    free(hash);
+}
+
+gonio_status gonio_measure_run(gonio_session *session, gonio_rig_file *rig, const gonio_measure_options *options,
+                               gonio_outcome *outcome, gonio_error *error) {
+    *outcome = (gonio_outcome){0};
+    run r = {.options = options, .session = session};
+    gonio_error own = {.line = -1, .byte = -1};
+    gonio_status status = check_hands(rig, options, &own);
+    if (status == GONIO_OK) {
+        tell_finished(&r);
+        rig->journal = session;
+        status = run_all(&r, &rig->rig, outcome, &own);
+        if (status != GONIO_OK) {
+            gonio_session_event(session, "stopped", own.message, NULL);
+        }
+        gonio_fit_stream_free(r.stream);
+        gonio_scan_free(r.scan);
+        rig->journal = NULL;
+    }
+    if (status != GONIO_OK) {
+        gonio_outcome_free(outcome);
+        if (error != NULL) {
+            *error = own;
+        }
+    }
+    return status;
+}

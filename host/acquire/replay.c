@@ -1,0 +1,156 @@
+// Stored frames -> calibration -> samples -> model again, held against what the measure journalled.
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "host/acquire/acquire.h"
+
+typedef struct replay {
+    gonio_session *session;
+    const gonio_measure_options *options;
+    gonio_process process;
+    size_t poses;
+} replay;
+
+static bool go_on(const replay *r, gonio_measure_phase phase, double fraction, const char *what, double error_now) {
+    const gonio_measure_hooks *hooks = &r->options->hooks;
+    const size_t done = phase == GONIO_MEASURE_POSES ? (size_t)(fraction * (double)r->poses) : r->poses;
+    const gonio_measure_progress now = {phase, done, r->poses, 0, fraction, what, error_now};
+    return hooks->progress == NULL || hooks->progress(hooks->context, &now);
+}
+
+static bool on_poses(void *context, double fraction, const char *what, double error_now) {
+    (void)what, (void)error_now;
+    return go_on(context, GONIO_MEASURE_POSES, fraction, "", NAN);
+}
+
+static bool on_fit(void *context, double fraction, const char *what, double error_now) {
+    return go_on(context, GONIO_MEASURE_FIT, fraction, what, error_now);
+}
+
+static bool same(const gonio_samples *a, const gonio_samples *b) {
+    if (a == NULL || b == NULL) {
+        return a == b;
+    }
+    const size_t bytes = a->n * (size_t)a->channels * sizeof(double);
+    return a->n == b->n && a->channels == b->channels &&
+           (a->n == 0 ||
+            (memcmp(a->pairs, b->pairs, a->n * sizeof *a->pairs) == 0 && memcmp(a->values, b->values, bytes) == 0 &&
+             memcmp(a->sigma_random, b->sigma_random, bytes) == 0 &&
+             memcmp(a->sigma_systematic, b->sigma_systematic, bytes) == 0));
+}
+
+static gonio_status compare_sets(replay *r, gonio_samples *const *sets, gonio_replay_report *report,
+                                 gonio_error *error) {
+    for (size_t i = r->process.n; i-- > 0;) {
+        gonio_samples *stored = NULL;
+        if (sets[i] != NULL) {
+            const gonio_status status = gonio_session_step_samples(r->session, (int64_t)i, &stored, error);
+            if (status != GONIO_OK) {
+                return status;
+            }
+        }
+        if (!same(sets[i], stored)) {
+            report->steps_differing++;
+            report->first_differing = (long long)i;
+        }
+        gonio_samples_free(stored);
+    }
+    return GONIO_OK;
+}
+
+// A folder for the model whose checksum is wanted where nobody wants its file.
+static gonio_status temporary_folder(char path[64], gonio_error *error) {
+    const char *folder = getenv("TMPDIR");
+    if (snprintf(path, 64, "%s/gonio-replay-XXXXXX", folder != NULL && strlen(folder) < 32 ? folder : "/tmp") >= 64) {
+        return gonio_fail(error, GONIO_E_IO, "the path of the temporary folder is too long");
+    }
+    return mkdtemp(path) != NULL
+               ? GONIO_OK
+               : gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make a temporary folder: %s", strerror(errno));
+}
+
+static gonio_status finish(replay *r, gonio_samples **sets, gonio_outcome *outcome, gonio_error *error) {
+    const char *path = r->options->model_path;
+    gonio_finish_options options = {
+        .sets = sets, .threads = r->options->threads, .model_path = path, .progress = on_fit, .context = r};
+    if (path != NULL) {
+        const gonio_status status = gonio_finish(r->session, &r->process, &options, outcome, error);
+        outcome->model_path = status == GONIO_OK ? strdup(path) : NULL;
+        return status;
+    }
+    char folder[64], file[80];
+    gonio_status status = temporary_folder(folder, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    snprintf(file, sizeof file, "%s/model", folder);
+    options.model_path = file;
+    status = gonio_finish(r->session, &r->process, &options, outcome, error);
+    unlink(file);
+    rmdir(folder);
+    return status;
+}
+
+static gonio_status prepare(replay *r, gonio_error *error) {
+    bool ready;
+    gonio_status status = gonio_process_begin(r->session, &r->process, error);
+    if (status == GONIO_OK) {
+        status = gonio_process_prepare(r->session, &r->process, NULL, NULL, 0, &ready, error);
+    }
+    if (status == GONIO_OK && !ready) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(r->session), -1,
+                                 "its dark and reference frames are not complete; `gonio resume` takes them");
+    }
+    for (size_t i = 0; status == GONIO_OK && i < r->process.n; i++) {
+        r->poses += r->process.steps[i].kind == GONIO_STEP_SAMPLE;
+    }
+    return status;
+}
+
+static void get_checksum(gonio_session *session, const char *key, char hex[GONIO_SHA256_HEX]) {
+    char *text = NULL;
+    if (gonio_session_get(session, key, &text, NULL) == GONIO_OK) {
+        snprintf(hex, GONIO_SHA256_HEX, "%s", text);
+    }
+    free(text);
+}
+
+static void judge(gonio_session *session, const gonio_outcome *outcome, gonio_replay_report *report) {
+    get_checksum(session, "result.samples_sha256", report->samples_sha256);
+    get_checksum(session, "result.model_sha256", report->model_sha256);
+    report->finished = report->samples_sha256[0] != 0 && report->model_sha256[0] != 0;
+    report->samples_equal = report->finished && strcmp(report->samples_sha256, outcome->samples_sha256) == 0;
+    report->model_equal = report->finished && strcmp(report->model_sha256, outcome->model_sha256) == 0;
+    report->equal =
+        report->steps_differing == 0 && (!report->finished || (report->samples_equal && report->model_equal));
+}
+
+gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *options, gonio_outcome *outcome,
+                          gonio_replay_report *report, gonio_error *error) {
+    *outcome = (gonio_outcome){0};
+    *report = (gonio_replay_report){.first_differing = -1};
+    replay r = {.session = session, .options = options};
+    gonio_samples **sets = NULL;
+    gonio_status status = prepare(&r, error);
+    if (status == GONIO_OK) {
+        status = gonio_process_samples(session, &r.process, false, options->threads, on_poses, &r, &sets, error);
+    }
+    if (status == GONIO_OK) {
+        status = compare_sets(&r, sets, report, error);
+    }
+    if (status == GONIO_OK) {
+        status = finish(&r, sets, outcome, error);
+    }
+    if (status == GONIO_OK) {
+        judge(session, outcome, report);
+    } else {
+        gonio_outcome_free(outcome);
+    }
+    gonio_sets_free(sets, r.process.n);
+    gonio_process_end(&r.process);
+    return status;
+}
