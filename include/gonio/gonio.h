@@ -2,10 +2,12 @@
 // renderer needs model.h only.
 //
 // Everywhere: a call returns a gonio_status (0 is success) and writes what went wrong into the gonio_error that it was
-// given (NULL is allowed). The library never prints and never exits. Calls on different objects may run in different
-// threads at once; two calls on one object may not, unless the object's header says so (a model may be evaluated by any
-// number of threads). Directions are unit vectors away from the surface, angles are in radians except where a name ends
-// in _deg, BRDF values in 1/sr.
+// given (NULL is allowed). The library never prints and never exits, and leaves the process as it is: locale, umask,
+// signals, environment, working folder and standard streams. (One exception: building the thesis' hashed CBMBA form,
+// fit option storage "hash", lends rand() another state for its duration.) Calls on different objects may run in
+// different threads at once; two calls on one object may not, unless the object's header says so (a model may be
+// evaluated by any number of threads). Directions are unit vectors away from the surface, angles are in radians except
+// where a name ends in _deg, BRDF values in 1/sr.
 #ifndef GONIO_GONIO_H
 #define GONIO_GONIO_H
 

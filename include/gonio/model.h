@@ -55,7 +55,9 @@ struct gonio_model {
 // GONIO_E_INPUT with file and byte where the file is not a sound model of a version that this code reads.
 gonio_status gonio_model_open(const char *path, gonio_model **out, gonio_error *error);
 // The same but for the checksum, which takes a pass over the file: for files that are known to be sound. Lengths and
-// tables are checked, control points are read when they are evaluated; microseconds, whatever the size.
+// tables are checked, control points are read when they are evaluated; microseconds, whatever the size. As with
+// every mapped file, whoever shortens it in place while the model lives makes evaluations end with SIGBUS; Gonio itself
+// only replaces files.
 gonio_status gonio_model_map(const char *path, gonio_model **out, gonio_error *error);
 // The bytes of a model file in memory (a resource of the program, an entry of an archive, a received message), with all
 // the checks of gonio_model_open. Borrowed: data must stay where it is, unchanged, until the model is freed. Data that

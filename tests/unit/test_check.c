@@ -9,6 +9,8 @@
 #include <cmocka.h>
 
 #include "gonio/check.h"
+#include "gonio/io.h"
+#include "gonio/plan.h"
 #include "tests/unit/near.h"
 
 static gonio_model *from(const char *spec) {
@@ -67,6 +69,30 @@ static void reports(void **state) {
     gonio_model_free(m);
 }
 
+// What is found of a model is found of samples of it, whatever the thread count.
+static void samples_are_judged_by_a_fit(void **state) {
+    (void)state;
+    gonio_model *m = from("ward:rho_d=0.3,rho_s=0.2,alpha=0.3");
+    gonio_plan *plan;
+    gonio_samples *s;
+    gonio_check_report of_model, of_samples, again;
+    assert_int_equal(gonio_plan_make("nusselt:1500", 1, &plan, NULL), GONIO_OK);
+    assert_int_equal(gonio_samples_of_model(m, plan->poses, plan->n, &s, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, &of_model, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_samples(s, 1, 1, &of_samples, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_samples(s, 1, 3, &again, NULL), GONIO_OK);
+    assert_memory_equal(&of_samples, &again, sizeof again);
+    assert_near(of_samples.energy, of_model.energy, 0.05);
+    assert_near(of_samples.reciprocity, of_model.reciprocity, 0.05);
+    assert_near(of_samples.isotropy, of_model.isotropy, 1e-9);
+    s->n = 0;
+    gonio_error error = {0};
+    assert_int_equal(gonio_check_samples(s, 1, 1, &of_samples, &error), GONIO_E_INPUT);
+    gonio_samples_free(s);
+    gonio_plan_free(plan);
+    gonio_model_free(m);
+}
+
 // f = cos(theta_i): twice as bright from above as from 60 deg, so not reciprocal.
 static void eval_lopsided(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     (void)model;
@@ -121,6 +147,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(albedos),
         cmocka_unit_test(reports),
+        cmocka_unit_test(samples_are_judged_by_a_fit),
         cmocka_unit_test(what_is_wrong_is_found),
         cmocka_unit_test(transforms),
     };

@@ -148,6 +148,49 @@ static void damage_is_found(void **state) {
     assert_int_equal(gonio_model_open(path, &model, &error), GONIO_E_INPUT);
 }
 
+// The bytes of a file, wherever they lie: the same model, the same refusals, and nothing read past their end (the
+// sanitizer sees the end, since the buffer is exactly as long).
+static void models_come_from_memory(void **state) {
+    (void)state;
+    static const char *const kinds[][2] = {{"mba", NULL}, {"cbmba", "byte"}, {"cbmba", "hash"}, {"auto", NULL}};
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+        gonio_model *model = fit(kinds[k][0], kinds[k][1], GONIO_LINEAR, 3), *back;
+        assert_int_equal(gonio_model_save(model, path, NULL), GONIO_OK);
+        size_t length;
+        unsigned char *bytes = slurp(&length);
+        for (size_t shift = 0; shift < 130; shift += shift < 4 ? 1 : 21) { // 64 among them
+            unsigned char *moved = aligned_alloc(64, (shift + length + 63) / 64 * 64);
+            memcpy(moved + shift, bytes, length);
+            gonio_error error = {0};
+            if (gonio_model_open_memory(moved + shift, length, &back, &error) != GONIO_OK) {
+                fail_msg("%s at %zu: %s", kinds[k][0], shift, error.message);
+            }
+            assert_same_model(model, back);
+            gonio_model_free(back);
+            free(moved);
+        }
+        for (size_t i = 0; i < 200; i++) {
+            const size_t at = i < 128 ? i : i * 7919 % length;
+            bytes[at] ^= (unsigned char)(1 << i % 8);
+            gonio_error error = {0};
+            assert_int_equal(gonio_model_open_memory(bytes, length, &back, &error), GONIO_E_INPUT);
+            assert_null(back);
+            assert_string_equal(error.file, "(memory)");
+            bytes[at] ^= (unsigned char)(1 << i % 8);
+        }
+        for (size_t shorter = 0; shorter < length; shorter += 1 + length / 50) {
+            unsigned char *cut = malloc(shorter + 1);
+            memcpy(cut + 1, bytes, shorter);
+            assert_int_equal(gonio_model_open_memory(cut + 1, shorter, &back, NULL), GONIO_E_INPUT);
+            assert_null(back);
+            free(cut);
+        }
+        free(bytes);
+        gonio_model_free(model);
+    }
+    unlink(path);
+}
+
 static void a_full_disk_leaves_nothing(void **state) {
     (void)state;
     gonio_model *model = fit("mba", NULL, GONIO_LINEAR, 1);
@@ -188,9 +231,8 @@ static void gradient_follows_the_model(void **state) {
 int main(void) {
     snprintf(path, sizeof path, "/tmp/gonio_test_model_%ld", (long)getpid());
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(written_models_come_back),
-        cmocka_unit_test(damage_is_found),
-        cmocka_unit_test(a_full_disk_leaves_nothing),
+        cmocka_unit_test(written_models_come_back),   cmocka_unit_test(damage_is_found),
+        cmocka_unit_test(models_come_from_memory),    cmocka_unit_test(a_full_disk_leaves_nothing),
         cmocka_unit_test(gradient_follows_the_model),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

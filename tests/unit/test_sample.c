@@ -199,8 +199,31 @@ static void the_pole_has_no_azimuth(void **state) {
     gonio_samples_free(s);
 }
 
+static void names_tell_wavelengths(void **state) {
+    (void)state;
+    static const struct {
+        const char *name;
+        double nm; // 0: none
+    } known[] = {{"550nm", 550}, {"550.5nm", 550.5}, {"1000000nm", 1e6}, {".5nm", 0.5},  {"r", 0},
+                 {"", 0},        {"nm", 0},          {"0nm", 0},         {"-5nm", 0},    {"+5nm", 0},
+                 {" 5nm", 0},    {"5 nm", 0},        {"550", 0},         {"550nmx", 0},  {"0x10nm", 0},
+                 {"infnm", 0},   {"1e3nm", 0},       {"5.5.5nm", 0},     {"550,5nm", 0}, {".nm", 0}};
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
+        const double nm = gonio_channel_wavelength_nm(known[k].name);
+        if (known[k].nm > 0 ? nm != known[k].nm : !isnan(nm)) {
+            fail_msg("'%s' gives %g", known[k].name, nm);
+        }
+    }
+    gonio_samples *s = make(2, false);
+    strcpy(s->channel_names[1], "650.25nm");
+    assert_true(gonio_samples_wavelength_nm(s, 1) == 650.25);
+    assert_true(isnan(gonio_samples_wavelength_nm(s, 0)));
+    gonio_samples_free(s);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names_tell_wavelengths),
         cmocka_unit_test(what_is_added_is_there),
         cmocka_unit_test(unusable_samples_are_named),
         cmocka_unit_test(impossible_sets),
