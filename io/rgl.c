@@ -280,8 +280,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
-static const gonio_model_ops ops = {
-    .api_version = GONIO_MODEL_API_VERSION, .kind = "table", .eval = eval, .free = release};
+static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
 
 // ---- building ----
 

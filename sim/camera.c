@@ -251,8 +251,5 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
 
 static void camera_close(void *device) { (void)device; }
 
-const gonio_camera_ops sim_camera_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                         .name = "simulated camera",
-                                         .info = camera_info,
-                                         .capture = camera_capture,
-                                         .close = camera_close};
+const gonio_camera_ops sim_camera_ops = {
+    .name = "simulated camera", .info = camera_info, .capture = camera_capture, .close = camera_close};

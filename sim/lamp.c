@@ -72,13 +72,9 @@ static gonio_status meter_read(void *device, const gonio_stamp *stamp, double in
 
 static void nothing_to_close(void *device) { (void)device; }
 
-const gonio_lamp_ops sim_lamp_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                     .name = "simulated lamp",
+const gonio_lamp_ops sim_lamp_ops = {.name = "simulated lamp",
                                      .set_level = lamp_set_level,
                                      .set_shutter = lamp_set_shutter,
                                      .wait_ready = lamp_wait_ready,
                                      .close = nothing_to_close};
-const gonio_meter_ops sim_meter_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                       .name = "simulated lamp monitor",
-                                       .read = meter_read,
-                                       .close = nothing_to_close};
+const gonio_meter_ops sim_meter_ops = {.name = "simulated lamp monitor", .read = meter_read, .close = nothing_to_close};

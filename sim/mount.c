@@ -26,9 +26,6 @@ static gonio_status check(void *device, gonio_error *error) {
 
 static void nothing_to_close(void *device) { (void)device; }
 
-const gonio_mount_ops sim_mount_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                       .name = "simulated sample changer",
-                                       .mount = mount,
-                                       .close = nothing_to_close};
+const gonio_mount_ops sim_mount_ops = {.name = "simulated sample changer", .mount = mount, .close = nothing_to_close};
 const gonio_interlock_ops sim_interlock_ops = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "simulated interlock", .check = check, .close = nothing_to_close};
+    .name = "simulated interlock", .check = check, .close = nothing_to_close};

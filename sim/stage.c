@@ -355,8 +355,7 @@ static gonio_status stage_audit(void *device, double timeout_s, double differenc
 
 static void stage_close(void *device) { (void)device; }
 
-const gonio_stage_ops sim_stage_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                       .name = "simulated stage",
+const gonio_stage_ops sim_stage_ops = {.name = "simulated stage",
                                        .home = stage_home,
                                        .move = stage_move,
                                        .position = stage_position,

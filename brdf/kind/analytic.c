@@ -99,7 +99,6 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
 }
 
 static const gonio_model_ops ops = {
-    .api_version = GONIO_MODEL_API_VERSION,
     .kind = "analytic",
     .save = save,
     .eval = eval,

@@ -114,7 +114,6 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
 }
 
 static const gonio_model_ops cbmba_ops = {
-    .api_version = GONIO_MODEL_API_VERSION,
     .kind = "cbmba",
     .eval = eval,
     .eval_f32 = eval_narrow,

@@ -244,7 +244,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     return gonio_model_file_write(model, path, parts, n, error);
 }
 
-#define OPS .api_version = GONIO_MODEL_API_VERSION, .kind = "lobe-spline", .eval = eval, .save = save, .free = release
+#define OPS .kind = "lobe-spline", .eval = eval, .save = save, .free = release
 static const gonio_model_ops ops = {OPS};
 static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
 

@@ -374,11 +374,8 @@ static void camera_close(void *device) {
     free(c);
 }
 
-const gonio_camera_ops gonio_camera_v4l2 = {.api_version = GONIO_RIG_API_VERSION,
-                                            .name = "v4l2",
-                                            .info = camera_info,
-                                            .capture = camera_capture,
-                                            .close = camera_close};
+const gonio_camera_ops gonio_camera_v4l2 = {
+    .name = "v4l2", .info = camera_info, .capture = camera_capture, .close = camera_close};
 
 gonio_status gonio_camera_v4l2_open(const gonio_camera_v4l2_config *config, const gonio_v4l2_io *io, void *state,
                                     void **device, gonio_error *error) {

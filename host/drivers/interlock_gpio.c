@@ -142,8 +142,7 @@ static void interlock_close(void *opaque) {
     free(device);
 }
 
-const gonio_interlock_ops gonio_interlock_gpio = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "gpio", .check = interlock_check, .close = interlock_close};
+const gonio_interlock_ops gonio_interlock_gpio = {.name = "gpio", .check = interlock_check, .close = interlock_close};
 
 static gonio_status open_contact(interlock *device, const gonio_contact_config *config, int64_t hold_ns,
                                  gonio_error *error) {

@@ -138,8 +138,7 @@ static void guard_close(void *device) {
     free(g);
 }
 
-static const gonio_stage_ops guard_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                          .name = "guarded by keep-out zones",
+static const gonio_stage_ops guard_ops = {.name = "guarded by keep-out zones",
                                           .home = guard_home,
                                           .move = guard_move,
                                           .position = guard_position,

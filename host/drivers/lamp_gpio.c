@@ -66,8 +66,7 @@ static void lamp_close(void *device) {
     free(l);
 }
 
-const gonio_lamp_ops gonio_lamp_gpio = {.api_version = GONIO_RIG_API_VERSION,
-                                        .name = "gpio",
+const gonio_lamp_ops gonio_lamp_gpio = {.name = "gpio",
                                         .set_level = lamp_set_level,
                                         .set_shutter = lamp_set_shutter,
                                         .wait_ready = lamp_wait_ready,

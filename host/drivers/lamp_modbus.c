@@ -74,8 +74,7 @@ static void lamp_close(void *device) {
     free(l);
 }
 
-const gonio_lamp_ops gonio_lamp_modbus = {.api_version = GONIO_RIG_API_VERSION,
-                                          .name = "modbus",
+const gonio_lamp_ops gonio_lamp_modbus = {.name = "modbus",
                                           .set_level = lamp_set_level,
                                           .set_shutter = lamp_set_shutter,
                                           .wait_ready = lamp_wait_ready,

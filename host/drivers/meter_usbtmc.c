@@ -160,8 +160,7 @@ static void meter_close(void *device) {
     free(m);
 }
 
-const gonio_meter_ops gonio_meter_usbtmc = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "usbtmc", .read = meter_read, .close = meter_close};
+const gonio_meter_ops gonio_meter_usbtmc = {.name = "usbtmc", .read = meter_read, .close = meter_close};
 
 gonio_status gonio_meter_usbtmc_open(const gonio_meter_usbtmc_config *config, void **device, gonio_error *error) {
     meter *m = calloc(1, sizeof *m);

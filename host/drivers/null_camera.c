@@ -41,11 +41,8 @@ static gonio_status capture(void *device, const gonio_window *window, double exp
 
 static void nothing_to_close(void *device) { (void)device; }
 
-static const gonio_camera_ops ops = {.api_version = GONIO_RIG_API_VERSION,
-                                     .name = "null camera",
-                                     .info = info,
-                                     .capture = capture,
-                                     .close = nothing_to_close};
+static const gonio_camera_ops ops = {
+    .name = "null camera", .info = info, .capture = capture, .close = nothing_to_close};
 
 static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
     (void)settings, (void)context, (void)error;

@@ -25,8 +25,7 @@ static gonio_status wait_ready(void *device, const gonio_stamp *stamp, double ti
 
 static void nothing_to_close(void *device) { (void)device; }
 
-static const gonio_lamp_ops ops = {.api_version = GONIO_RIG_API_VERSION,
-                                   .name = "null lamp",
+static const gonio_lamp_ops ops = {.name = "null lamp",
                                    .set_level = set_level,
                                    .set_shutter = set_shutter,
                                    .wait_ready = wait_ready,

@@ -13,8 +13,7 @@ static gonio_status read_value(void *device, const gonio_stamp *stamp, double in
 
 static void nothing_to_close(void *device) { (void)device; }
 
-static const gonio_meter_ops ops = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "null meter", .read = read_value, .close = nothing_to_close};
+static const gonio_meter_ops ops = {.name = "null meter", .read = read_value, .close = nothing_to_close};
 
 static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
     (void)settings, (void)context, (void)error;

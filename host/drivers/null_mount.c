@@ -10,8 +10,7 @@ static gonio_status mount(void *device, gonio_target target, gonio_error *error)
 
 static void nothing_to_close(void *device) { (void)device; }
 
-static const gonio_mount_ops ops = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "null sample changer", .mount = mount, .close = nothing_to_close};
+static const gonio_mount_ops ops = {.name = "null sample changer", .mount = mount, .close = nothing_to_close};
 
 static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
     (void)settings, (void)context, (void)error;

@@ -37,8 +37,7 @@ static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], 
     return 0;
 }
 
-static const gonio_stage_ops ops = {.api_version = GONIO_RIG_API_VERSION,
-                                    .name = "null stage",
+static const gonio_stage_ops ops = {.name = "null stage",
                                     .home = stage_home,
                                     .move = stage_move,
                                     .position = stage_position,

@@ -78,8 +78,7 @@ static void stage_close(void *device) {
     free(s);
 }
 
-static const gonio_stage_ops stage_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                          .name = "modbus, followed by the simulation",
+static const gonio_stage_ops stage_ops = {.name = "modbus, followed by the simulation",
                                           .home = stage_home,
                                           .move = stage_move,
                                           .position = stage_position,
@@ -132,8 +131,7 @@ static void lamp_close(void *device) {
     free(l);
 }
 
-static const gonio_lamp_ops lamp_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                        .name = "real, followed by the simulation",
+static const gonio_lamp_ops lamp_ops = {.name = "real, followed by the simulation",
                                         .set_level = lamp_set_level,
                                         .set_shutter = lamp_set_shutter,
                                         .wait_ready = lamp_wait_ready,

@@ -359,8 +359,7 @@ static void stage_close(void *device) {
     free(s);
 }
 
-const gonio_stage_ops gonio_stage_modbus = {.api_version = GONIO_RIG_API_VERSION,
-                                            .name = "modbus",
+const gonio_stage_ops gonio_stage_modbus = {.name = "modbus",
                                             .home = stage_home,
                                             .move = stage_move,
                                             .position = stage_position,

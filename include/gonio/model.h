@@ -19,9 +19,7 @@ extern "C" {
 typedef struct gonio_model gonio_model;
 
 // What a kind of model must provide; a new kind is one such table (fit/ fills them).
-#define GONIO_MODEL_API_VERSION 1
 typedef struct gonio_model_ops {
-    int api_version;
     const char *kind; // "lattice" "cbmba" "analytic" "table" ...
     // Required; any thread, does not block or allocate. f_r (1/sr) of every channel, for unit vectors with z >= 0.
     void (*eval)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);

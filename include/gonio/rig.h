@@ -38,8 +38,6 @@
 extern "C" {
 #endif
 
-#define GONIO_RIG_API_VERSION 1
-
 enum { GONIO_LIGHT_THETA, GONIO_LIGHT_PHI, GONIO_CAMERA_THETA, GONIO_CAMERA_PHI, GONIO_AXES };
 
 // When, on the plan's nominal clock, and for which pose and frame something happens. Real devices may ignore it; the
@@ -52,7 +50,6 @@ typedef struct gonio_stamp {
 
 // ---- stage: the four axes ----
 typedef struct gonio_stage_ops {
-    int api_version;
     const char *name;
     gonio_status (*home)(void *device, double timeout_s, gonio_error *error);
     // Absolute, coordinated, always approached from the same side; blocks until settled. id: of this move, a repeat is
@@ -76,7 +73,6 @@ typedef struct gonio_stage_ops {
 
 // ---- lamp and shutter ----
 typedef struct gonio_lamp_ops {
-    int api_version;
     const char *name;
     gonio_status (*set_level)(void *device, double level, gonio_error *error); // 0..1
     gonio_status (*set_shutter)(void *device, bool open, gonio_error *error);
@@ -87,7 +83,6 @@ typedef struct gonio_lamp_ops {
 
 // ---- meter: the lamp's monitor photodiode or a reference detector ----
 typedef struct gonio_meter_ops {
-    int api_version;
     const char *name;
     // A reading in the device's unit and its standard uncertainty, averaged over integration_s.
     gonio_status (*read)(void *device, const gonio_stamp *stamp, double integration_s, double *value, double *sigma,
@@ -122,7 +117,6 @@ typedef struct gonio_frame {
 } gonio_frame;
 
 typedef struct gonio_camera_ops {
-    int api_version;
     const char *name;
     gonio_status (*info)(void *device, gonio_camera_info *info, gonio_error *error);
     // Blocks until a frame that was exposed wholly after this call, with exactly these settings, has arrived.
@@ -134,7 +128,6 @@ typedef struct gonio_camera_ops {
 
 // ---- interlock: emergency stop and door ----
 typedef struct gonio_interlock_ops {
-    int api_version;
     const char *name;
     gonio_status (*check)(void *device, gonio_error *error); // OK, or GONIO_E_DEVICE naming what is open or pressed
     void (*close)(void *device);
@@ -152,7 +145,6 @@ typedef enum gonio_target {
     GONIO_TARGET_MIRROR
 } gonio_target;
 typedef struct gonio_mount_ops {
-    int api_version;
     const char *name;
     // Put the target on the table. A rig without a changer has no mount device: the host then asks the operator.
     gonio_status (*mount)(void *device, gonio_target target, gonio_error *error);

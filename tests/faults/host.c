@@ -129,13 +129,9 @@ static void meter_close(void *device) {
     bench.meter->close(bench.meter_device);
 }
 
-static const gonio_camera_ops camera_ops = {.api_version = GONIO_RIG_API_VERSION,
-                                            .name = "v4l2",
-                                            .info = camera_info,
-                                            .capture = camera_capture,
-                                            .close = camera_close};
-static const gonio_meter_ops meter_ops = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "usbtmc", .read = meter_read, .close = meter_close};
+static const gonio_camera_ops camera_ops = {
+    .name = "v4l2", .info = camera_info, .capture = camera_capture, .close = camera_close};
+static const gonio_meter_ops meter_ops = {.name = "usbtmc", .read = meter_read, .close = meter_close};
 
 // ---- the rig ----
 

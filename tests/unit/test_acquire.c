@@ -19,7 +19,6 @@
 #include "tests/unit/key_values.h"
 #include "tests/unit/session_folder.h"
 
-
 typedef struct bench {
     gonio_sim *sim;
     gonio_rig rig;
@@ -381,11 +380,8 @@ static gonio_status pass_ready(void *device, const gonio_stamp *stamp, double ti
 
 static void test_dark_frames_that_are_not_dark(void **state) {
     (void)state;
-    const gonio_lamp_ops stuck = {.api_version = GONIO_RIG_API_VERSION,
-                                  .name = "stuck",
-                                  .set_level = pass_level,
-                                  .set_shutter = stuck_shutter,
-                                  .wait_ready = pass_ready};
+    const gonio_lamp_ops stuck = {
+        .name = "stuck", .set_level = pass_level, .set_shutter = stuck_shutter, .wait_ready = pass_ready};
     const gonio_scan_options options = quick();
     const gonio_scan_hooks hooks = {0};
     bench b = open_rig();

@@ -252,7 +252,7 @@ static void odd_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, dou
 
 static void odd_models_give_frames(void **state) {
     (void)state;
-    static const gonio_model_ops ops = {.api_version = GONIO_MODEL_API_VERSION, .kind = "odd", .eval = odd_eval};
+    static const gonio_model_ops ops = {.kind = "odd", .eval = odd_eval};
     const double values[] = {-1, NAN, INFINITY, 1e300, -INFINITY};
     for (int k = 0; k < 5; k++) {
         struct {
