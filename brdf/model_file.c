@@ -80,8 +80,6 @@ static gonio_status check_names(const gonio_model_file_head *h, const unsigned c
     return GONIO_OK;
 }
 
-static void unmap(void *base, size_t length) { munmap(base, length); }
-
 static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped, gonio_error *error) {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     struct stat info;
@@ -105,7 +103,6 @@ static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped,
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot map it: %s", strerror(why));
     }
     mapped->base = base;
-    mapped->release = unmap;
     mapped->path = strdup(path);
     return mapped->path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to open %s", path);
 }
@@ -158,11 +155,6 @@ gonio_status gonio_model_map(const char *path, gonio_model **out, gonio_error *e
     return open_file(path, false, out, error);
 }
 
-static void free_copy(void *base, size_t length) {
-    (void)length;
-    free(base);
-}
-
 // The bytes where they lie, or a copy where they do not lie as the arrays in them must.
 static gonio_status place(const void *data, size_t length, gonio_mapped *mapped, gonio_error *error) {
     if (length < sizeof(gonio_model_file_head)) {
@@ -170,12 +162,13 @@ static gonio_status place(const void *data, size_t length, gonio_mapped *mapped,
     }
     mapped->base = data;
     mapped->length = length;
+    mapped->origin = GONIO_MAPPED_BORROWED;
     if ((uintptr_t)data % GONIO_MODEL_FILE_ALIGN != 0) {
         // aligned_alloc wants a multiple of the alignment.
         const size_t whole = (length + GONIO_MODEL_FILE_ALIGN - 1) / GONIO_MODEL_FILE_ALIGN * GONIO_MODEL_FILE_ALIGN;
         void *copy = length <= SIZE_MAX / 2 ? aligned_alloc(GONIO_MODEL_FILE_ALIGN, whole) : NULL;
         mapped->base = copy;
-        mapped->release = free_copy;
+        mapped->origin = GONIO_MAPPED_COPY;
         if (copy == NULL) {
             return gonio_fail(error, GONIO_E_MEMORY, "no memory for a copy of %zu bytes", length);
         }

@@ -28,14 +28,15 @@ gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head);
 typedef struct gonio_mapped {
     const void *base;
     size_t length;
-    void (*release)(void *base, size_t length); // NULL: borrowed from the caller
-    char *path;                                 // for messages of the kind that parses it; owned
-    const char (*names)[32];                    // inside the mapping, terminated
-    const unsigned char *section;               // aligned
+    char *path;                   // for messages of the kind that parses it; owned
+    const char (*names)[32];      // inside the mapping, terminated
+    const unsigned char *section; // aligned
     size_t section_length;
     int channels;
     bool isotropic;
+    uint8_t origin; // of base: GONIO_MAPPED_*
 } gonio_mapped;
+enum { GONIO_MAPPED_FILE, GONIO_MAPPED_COPY, GONIO_MAPPED_BORROWED };
 
 void gonio_mapped_release(gonio_mapped *mapped);
 

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "brdf/model_file.h"
 #include "gonio/output.h"
@@ -20,8 +21,11 @@ static size_t aligned(size_t length) {
 }
 
 void gonio_mapped_release(gonio_mapped *mapped) {
-    if (mapped->base != NULL && mapped->release != NULL) {
-        mapped->release((void *)(uintptr_t)mapped->base, mapped->length);
+    void *base = (void *)(uintptr_t)mapped->base;
+    if (mapped->origin == GONIO_MAPPED_COPY) {
+        free(base);
+    } else if (mapped->origin == GONIO_MAPPED_FILE && base != NULL) {
+        munmap(base, mapped->length);
     }
     free(mapped->path);
     *mapped = (gonio_mapped){0};

@@ -68,8 +68,7 @@ static void monitor_close(void *device) {
     free(m);
 }
 
-const gonio_meter_ops gonio_meter_modbus = {
-    .api_version = GONIO_RIG_API_VERSION, .name = "modbus", .read = monitor_read, .close = monitor_close};
+const gonio_meter_ops gonio_meter_modbus = {.name = "modbus", .read = monitor_read, .close = monitor_close};
 
 gonio_status gonio_meter_modbus_open(gonio_controller *controller, double scale, double relative_sigma, void **device,
                                      gonio_error *error) {
