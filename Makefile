@@ -2,8 +2,6 @@
 CC      ?= gcc
 CXX     ?= g++
 AR      ?= ar
-PREFIX  ?= /usr/local
-DESTDIR ?=
 V       ?= 0
 JOBS    ?= $(shell nproc)
 B       ?= build
@@ -17,13 +15,18 @@ endif
 
 # include/gonio/version.h holds the version.
 VERSION  := $(shell awk '/define GONIO_VERSION_(MAJOR|MINOR|PATCH) /{v = v s $$3; s = "."} END{print v}' include/gonio/version.h)
-WARN     := -Wall -Wextra -Wpedantic -Wconversion -Werror
-OPT      ?= -O2 -g
+# WERROR=1 and CI=true make every warning an error; who merely builds Gonio has newer compilers than we know.
+WERROR   ?= $(filter 1 true,$(CI))
+WARN     := -Wall -Wextra -Wpedantic -Wconversion $(if $(WERROR),-Werror)
 SANITIZE ?=
-CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE
-CFLAGS   += -std=c17 $(OPT) $(WARN) -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
-CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Werror -pthread $(SANITIZE)
-LDFLAGS  += -pthread $(SANITIZE)
+# CPPFLAGS, CFLAGS, CXXFLAGS and LDFLAGS from outside are added to; -O2 -g stands only where CFLAGS says nothing.
+ifndef CFLAGS
+OPT      ?= -O2 -g
+endif
+override CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE
+override CFLAGS   += -std=c17 $(OPT) $(WARN) -fPIC -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
+override CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra $(if $(WERROR),-Werror) -fPIC -pthread $(SANITIZE)
+override LDFLAGS  += -pthread $(SANITIZE)
 
 # Each folder's files.mk says what of it goes where, and adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),
 # unit-y (cmocka programs, run under sanitizers), bench-y, pkgs-y (pkg-config
@@ -46,15 +49,16 @@ CLI_OBJS  := $(call objs,$(cli-y))
 UNIT_BINS := $(addprefix $(B)/,$(basename $(unit-y)))
 BENCH_BINS := $(addprefix $(B)/,$(basename $(bench-y)))
 
-.PHONY: all help deps demo test test-slow test-build unit system bench asan ubsan tsan install clean
+.PHONY: all program help deps demo test test-slow test-build unit bench asan ubsan tsan clean
 .DEFAULT_GOAL := all
 .SECONDARY:
 .DELETE_ON_ERROR:
 
-all: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a ## build the program and the libraries
+all: program shared manual ## build the program, the libraries and the manual pages
+program: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a
 
 help: ## list the targets
-	@grep -hE '^[a-z][a-z -]*:.*## ' Makefile $(LISTS) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
+	@grep -hE '^[a-z][a-z -]*:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
 
 deps: ## install missing Debian packages (sudo where not root)
 	$(Q)tools/deps.sh $(sort $(deps-y))
@@ -82,11 +86,11 @@ bench: deps ## speed and accuracy figures, as ratios against references of the s
 bench-build: $(BENCH_BINS)
 
 asan: ## build the program and the tests with AddressSanitizer
-	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 ubsan: ## build with UndefinedBehaviorSanitizer
-	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
 tsan: ## build with ThreadSanitizer
-	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all unit B=$(B)/tsan OPT='-O1 -g' SANITIZE='-fsanitize=thread'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/tsan OPT='-O1 -g' SANITIZE='-fsanitize=thread'
 
 $(B)/gonio: $(CLI_OBJS) $(B)/libgonio.a
 	$(call say,LINK,$@)
@@ -106,22 +110,19 @@ $(BENCH_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
 $(B)/%.o: %.c
 	$(call say,CC,$<)
-	$(Q)mkdir -p $(@D) && $(CC) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CFLAGS) $(CFLAGS_$(basename $(notdir $<))) -MMD -MP -c -o $@ $<
+	$(Q)mkdir -p $(@D) && $(CC) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CFLAGS) $(VISIBILITY) $(CFLAGS_$(basename $(notdir $<))) -MMD -MP -c -o $@ $<
 $(B)/%.o: %.cpp
 	$(call say,CXX,$<)
-	$(Q)mkdir -p $(@D) && $(CXX) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CXXFLAGS) -MMD -MP -c -o $@ $<
+	$(Q)mkdir -p $(@D) && $(CXX) $(CPPFLAGS) $(PKG_CFLAGS_ONCE) $(CXXFLAGS) $(VISIBILITY) -MMD -MP -c -o $@ $<
+# The libraries' objects hide what is not public (include/gonio/export.h, tools/packaging.mk).
+$(LIB_OBJS): VISIBILITY := -fvisibility=hidden
+$(EVAL_OBJS): VISIBILITY := -fvisibility=protected
 # pkg-config once a run, and only when something is compiled.
 PKG_CFLAGS_ONCE = $(eval PKG_CFLAGS_ONCE := $(subst -I,-isystem ,$(PKG_CFLAGS)))$(PKG_CFLAGS_ONCE)
 
-install: all ## install under $(DESTDIR)$(PREFIX): program, libraries, headers, pkg-config files
-	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/gonio
-	install -m 755 $(B)/gonio $(DESTDIR)$(PREFIX)/bin/
-	install -m 644 $(B)/libgonio.a $(B)/libgonio-eval.a $(DESTDIR)$(PREFIX)/lib/
-	install -m 644 include/gonio/*.h $(DESTDIR)$(PREFIX)/include/gonio/
-	printf 'prefix=%s\nName: gonio\nDescription: gonioreflectometer acquisition, calibration and BRDF fitting\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio -pthread %s\n' '$(PREFIX)' '$(VERSION)' '$(PKG_LIBS)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio.pc
-	printf 'prefix=%s\nName: gonio-eval\nDescription: evaluate Gonio BRDF models\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lgonio-eval -lm\n' '$(PREFIX)' '$(VERSION)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/gonio-eval.pc
-
 clean: ## remove build/
 	rm -rf $(B)
+
+include tools/packaging.mk tools/lint.mk
 
 -include $(LIB_OBJS:.o=.d) $(CLI_OBJS:.o=.d) $(UNIT_BINS:=.d) $(BENCH_BINS:=.d) $(B)/firmware/board/posix/main.d

@@ -79,14 +79,10 @@ static const gonio_key scan_members[] = {
     M(gonio_scan_options, dark_frames, INTEGER),
     LATE(gonio_scan_options, trap_frames, INTEGER),
     LATE(gonio_scan_options, motion_check, INTEGER),
-    M(gonio_scan_options, reference_frames, INTEGER),
-    M(gonio_scan_options, settle_s, REAL),
-    M(gonio_scan_options, exposure_max_s, REAL),
-    M(gonio_scan_options, window_width, INTEGER),
-    M(gonio_scan_options, window_height, INTEGER),
-    M(gonio_scan_options, hands, BOOLEAN),
-    LATE(gonio_scan_options, audit_poses, INTEGER),
-    {0},
+    M(gonio_scan_options, reference_frames, INTEGER), M(gonio_scan_options, settle_s, REAL),
+    M(gonio_scan_options, exposure_max_s, REAL),      M(gonio_scan_options, window_width, INTEGER),
+    M(gonio_scan_options, window_height, INTEGER),    M(gonio_scan_options, hands, BOOLEAN),
+    LATE(gonio_scan_options, audit_poses, INTEGER),   {0},
 };
 static const gonio_key window_members[] = {
     M(gonio_window, x, INTEGER),

@@ -22,9 +22,9 @@
 #include "gonio/fit.h"
 #include "gonio/session.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "gonio/export.h"
+
+GONIO_BEGIN
 
 // ---- the rig ----
 
@@ -154,7 +154,5 @@ typedef struct gonio_replay_report {
 gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *options, gonio_outcome *outcome,
                           gonio_replay_report *report, gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -13,11 +13,10 @@
 #include <stdbool.h>
 
 #include "gonio/direction.h"
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // Where each group of parameters begins. An axis has four: two of its direction, two of a point on it. Azimuth axis:
 // direction (a, b, 1) / |.|, point (c, d, 0). Tilt axis: direction (a, 1, b) / |.|, point (c, 0, d). Lengths in mm.
@@ -56,14 +55,12 @@ void gonio_alignment_covariance(const gonio_alignment *alignment, const gonio_pa
 // one number must do.
 double gonio_alignment_sigma(const gonio_alignment *alignment);
 
-// A text file of numbers with a name for each (docs/formats.md, Alignment). write: all or nothing. read: GONIO_E_INPUT with file
-// and line.
+// A text file of numbers with a name for each (docs/formats.md, Alignment). write: all or nothing. read: GONIO_E_INPUT
+// with file and line.
 gonio_status gonio_alignment_write(const gonio_alignment *alignment, const char *path, gonio_error *error);
 gonio_status gonio_alignment_read(const char *path, gonio_alignment *out, gonio_error *error);
 // "camera azimuth axis a" ...; static storage.
 const char *gonio_alignment_parameter_name(int index);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -7,13 +7,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/rig.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // ---- images from files ----
 // A grey or colour image, rows from the top, channels interleaved (r g b). 8-bit files keep their values 0..255.
@@ -252,7 +251,5 @@ gonio_status gonio_response_write(const gonio_response_curve *curve, const char 
 void gonio_response_merge(int n, const gonio_image *images, int channel, const gonio_response_curve *curve,
                           float *radiance);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

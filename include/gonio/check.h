@@ -6,9 +6,9 @@
 #include "gonio/model.h"
 #include "gonio/sample.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "gonio/export.h"
+
+GONIO_BEGIN
 
 #define GONIO_CHECK_RANKS 8
 
@@ -47,7 +47,5 @@ void gonio_check_albedo(const gonio_model *model, double theta_i_rad, double *al
 gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, double energy, gonio_samples **out,
                                gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -7,9 +7,9 @@
 
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "gonio/export.h"
+
+GONIO_BEGIN
 
 #define GONIO_PI 3.14159265358979323846
 
@@ -80,7 +80,5 @@ const char *gonio_coordinates_name(gonio_coordinates system); // "nusselt" "half
 bool gonio_coordinates_parse(const char *name, gonio_coordinates *system);
 const char *const *gonio_coordinates_names(void); // in the enum's order, NULL-terminated; static storage
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

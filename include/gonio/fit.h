@@ -2,13 +2,12 @@
 #ifndef GONIO_FIT_H
 #define GONIO_FIT_H
 
+#include "gonio/export.h"
 #include "gonio/metrics.h"
 #include "gonio/model.h"
 #include "gonio/sample.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // The domains that values are fitted in. X(identifier, number, name, what it is).
 #define GONIO_DOMAIN_TABLE(X)                                                                                          \
@@ -127,7 +126,5 @@ gonio_status gonio_fit_stream_finish(gonio_fit_stream *stream, gonio_model **out
                                      gonio_error *error);
 void gonio_fit_stream_free(gonio_fit_stream *stream);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -4,12 +4,11 @@
 
 #include <stdio.h>
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/sample.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // ---- the formats ----
 
@@ -102,7 +101,5 @@ gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stre
 gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, int threads,
                                     gonio_samples **out, gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -2,12 +2,11 @@
 #ifndef GONIO_METRICS_H
 #define GONIO_METRICS_H
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/sample.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // Figures per channel, then the mean over channels (rmse and rms_log: root of the mean square). NaN: no samples (JSON
 // null).
@@ -28,7 +27,5 @@ gonio_status gonio_errors_of(const gonio_samples *samples, const double *predict
 gonio_status gonio_errors_model(const gonio_model *model, const gonio_samples *samples, const bool *which, int threads,
                                 gonio_errors *out, gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

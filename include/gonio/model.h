@@ -10,11 +10,10 @@
 #include <stdint.h>
 
 #include "gonio/direction.h"
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 typedef struct gonio_model gonio_model;
 
@@ -88,7 +87,5 @@ gonio_status gonio_model_from_spec(const char *spec, gonio_model **out, gonio_er
 // MODEL of the command line: a model file, "spec:SPEC", or a measured table (MERL, RGL). The caller frees the model.
 gonio_status gonio_model_resolve(const char *name, gonio_model **out, gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -4,11 +4,10 @@
 
 #include <stdio.h>
 
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 // A file that appears whole or not at all: write to ->stream, then commit (sync, rename, sync folder) or abandon.
 typedef struct gonio_output gonio_output;
@@ -17,7 +16,5 @@ FILE *gonio_output_stream(gonio_output *output);
 gonio_status gonio_output_commit(gonio_output *output, gonio_error *error); // frees it in every case
 void gonio_output_abandon(gonio_output *output);                            // NULL is allowed
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

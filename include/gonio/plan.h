@@ -6,11 +6,10 @@
 #include <stdint.h>
 
 #include "gonio/direction.h"
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 typedef struct gonio_plan {
     size_t n;
@@ -24,7 +23,5 @@ typedef struct gonio_plan {
 gonio_status gonio_plan_make(const char *text, uint64_t seed, gonio_plan **out, gonio_error *error);
 void gonio_plan_free(gonio_plan *plan);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -32,11 +32,10 @@
 
 #include "gonio/alignment.h"
 #include "gonio/direction.h"
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 enum { GONIO_LIGHT_THETA, GONIO_LIGHT_PHI, GONIO_CAMERA_THETA, GONIO_CAMERA_PHI, GONIO_AXES };
 
@@ -197,7 +196,5 @@ typedef struct gonio_rig {
 // Close every device that is there; the struct may then be reused.
 void gonio_rig_close(gonio_rig *rig);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

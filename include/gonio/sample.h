@@ -7,11 +7,10 @@
 #include <stdint.h>
 
 #include "gonio/direction.h"
+#include "gonio/export.h"
 #include "gonio/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 #define GONIO_CHANNELS_MAX 1024
 #define GONIO_CHANNEL_NAME_MAX 32
@@ -60,7 +59,5 @@ gonio_status gonio_samples_folds(const gonio_samples *samples, int folds, uint64
 gonio_status gonio_samples_hold_out(const gonio_samples *samples, double fraction, uint64_t seed, bool *held,
                                     gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -5,14 +5,13 @@
 #ifndef GONIO_SESSION_H
 #define GONIO_SESSION_H
 
+#include "gonio/export.h"
 #include "gonio/plan.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
 #include "gonio/session_calibration.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 #define GONIO_SESSION_VERSION 1
 
@@ -156,7 +155,5 @@ gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_H
 gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error);
 gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

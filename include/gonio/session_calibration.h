@@ -15,13 +15,12 @@
 #ifndef GONIO_SESSION_CALIBRATION_H
 #define GONIO_SESSION_CALIBRATION_H
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 typedef struct gonio_calib gonio_calib;
 
@@ -137,7 +136,5 @@ void gonio_calib_blur(const gonio_rig_facts *facts, const gonio_model *model, co
 gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_model *model, gonio_samples *samples,
                                   gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -3,12 +3,11 @@
 #ifndef GONIO_SIM_H
 #define GONIO_SIM_H
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/rig.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+GONIO_BEGIN
 
 typedef struct gonio_sim gonio_sim;
 
@@ -83,7 +82,5 @@ void gonio_render_options_default(gonio_render_options *options);
 gonio_status gonio_render(const gonio_model *const *models, int n, const gonio_render_options *options,
                           const char *path, gonio_render_result *result, gonio_error *error);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

@@ -5,9 +5,9 @@
 #ifndef GONIO_STATUS_H
 #define GONIO_STATUS_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "gonio/export.h"
+
+GONIO_BEGIN
 
 // X(name, value, exit status of the command line, text)
 #define GONIO_STATUS_LIST(X)                                                                                           \
@@ -63,7 +63,5 @@ gonio_status gonio_fail_byte(gonio_error *error, gonio_status status, const char
 gonio_status gonio_fail_frame(gonio_error *error, gonio_status status, long long step, int frame, const char *format,
                               ...) __attribute__((format(printf, 5, 6)));
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif

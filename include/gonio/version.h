@@ -3,9 +3,9 @@
 #ifndef GONIO_VERSION_H
 #define GONIO_VERSION_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "gonio/export.h"
+
+GONIO_BEGIN
 
 #define GONIO_VERSION_MAJOR 0
 #define GONIO_VERSION_MINOR 1
@@ -20,7 +20,5 @@ extern "C" {
 // "MAJOR.MINOR.PATCH" of the library that the program runs with; static storage.
 const char *gonio_version(void);
 
-#ifdef __cplusplus
-}
-#endif
+GONIO_END
 #endif
