@@ -76,7 +76,7 @@ test-build: all
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 unit: $(UNIT_BINS)
 
-test-slow: deps ## a minute of fuzzing a target and the virtual machine, as CI runs them after the tests
+test-slow: deps ## a minute of fuzzing a target, the virtual machine and the packages, as CI runs them after the tests
 	$(Q)tests/slow.sh $(B)
 
 bench: deps ## speed and accuracy figures, as ratios against references of the same run

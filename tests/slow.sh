@@ -1,6 +1,6 @@
 #!/bin/sh
-# The slow suites in a bounded form, as CI runs them after `make test`: a minute of fuzzing a target, and the virtual
-# machine. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
+# The slow suites in a bounded form, as CI runs them after `make test`: a minute of fuzzing a target, the virtual
+# machine, the packages. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
 # usage: tests/slow.sh BUILD_FOLDER
 set -u
 build=$1
@@ -25,6 +25,7 @@ suite fuzz "clang builds the targets, then $seconds s each" $make fuzz FUZZ_SECO
 suite firmware "clang builds the Modbus slave, then $seconds s" $make fuzz-firmware FUZZ_SECONDS="$seconds"
 # A machine without KVM that others load as well may take minutes.
 suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
+suite packages "the Debian packages in a fresh system" $make test-packages
 skipped=$(cat "$logs"/slow-*.tap | grep -c '^ok .*# SKIP')
 passed=$(cat "$logs"/slow-*.tap | grep '^ok ' | grep -vc '# SKIP')
 failed=$(cat "$logs"/slow-*.tap | grep -c '^not ok ')

@@ -19,10 +19,9 @@
 #define GONIO_ACQUIRE_H
 
 #include "gonio/characterise.h"
+#include "gonio/export.h"
 #include "gonio/fit.h"
 #include "gonio/session.h"
-
-#include "gonio/export.h"
 
 GONIO_BEGIN
 

@@ -3,10 +3,9 @@
 #ifndef GONIO_CHECK_H
 #define GONIO_CHECK_H
 
+#include "gonio/export.h"
 #include "gonio/model.h"
 #include "gonio/sample.h"
-
-#include "gonio/export.h"
 
 GONIO_BEGIN
 
