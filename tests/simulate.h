@@ -21,7 +21,7 @@ static inline gonio_pair simulate_pair(uint64_t *state, int isotropic) {
     return (gonio_pair){acos(1 - a * below), 2 * GONIO_PI * d, acos(1 - b * below), 2 * GONIO_PI * c};
 }
 
-static inline void simulate_die(const gonio_error *error) {
+static inline _Noreturn void simulate_die(const gonio_error *error) {
     fprintf(stderr, "%s\n", error->message);
     abort();
 }

@@ -219,7 +219,7 @@ static void set_weights(problem *q, const double *ln_exposure) {
 // Misregistered or moving details: Cauchy's weight, by the size of each reading's residual among all.
 static gonio_status downweight_outliers(problem *q, const double *ln_exposure, const double *tau, gonio_error *error) {
     const int m = q->pixels * q->frames;
-    double *r = malloc(2 * (size_t)m * sizeof *r), *sizes = r + m;
+    double *r = malloc(2 * (size_t)m * sizeof *r), *sizes = r != NULL ? r + m : NULL;
     if (r == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for residuals");
     }
@@ -370,6 +370,9 @@ static void find_disagreement(const problem *q, const gonio_image *images, int c
             const bool above =
                 !curve->rejected[j] && (worst < 0 || curve->disagreement[j] > curve->disagreement[worst]);
             worst = above ? j : worst;
+        }
+        if (worst < 0) {
+            break;
         }
         curve->rejected[worst] = true;
         for (int j = 0; j < q->frames; j++) {

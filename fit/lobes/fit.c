@@ -17,9 +17,9 @@
 
 #define SHAPES (2 * GONIO_LOBES_MAX)
 #define PARAMETERS_MAX (SHAPES + 1 + GONIO_LOBES_MAX)
-#define LOSS_SCALE 0.3    // a residual of 30 % counts in full, larger ones less and less
-#define SAMPLES_MAX 2500  // shapes of seven numbers gain nothing from more
-#define LN_ALPHA_MIN -6.2 // ln 0.002: a degree's lobe is 0.017 wide
+#define LOSS_SCALE 0.3      // a residual of 30 % counts in full, larger ones less and less
+#define SAMPLES_MAX 2500    // shapes of seven numbers gain nothing from more
+#define LN_ALPHA_MIN (-6.2) // ln 0.002: a degree's lobe is 0.017 wide
 #define LN_ALPHA_MAX 0.4
 #define LN_STRENGTH 46.0 // strengths may lie e^46 = 1e20 below or above the scale
 

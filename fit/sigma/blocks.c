@@ -466,7 +466,7 @@ static gonio_status square_spline(const gonio_influence *f, const double *factor
                                   double *signs, gonio_error *error) {
     const size_t n = f->n, c = (size_t)f->data->channels;
     const double *root = gonio_smooth_dense_roots(f->dense);
-    double *target = malloc((n + m) * c * sizeof *target), *spline = target + n * c;
+    double *target = malloc((n + m) * c * sizeof *target), *spline = target != NULL ? target + n * c : NULL;
     if (target == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }

@@ -314,7 +314,7 @@ static void spline_at(const gonio_lobe_spline_parts *parts, const double *x, dou
 static gonio_status probe_corrections(const gonio_lobe_spline_parts *parts, const double *factor,
                                       const gonio_dataset *probes, double *correction, gonio_error *error) {
     const size_t n = probes->n, c = (size_t)parts->channels, d = (size_t)probes->dims;
-    double *spline = malloc(n * (c + 1 + d) * sizeof *spline), *x = spline + n * (c + 1);
+    double *spline = malloc(n * (c + 1 + d) * sizeof *spline), *x = spline != NULL ? spline + n * (c + 1) : NULL;
     if (spline == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }

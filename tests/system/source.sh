@@ -1,0 +1,21 @@
+#!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
+# What a script can see in the source without compiling it: licences, the floors' order, and that lists which stand twice agree.
+set -u
+. "$(dirname "$0")/lib.sh"
+check "every source file says its licence" tools/spdx
+if [ -x tools/floors ]; then check "no include runs up a floor" tools/floors; else skip "no include runs up a floor" "tools/floors is not there"; fi
+
+version=$(sed -nE 's/^VERSION +:= //p' Makefile)
+[ "$("$GONIO" --version)" = "gonio $version" ] && head -n 1 debian/changelog | grep -qF "gonio ($version)" && head -n 1 NEWS | grep -qF "Gonio $version "
+ok $? "Makefile, program, packages and NEWS are of one version, $version"
+
+# The libraries' headers that the build needs, but for those of tests.
+cat ./*/files.mk ./*/*/files.mk | sed -nE 's/^deps-y *\+= *//p' | tr ' ' '\n' | grep -E '^lib.*-dev$' | grep -vE '^lib(cmocka|umockdev)-dev$' | sort -u >"$work/needed"
+missing=
+while read -r package; do
+    [ "$(grep -cE "(^|[ ,])$package(,|\$)" debian/control)" -ge 2 ] || missing="$missing $package"
+done <"$work/needed"
+[ -s "$work/needed" ] && [ -z "$missing" ]
+ok $? "debian/control names what is linked with, to build and beside libgonio-dev:$missing"
+finish
