@@ -19,13 +19,12 @@ VERSION  := $(shell awk '/define GONIO_VERSION_(MAJOR|MINOR|PATCH) /{v = v s $$3
 WERROR   ?= $(filter 1 true,$(CI))
 WARN     := -Wall -Wextra -Wpedantic -Wconversion $(if $(WERROR),-Werror)
 SANITIZE ?=
-# CPPFLAGS, CFLAGS, CXXFLAGS and LDFLAGS from outside are added to; -O2 -g stands only where CFLAGS says nothing.
-ifndef CFLAGS
-OPT      ?= -O2 -g
-endif
+# CPPFLAGS, CFLAGS, CXXFLAGS and LDFLAGS from outside are added to; where there are none, -O2 -g.
+C_OPT    := $(or $(OPT),$(if $(CFLAGS),,-O2 -g))
+CXX_OPT  := $(or $(OPT),$(if $(CXXFLAGS),,-O2 -g))
 override CPPFLAGS += -Iinclude -I. -D_GNU_SOURCE
-override CFLAGS   += -std=c17 $(OPT) $(WARN) -fPIC -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
-override CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra $(if $(WERROR),-Werror) -fPIC -pthread $(SANITIZE)
+override CFLAGS   += -std=c17 $(C_OPT) $(WARN) -fPIC -fno-math-errno -ffp-contract=off -pthread $(SANITIZE)
+override CXXFLAGS += -std=c++17 $(CXX_OPT) -Wall -Wextra $(if $(WERROR),-Werror) -fPIC -pthread $(SANITIZE)
 override LDFLAGS  += -pthread $(SANITIZE)
 
 # Each folder's files.mk says what of it goes where, and adds to: eval-y (libgonio-eval: libc and libm only), lib-y (libgonio), cli-y (the program),

@@ -60,7 +60,7 @@ uninstall: manual ## take away what `make install` with the same variables put t
 	rm -rf $(DESTDIR)$(INCLUDEDIR)/gonio
 
 deb: ## Debian packages under build/packages
-	$(Q)tools/deps.sh $(sort $(deps-y)) debhelper devscripts lintian fakeroot
+	$(Q)tools/deps.sh $(sort $(deps-y)) debhelper lintian
 	$(Q)tools/deb.sh $(B)/packages
 test-packages: ## install the packages into a fresh Debian and use them there (SKIP without root, network or debootstrap)
 	$(Q)tests/packages/run.sh $(B)

@@ -12,7 +12,7 @@ skip() {
     exit 0
 }
 [ "$(id -u)" -eq 0 ] || skip "needs root"
-tools/deps.sh debootstrap || skip "debootstrap cannot be installed"
+tools/deps.sh debootstrap debhelper lintian || skip "debootstrap, debhelper or lintian cannot be installed"
 # The mirror that this machine installs from, whatever it is.
 . /etc/os-release
 mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' "Codename: ${VERSION_CODENAME:-}" 'Component: main' 2>/dev/null | head -n 1)
