@@ -11,7 +11,7 @@ UDEVDIR    ?= $(PREFIX)/lib/udev/rules.d
 
 # libgonio.so needs libgonio-eval.so and holds nothing of it, so that a process has each table of operations once: models are
 # told apart by the address of theirs. What libgonio calls beyond the public headers bears the version GONIO_PRIVATE; the
-# two are of one release. The visibility in the objects is what tells: default for public, protected for the others.
+# two are of one release. (The archive libgonio.a holds libgonio-eval's objects too: there the linker takes each once.) The visibility in the objects is what tells: default for public, protected for the others.
 EVAL_SO := $(B)/libgonio-eval.so.$(SOVERSION)
 LIB_SO  := $(B)/libgonio.so.$(SOVERSION)
 SHARED  := -shared -Wl,-z,defs -Wl,--as-needed -Wl,-Bsymbolic-functions
