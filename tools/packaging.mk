@@ -10,8 +10,9 @@ DATADIR    ?= $(PREFIX)/share
 UDEVDIR    ?= $(PREFIX)/lib/udev/rules.d
 
 # libgonio.so needs libgonio-eval.so and holds nothing of it, so that a process has each table of operations once: models are
-# told apart by the address of theirs. What libgonio calls beyond the public headers bears the version GONIO_PRIVATE; the
-# two are of one release. (The archive libgonio.a holds libgonio-eval's objects too: there the linker takes each once.) The visibility in the objects is what tells: default for public, protected for the others.
+# told apart by the address of theirs. (The archive libgonio.a holds libgonio-eval's objects too; a linker takes each once.)
+# What libgonio calls beyond the public headers bears the version GONIO_PRIVATE: the two are of one release. Which is which,
+# the visibility in the objects tells: default for public functions, protected for libgonio-eval's others.
 EVAL_SO := $(B)/libgonio-eval.so.$(SOVERSION)
 LIB_SO  := $(B)/libgonio.so.$(SOVERSION)
 SHARED  := -shared -Wl,-z,defs -Wl,--as-needed -Wl,-Bsymbolic-functions
