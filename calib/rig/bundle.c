@@ -1,11 +1,11 @@
 // What frames of board, ball and mirror should show, and how far they are from it (rig_axes.c tells the method).
 #include "calib/rig/bundle.h"
 
-#include <lapacke.h>
 #include <math.h>
 #include <string.h>
 
 #include "calib/vector.h"
+#include "fit/smooth/matrix.h"
 
 #define A GONIO_ALIGNMENT_PARAMETERS
 
@@ -190,7 +190,7 @@ void bundle_common_motion(const bundle *q, const double *p, bundle_frame *f) {
         }
     }
     f->directions = 0;
-    if (LAPACKE_dsyev(LAPACK_COL_MAJOR, 'V', 'L', axes, gram, axes, eigen) != 0) {
+    if (!gonio_eigen((size_t)axes, gram, eigen)) {
         return;
     }
     const double largest = eigen[axes - 1];

@@ -14,7 +14,6 @@
 // says is then true, which counting corners alone would not make it. Wide priors (bundle.c) keep the problem regular
 // where an axis never moved, and leave its uncertainty wide.
 #include <cminpack.h>
-#include <lapacke.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +21,7 @@
 
 #include "base/statistics.h"
 #include "calib/rig/bundle.h"
+#include "fit/smooth/matrix.h"
 
 #define A GONIO_ALIGNMENT_PARAMETERS
 #define BOARDS_MIN 3
@@ -199,7 +199,7 @@ static void take_origin(bundle *q, double *p, double origin[2]) {
 // (J^T J)^-1, the block of the alignment.
 static gonio_status find_covariance(bundle *q, const double *p, double *out, gonio_error *error) {
     const size_t m = (size_t)q->residuals, n = (size_t)q->parameters;
-    double *j = malloc((m * (n + 2) + n * n) * sizeof *j);
+    double *j = malloc((m * (n + 2) + 2 * n * n) * sizeof *j);
     if (j == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the covariance");
     }
@@ -221,10 +221,10 @@ static gonio_status find_covariance(bundle *q, const double *p, double *out, gon
             normal[b * n + a] = total / (scale[a] * scale[b]);
         }
     }
-    const lapack_int order = (lapack_int)n;
     gonio_status status = GONIO_OK;
-    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, normal, order) != 0 ||
-        LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', order, normal, order) != 0) {
+    if (gonio_cholesky(n, normal)) {
+        gonio_cholesky_invert(n, normal, normal + n * n);
+    } else {
         status = gonio_fail(error, GONIO_E_CONVERGENCE, "the axes are not determined by these frames");
     }
     for (size_t a = 0; a < A; a++) {

@@ -6,7 +6,6 @@
 // deterministic. A grid would miss a mirror's lobe or spend everything on it.
 #include "gonio/check.h"
 
-#include <lapacke.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +13,7 @@
 #include "base/statistics.h"
 #include "base/thread_pool.h"
 #include "gonio/fit.h"
+#include "fit/smooth/matrix.h"
 #include "gonio/plan.h"
 
 #define PAIRS ((size_t)4000)
@@ -208,10 +208,8 @@ static gonio_status check_separability(const gonio_model *model, gonio_check_rep
     }
     double squares[GONIO_CHECK_RANKS] = {0};
     for (size_t k = 0; k < c && status == GONIO_OK; k++) {
-        double unused;
         // Seen column by column it is the transpose, which has the same singular values.
-        if (LAPACKE_dgesdd(LAPACK_COL_MAJOR, 'N', COLUMNS, ROWS, matrices + k * cells, COLUMNS, singular, &unused, 1,
-                           &unused, 1) != 0) {
+        if (!gonio_singular_values(COLUMNS, matrices + k * cells, singular)) {
             status = gonio_fail(error, GONIO_E_CONVERGENCE, "no singular values of the half/difference matrix");
             break;
         }

@@ -10,15 +10,13 @@
 // regressors with a wide prior (Rasmussen & Williams 2006, section 2.7), so that the noise in them is part of N.
 #include "fit/sigma/blocks.h"
 
-#include <cblas.h>
-#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fit/lobes/fit.h"
 #include "fit/prepare/scatter.h"
-#include "fit/smooth/blas.h"
+#include "fit/smooth/matrix.h"
 
 #define PARAMETERS_MAX (1 + 3 * GONIO_LOBES_MAX) // diffuse; each lobe's strength, width and f0
 #define BLOCK_WEIGHT 0.5                         // of a block beside a sample left out alone: blocks overlap
@@ -83,21 +81,20 @@ static void base_slopes(const gonio_smooth_base *base, const gonio_dataset *data
 
 // What it takes to let the base's parameters take part at other places.
 static gonio_status add_slopes(gonio_influence *f, double doubt, gonio_error *error) {
-    const blasint n = (blasint)f->n, p = (blasint)f->p;
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, n, p, n, 1, f->map, n, f->slopes, n, 0, f->pulled, n);
-    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, p, p, n, 1, f->slopes, n, f->pulled, n, 0, f->inverse, p);
-    for (size_t k = 0; k < f->p; k++) {
-        f->inverse[k * f->p + k] += doubt * doubt;
+    const size_t n = f->n, p = f->p;
+    const gonio_matrix slopes = gonio_matrix_of(f->slopes, n, p), pulled = gonio_matrix_of(f->pulled, n, p);
+    const gonio_matrix inverse = gonio_matrix_of(f->inverse, p, p);
+    double work[PARAMETERS_MAX * PARAMETERS_MAX];
+    gonio_multiply(1, gonio_matrix_of(f->map, n, n), slopes, 0, pulled);
+    gonio_multiply(1, gonio_matrix_transposed(slopes), pulled, 0, inverse);
+    for (size_t k = 0; k < p; k++) {
+        f->inverse[k * p + k] += doubt * doubt;
     }
-    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', p, f->inverse, p) != 0 ||
-        LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', p, f->inverse, p) != 0) {
+    if (!gonio_cholesky(p, f->inverse)) {
         return gonio_fail(error, GONIO_E_CONVERGENCE, "the uncertainty of the lobes was not found");
     }
-    for (size_t k = 0; k < f->p; k++) {
-        for (size_t l = 0; l < k; l++) {
-            f->inverse[k * f->p + l] = f->inverse[l * f->p + k];
-        }
-    }
+    gonio_cholesky_invert(p, f->inverse, work);
+    gonio_matrix_mirror(inverse);
     return GONIO_OK;
 }
 
@@ -113,8 +110,8 @@ static gonio_status fill_residual(gonio_influence *f, gonio_error *error) {
             targets[k * n + i] = root[i] * f->base->rest[i * c + k];
         }
     }
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, f->map, (blasint)n,
-                targets, (blasint)n, 0, f->residual, (blasint)n);
+    gonio_multiply(1, gonio_matrix_of(f->map, n, n), gonio_matrix_of(targets, n, c), 0,
+                   gonio_matrix_of(f->residual, n, c));
     free(targets);
     return GONIO_OK;
 }
@@ -137,7 +134,6 @@ gonio_status gonio_influence_init(gonio_influence *f, const gonio_smooth_dense *
     f->p = parameters(base);
     gonio_status status = allocate(f) ? gonio_smooth_dense_influence(dense, lambda, f->map, error)
                                       : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
-    gonio_smooth_blas_begin();
     if (status == GONIO_OK && f->p > 0) {
         const double *root = gonio_smooth_dense_roots(dense);
         base_slopes(base, data, f->n, data->pairs, f->slopes);
@@ -147,11 +143,11 @@ gonio_status gonio_influence_init(gonio_influence *f, const gonio_smooth_dense *
         status = add_slopes(f, doubt, error);
     }
     if (status == GONIO_OK) {
-        const blasint n = (blasint)f->n;
-        cblas_dsymm(CblasColMajor, CblasLeft, CblasLower, n, n, 1, f->map, n, f->map, n, 0, f->square, n);
+        const gonio_matrix map = gonio_matrix_of(f->map, f->n, f->n), square = gonio_matrix_of(f->square, f->n, f->n);
+        gonio_multiply_lower(1, map, map, 0, square);
+        gonio_matrix_mirror(square);
         status = fill_residual(f, error);
     }
-    gonio_smooth_blas_end();
     if (status != GONIO_OK) {
         gonio_influence_release(f);
     }
@@ -208,10 +204,10 @@ static gonio_status leave_out(const blocks *b, size_t size, double weight, gonio
     }
     memset(b->row, 0, size * sizeof *b->row);
     b->row[0] = 1;
-    const blasint s = (blasint)size;
-    if (LAPACKE_dposv_work(LAPACK_COL_MAJOR, 'L', s, 1, b->matrix, s, b->row, s) != 0) {
+    if (!gonio_cholesky(size, b->matrix)) {
         return GONIO_OK; // rounding: samples so near each other that a gap among them tells nothing
     }
+    gonio_cholesky_solve(size, b->matrix, gonio_matrix_of(b->row, size, 1));
     prediction p = {.total = b->row[0]};
     for (size_t j = 0; j < size; j++) {
         double sum = 0;
@@ -308,11 +304,9 @@ static gonio_status predict_members(const blocks *b, size_t size, const double *
                                     gonio_error *error) {
     const gonio_influence *f = b->f;
     const size_t n = f->n, c = (size_t)f->data->channels;
-    const blasint s = (blasint)size;
     double *inverse = work, *square = inverse + size * size, *both = square + size * size, *all = both + size * size;
     double *residual = all + n * c;
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, f->map, (blasint)n,
-                rest, (blasint)n, 0, all, (blasint)n);
+    gonio_multiply(1, gonio_matrix_of(f->map, n, n), gonio_matrix_of(rest, n, c), 0, gonio_matrix_of(all, n, c));
     for (size_t i = 0; i < size; i++) {
         for (size_t j = 0; j < size; j++) {
             inverse[j * size + i] = f->map[b->member[j] * n + b->member[i]];
@@ -322,12 +316,14 @@ static gonio_status predict_members(const blocks *b, size_t size, const double *
             residual[k * size + i] = all[k * n + b->member[i]];
         }
     }
-    if (LAPACKE_dpotrf_work(LAPACK_COL_MAJOR, 'L', s, inverse, s) != 0) {
+    if (!gonio_cholesky(size, inverse)) {
         return GONIO_OK; // as in leave_out
     }
-    LAPACKE_dpotrs_work(LAPACK_COL_MAJOR, 'L', s, (lapack_int)c, inverse, s, residual, s);
-    LAPACKE_dpotri_work(LAPACK_COL_MAJOR, 'L', s, inverse, s);
-    cblas_dsymm(CblasColMajor, CblasLeft, CblasLower, s, s, 1, inverse, s, square, s, 0, both, s);
+    const gonio_matrix whole = gonio_matrix_of(inverse, size, size);
+    gonio_cholesky_solve(size, inverse, gonio_matrix_of(residual, size, c));
+    gonio_cholesky_invert(size, inverse, both);
+    gonio_matrix_mirror(whole);
+    gonio_multiply(1, whole, gonio_matrix_of(square, size, size), 0, gonio_matrix_of(both, size, size));
     gonio_status status = GONIO_OK;
     for (size_t i = 0; i < size && status == GONIO_OK; i++) {
         prediction p = {.total = inverse[i * size + i]};
@@ -420,9 +416,7 @@ gonio_status gonio_influence_records(const gonio_influence *f, const double *fac
     } else {
         b.row = b.matrix + (size_t)BLOCK_MAX * BLOCK_MAX;
         gonio_dataset_locate(f->data, form->coordinates, b.x);
-        gonio_smooth_blas_begin();
         status = leave_all(&b, error);
-        gonio_smooth_blas_end();
     }
     free(b.x);
     free(b.matrix);
@@ -438,7 +432,7 @@ gonio_status gonio_influence_records(const gonio_influence *f, const double *fac
 // Let the base's parameters take part in the weights of m predictions; tell what the spline misses of the slopes.
 static gonio_status add_base(const gonio_influence *f, size_t m, const gonio_pair *pairs, double *weights,
                              double *signs, gonio_error *error) {
-    const blasint n = (blasint)f->n, p = (blasint)f->p, k = (blasint)m;
+    const size_t n = f->n, p = f->p;
     double *gap = malloc(3 * m * f->p * sizeof *gap);
     if (gap == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
@@ -451,11 +445,13 @@ static gonio_status add_base(const gonio_influence *f, size_t m, const gonio_pai
         }
     }
     // What the spline alone would make of the slopes is not the base's to explain.
-    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, p, k, n, -1, f->slopes, n, weights, n, 1, gap, p);
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, p, k, p, 1, f->inverse, p, gap, p, 0, pull, p);
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, n, k, p, 1, f->pulled, n, pull, p, 1, weights, n);
+    const gonio_matrix missed = gonio_matrix_of(gap, p, m), pulls = gonio_matrix_of(pull, p, m);
+    const gonio_matrix all = gonio_matrix_of(weights, n, m);
+    gonio_multiply(-1, gonio_matrix_transposed(gonio_matrix_of(f->slopes, n, p)), all, 1, missed);
+    gonio_multiply(1, gonio_matrix_of(f->inverse, p, p), missed, 0, pulls);
+    gonio_multiply(1, gonio_matrix_of(f->pulled, n, p), pulls, 1, all);
     for (size_t i = 0; i < m; i++) {
-        signs[i * GONIO_SIGMA_SIGNS + GONIO_SIGMA_SLOPES] = cblas_ddot(p, gap + i * f->p, 1, gap + i * f->p, 1);
+        signs[i * GONIO_SIGMA_SIGNS + GONIO_SIGMA_SLOPES] = gonio_dot(p, gap + i * p, gap + i * p);
     }
     free(gap);
     return GONIO_OK;
@@ -475,8 +471,8 @@ static gonio_status square_spline(const gonio_influence *f, const double *factor
             target[k * n + i] = root[i] * f->base->rest[i * c + k] / factor[k];
         }
     }
-    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)m, (blasint)c, (blasint)n, 1, weights, (blasint)n,
-                target, (blasint)n, 0, spline, (blasint)m);
+    gonio_multiply(1, gonio_matrix_transposed(gonio_matrix_of(weights, n, m)), gonio_matrix_of(target, n, c), 0,
+                   gonio_matrix_of(spline, m, c));
     for (size_t i = 0; i < m; i++) {
         double sum = 0;
         for (size_t k = 0; k < c; k++) {
@@ -488,7 +484,7 @@ static gonio_status square_spline(const gonio_influence *f, const double *factor
     return GONIO_OK;
 }
 
-static double squared_length(const double *weights, size_t n) { return cblas_ddot((blasint)n, weights, 1, weights, 1); }
+static double squared_length(const double *weights, size_t n) { return gonio_dot(n, weights, weights); }
 
 gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, size_t m, const gonio_pair *pairs,
                                 const double *x, double *noise, double *signs, gonio_error *error) {
@@ -497,7 +493,6 @@ gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, 
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }
     gonio_status status = gonio_smooth_dense_spread(f->dense, f->lambda, m, x, weights, noise, error);
-    gonio_smooth_blas_begin();
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
         double *at = signs + i * GONIO_SIGMA_SIGNS;
         at[GONIO_SIGMA_UNKNOWN] = fmax(noise[i] - squared_length(weights + i * f->n, f->n), 0);
@@ -512,7 +507,6 @@ gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, 
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
         noise[i] = squared_length(weights + i * f->n, f->n);
     }
-    gonio_smooth_blas_end();
     free(weights);
     return status;
 }

@@ -1,13 +1,12 @@
 // The modes of an axis (fit/smooth/axis.h).
 #include "fit/smooth/axis.h"
 
-#include <cblas.h>
-#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "brdf/spline/bspline.h"
+#include "fit/smooth/matrix.h"
 
 static void second_differences(double *gram, size_t m) {
     static const double stencil[3] = {1, -2, 1};
@@ -58,7 +57,7 @@ gonio_status gonio_smooth_axis_init(gonio_smooth_axis *axis, int level, gonio_er
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", m);
     }
     second_differences(axis->modes, m);
-    if (LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)m, axis->modes, (lapack_int)m, axis->stiffness) != 0) {
+    if (!gonio_eigen(m, axis->modes, axis->stiffness)) {
         gonio_smooth_axis_release(axis);
         return gonio_fail(error, GONIO_E_CONVERGENCE, "the penalty's eigenvectors were not found");
     }
@@ -93,10 +92,11 @@ void gonio_smooth_axis_features(const gonio_smooth_axis *axis, size_t count, con
 
 void gonio_smooth_axis_transform(const gonio_smooth_axis *axis, size_t outer, size_t inner, const double *from,
                                  double *to) {
-    const blasint m = (blasint)axis->m;
+    const size_t m = axis->m;
     for (size_t o = 0; o < outer; o++) {
-        // Row-major: to (m x inner) = modes^T-as-stored ... the column-major mode matrix is its transpose by rows.
-        cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, m, (blasint)inner, m, 1, axis->modes, m,
-                    from + o * axis->m * inner, (blasint)inner, 0, to + o * axis->m * inner, (blasint)inner);
+        // `inner` runs fastest, so both blocks are transposed: (inner x points) = (inner x modes) modes^T.
+        gonio_multiply(1, gonio_matrix_of(from + o * m * inner, inner, m),
+                       gonio_matrix_transposed(gonio_matrix_of(axis->modes, m, m)), 0,
+                       gonio_matrix_of(to + o * m * inner, inner, m));
     }
 }

@@ -1,19 +1,17 @@
 // The direct least-squares solver (fit/smooth/dense.h).
 //
 // Sums over the lattice's modes run in blocks: all products of the last two axes' modes for one choice of the leading
-// axes' modes, which BLAS turns into a rank-k update. Modes of the wrong parity under the mirror are left out, which is
+// axes' modes, which is a rank-k update. Modes of the wrong parity under the mirror are left out, which is
 // what sharing control points means here; modes that change sign when the directions are swapped are summed apart, so
 // that reciprocity is one number.
 #include "fit/smooth/dense.h"
 
-#include <cblas.h>
-#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "brdf/spline/bspline.h"
-#include "fit/smooth/blas.h"
+#include "fit/smooth/matrix.h"
 #include "fit/smooth/modes.h"
 
 #define SHARES (1 + GONIO_LOBES_MAX)
@@ -131,8 +129,9 @@ static gonio_status sum_kernels(gonio_smooth_dense *dense, gonio_error *error) {
         for (int swap = 0; swap < 2 && dense->kernel[swap] != NULL; swap++) {
             gonio_smooth_modes_block(dense, lead, swap, &b);
             gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
-            cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)b.count, 1, columns, (blasint)n,
-                        1, dense->kernel[swap], (blasint)n);
+            const gonio_matrix block = gonio_matrix_of(columns, n, b.count);
+            gonio_multiply_lower(1, block, gonio_matrix_transposed(block), 1,
+                                 gonio_matrix_of(dense->kernel[swap], n, n));
         }
     }
     gonio_smooth_modes_release(&b);
@@ -144,20 +143,16 @@ static gonio_status decompose(gonio_smooth_dense *dense, gonio_error *error) {
     const size_t n = dense->n;
     memcpy(dense->vectors, dense->kernel[0], n * n * sizeof(double));
     if (dense->kernel[1] != NULL && dense->form.reciprocity < 1) {
-        cblas_daxpy((blasint)(n * n), 1 - dense->form.reciprocity, dense->kernel[1], 1, dense->vectors, 1);
+        gonio_add_scaled(n * n, 1 - dense->form.reciprocity, dense->kernel[1], dense->vectors);
     }
     if (dense->form.profile > 0) {
         gonio_smooth_profile_add(dense->profile, dense->form.profile, dense->vectors);
     }
     if (dense->shares != NULL) {
-        cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, SHARES, 1, dense->shares, (blasint)n, 1,
-                    dense->vectors, (blasint)n);
+        const gonio_matrix shares = gonio_matrix_of(dense->shares, n, SHARES);
+        gonio_multiply_lower(1, shares, gonio_matrix_transposed(shares), 1, gonio_matrix_of(dense->vectors, n, n));
     }
-    gonio_smooth_blas_begin();
-    const lapack_int info =
-        LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'L', (lapack_int)n, dense->vectors, (lapack_int)n, dense->values);
-    gonio_smooth_blas_end();
-    if (info != 0) {
+    if (!gonio_eigen(n, dense->vectors, dense->values)) {
         return gonio_fail(error, GONIO_E_CONVERGENCE, "the eigenvectors of %zu samples were not found", n);
     }
     for (size_t j = 0; j < n; j++) {
@@ -260,7 +255,6 @@ gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smoot
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,
                                            3 * 8e-9 * (double)data->n * (double)data->n);
-    gonio_smooth_blas_begin();
     if (status == GONIO_OK) {
         status = gonio_smooth_axis_init(&dense->axis, form->level, error);
     }
@@ -270,7 +264,6 @@ gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smoot
     if (status == GONIO_OK) {
         status = sum_kernels(dense, error);
     }
-    gonio_smooth_blas_end();
     if (status == GONIO_OK) {
         status = set_profile(dense, form, error);
     }
@@ -304,8 +297,8 @@ static gonio_status project(const gonio_smooth_dense *dense, const double *targe
             weighted[k * n + i] = targets[i * c + k] * dense->root[i];
         }
     }
-    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
-                (blasint)n, weighted, (blasint)n, 0, *out, (blasint)n);
+    gonio_multiply(1, gonio_matrix_transposed(gonio_matrix_of(dense->vectors, n, n)), gonio_matrix_of(weighted, n, c),
+                   0, gonio_matrix_of(*out, n, c));
     free(weighted);
     return GONIO_OK;
 }
@@ -334,7 +327,6 @@ gonio_status gonio_smooth_dense_loo(const gonio_smooth_dense *dense, const doubl
     gonio_status status = damped != NULL && residual != NULL && diagonal != NULL
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
-    gonio_smooth_blas_begin();
     if (status == GONIO_OK) {
         status = project(dense, targets, channels, &projected, error);
     }
@@ -347,8 +339,8 @@ gonio_status gonio_smooth_dense_loo(const gonio_smooth_dense *dense, const doubl
                 damped[k * n + j] = projected[k * n + j] * lambdas[l] / (dense->values[j] + lambdas[l]);
             }
         }
-        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
-                    (blasint)n, damped, (blasint)n, 0, residual, (blasint)n);
+        gonio_multiply(1, gonio_matrix_of(dense->vectors, n, n), gonio_matrix_of(damped, n, c), 0,
+                       gonio_matrix_of(residual, n, c));
         for (size_t i = 0; i < n; i++) {
             const double own = diagonal[(size_t)l * n + i] * dense->root[i];
             for (size_t k = 0; k < c; k++) {
@@ -356,7 +348,6 @@ gonio_status gonio_smooth_dense_loo(const gonio_smooth_dense *dense, const doubl
             }
         }
     }
-    gonio_smooth_blas_end();
     free(projected);
     free(damped);
     free(residual);
@@ -383,8 +374,8 @@ static gonio_status representers(const gonio_smooth_dense *dense, const double *
             projected[k * n + j] /= dense->values[j] + lambdas[k];
         }
     }
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (blasint)n, (blasint)c, (blasint)n, 1, dense->vectors,
-                (blasint)n, projected, (blasint)n, 0, *out, (blasint)n);
+    gonio_multiply(1, gonio_matrix_of(dense->vectors, n, n), gonio_matrix_of(projected, n, c), 0,
+                   gonio_matrix_of(*out, n, c));
     free(projected);
     return GONIO_OK;
 }
@@ -404,8 +395,8 @@ static gonio_status mode_amplitudes(const gonio_smooth_dense *dense, const doubl
             gonio_smooth_modes_block(dense, lead, swap, &b);
             gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
             const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
-            cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, (blasint)b.count, (blasint)c, (blasint)n, share,
-                        columns, (blasint)n, weights, (blasint)n, 0, part, (blasint)b.count);
+            gonio_multiply(share, gonio_matrix_transposed(gonio_matrix_of(columns, n, b.count)),
+                           gonio_matrix_of(weights, n, c), 0, gonio_matrix_of(part, b.count, c));
             for (size_t k = 0; k < b.count; k++) {
                 const size_t at = (lead * m + b.last[0][k]) * m + b.last[1][k];
                 for (size_t j = 0; j < c; j++) {
@@ -432,7 +423,6 @@ gonio_status gonio_smooth_dense_solve(const gonio_smooth_dense *dense, const dou
     if (spectrum == NULL || other == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", lattice->count);
     }
-    gonio_smooth_blas_begin();
     if (status == GONIO_OK) {
         status = representers(dense, targets, channels, lambdas, &weights, error);
     }
@@ -446,7 +436,6 @@ gonio_status gonio_smooth_dense_solve(const gonio_smooth_dense *dense, const dou
         spectrum = other;
         other = swap;
     }
-    gonio_smooth_blas_end();
     for (size_t i = 0; i < lattice->count * c && status == GONIO_OK; i++) {
         lattice->points[i] = (float)spectrum[i];
     }
@@ -466,12 +455,10 @@ gonio_status gonio_smooth_dense_profile_solve(const gonio_smooth_dense *dense, c
         return GONIO_OK;
     }
     double *weights = NULL;
-    gonio_smooth_blas_begin();
     gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
     if (status == GONIO_OK) {
         status = gonio_smooth_profile_solve(dense->profile, dense->form.profile, weights, channels, lattice, error);
     }
-    gonio_smooth_blas_end();
     free(weights);
     return status;
 }
@@ -484,16 +471,14 @@ gonio_status gonio_smooth_dense_shares_solve(const gonio_smooth_dense *dense, co
         return GONIO_OK;
     }
     double *weights = NULL;
-    gonio_smooth_blas_begin();
     gonio_status status = representers(dense, targets, channels, lambdas, &weights, error);
     if (status == GONIO_OK && (*out = malloc(c * SHARES * sizeof **out)) == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the shares of %zu channels", c);
     }
     if (status == GONIO_OK) {
-        cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, SHARES, (blasint)c, (blasint)n, 1, dense->shares,
-                    (blasint)n, weights, (blasint)n, 0, *out, SHARES);
+        gonio_multiply(1, gonio_matrix_transposed(gonio_matrix_of(dense->shares, n, SHARES)),
+                       gonio_matrix_of(weights, n, c), 0, gonio_matrix_of(*out, SHARES, c));
     }
-    gonio_smooth_blas_end();
     free(weights);
     return status;
 }

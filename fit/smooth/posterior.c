@@ -4,12 +4,11 @@
 // learning", eqs. 2.25 and 2.26): at a point with prior covariances k to the samples the prediction is h^T t,
 // h = (K + lambda)^-1 k, and its variance in units of the noise's is (k(x, x) - k^T h) / lambda. Of that, h^T h is
 // the samples' noise passed on, and the rest what smoothing and gaps leave unknown.
-#include <cblas.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/smooth/blas.h"
+#include "fit/smooth/matrix.h"
 #include "fit/smooth/modes.h"
 
 // cross[n x m], sample fastest: the prior covariance between samples (times root weight) and m points; prior[m]: of the
@@ -31,8 +30,9 @@ static gonio_status cross_kernel(const gonio_smooth_dense *dense, size_t points,
             gonio_smooth_modes_block(dense, lead, swap, &b);
             gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, mine);
             gonio_smooth_modes_columns(dense, &b, points, feature, NULL, theirs);
-            cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, (blasint)n, (blasint)points, (blasint)b.count, share,
-                        mine, (blasint)n, theirs, (blasint)points, 1, cross, (blasint)n);
+            gonio_multiply(share, gonio_matrix_of(mine, n, b.count),
+                           gonio_matrix_transposed(gonio_matrix_of(theirs, points, b.count)), 1,
+                           gonio_matrix_of(cross, n, points));
             for (size_t k = 0; k < b.count; k++) {
                 for (size_t i = 0; i < points; i++) {
                     prior[i] += share * theirs[k * points + i] * theirs[k * points + i];
@@ -49,14 +49,15 @@ static gonio_status cross_kernel(const gonio_smooth_dense *dense, size_t points,
 // out (n x m) = V diag(g) V^T in (n x m), sample fastest; in and out must not overlap, work: n x m.
 static void filtered(const gonio_smooth_dense *dense, const double *gain, size_t m, const double *in, double *work,
                      double *out) {
-    const blasint n = (blasint)dense->n, k = (blasint)m;
-    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, n, k, n, 1, dense->vectors, n, in, n, 0, work, n);
+    const size_t n = dense->n;
+    const gonio_matrix vectors = gonio_matrix_of(dense->vectors, n, n), middle = gonio_matrix_of(work, n, m);
+    gonio_multiply(1, gonio_matrix_transposed(vectors), gonio_matrix_of(in, n, m), 0, middle);
     for (size_t i = 0; i < m; i++) {
-        for (size_t j = 0; j < dense->n; j++) {
-            work[i * dense->n + j] *= gain[j];
+        for (size_t j = 0; j < n; j++) {
+            work[i * n + j] *= gain[j];
         }
     }
-    cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, n, k, n, 1, dense->vectors, n, work, n, 0, out, n);
+    gonio_multiply(1, vectors, middle, 0, gonio_matrix_of(out, n, m));
 }
 
 gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double lambda, size_t m, const double *at,
@@ -73,7 +74,6 @@ gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double l
     for (size_t k = 0; k < d && status == GONIO_OK; k++) {
         gonio_smooth_axis_features(&dense->axis, m, at + k, d, feature[k]);
     }
-    gonio_smooth_blas_begin();
     if (status == GONIO_OK) {
         status = cross_kernel(dense, m, feature, cross, variance, error);
     }
@@ -87,11 +87,10 @@ gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double l
         }
         filtered(dense, gain, m, cross, work, weights);
         for (size_t i = 0; i < m; i++) {
-            const double known = cblas_ddot((blasint)n, cross + i * n, 1, weights + i * n, 1);
+            const double known = gonio_dot(n, cross + i * n, weights + i * n);
             variance[i] = fmax(variance[i] - known, 0) / lambda;
         }
     }
-    gonio_smooth_blas_end();
     for (size_t k = 0; k < d; k++) {
         free(feature[k]);
     }
@@ -113,15 +112,9 @@ gonio_status gonio_smooth_dense_influence(const gonio_smooth_dense *dense, doubl
             scaled[j * n + i] = dense->vectors[j * n + i] * root;
         }
     }
-    gonio_smooth_blas_begin();
-    cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, (blasint)n, (blasint)n, 1, scaled, (blasint)n, 0, out,
-                (blasint)n);
-    gonio_smooth_blas_end();
-    for (size_t j = 0; j < n; j++) {
-        for (size_t i = 0; i < j; i++) {
-            out[j * n + i] = out[i * n + j];
-        }
-    }
+    const gonio_matrix vectors = gonio_matrix_of(scaled, n, n), whole = gonio_matrix_of(out, n, n);
+    gonio_multiply_lower(1, vectors, gonio_matrix_transposed(vectors), 0, whole);
+    gonio_matrix_mirror(whole);
     free(scaled);
     return GONIO_OK;
 }

@@ -1,13 +1,12 @@
 // The direct solver's profile: sums over the products of two axes' modes, as fit/smooth/dense.c has them over three.
 #include "fit/smooth/profile.h"
 
-#include <cblas.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "brdf/spline/profile.h"
-#include "fit/smooth/blas.h"
+#include "fit/smooth/matrix.h"
 #include "fit/smooth/modes.h"
 
 struct gonio_smooth_profile {
@@ -119,12 +118,10 @@ gonio_status gonio_smooth_profile_set(gonio_smooth_profile **profile, const goni
     if (status != GONIO_OK) {
         return status;
     }
-    const blasint n = (blasint)p->n, modes = (blasint)(p->axis.m * p->axis.m);
     memcpy(p->stretch, form->profile_stretch, sizeof p->stretch);
     fill_columns(p, p->n, p->feature, dense->root, p->columns);
-    gonio_smooth_blas_begin();
-    cblas_dsyrk(CblasColMajor, CblasLower, CblasNoTrans, n, modes, 1, p->columns, n, 0, p->kernel, n);
-    gonio_smooth_blas_end();
+    const gonio_matrix columns = gonio_matrix_of(p->columns, p->n, p->axis.m * p->axis.m);
+    gonio_multiply_lower(1, columns, gonio_matrix_transposed(columns), 0, gonio_matrix_of(p->kernel, p->n, p->n));
     *profile = p;
     return GONIO_OK;
 }
@@ -147,8 +144,9 @@ gonio_status gonio_smooth_profile_cross(const gonio_smooth_profile *profile, dou
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for the profile at %zu points", m);
     if (status == GONIO_OK) {
         fill_columns(profile, m, feature, NULL, theirs);
-        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasTrans, (blasint)profile->n, (blasint)m, (blasint)modes, weight,
-                    profile->columns, (blasint)profile->n, theirs, (blasint)m, 1, cross, (blasint)profile->n);
+        gonio_multiply(weight, gonio_matrix_of(profile->columns, profile->n, modes),
+                       gonio_matrix_transposed(gonio_matrix_of(theirs, m, modes)), 1,
+                       gonio_matrix_of(cross, profile->n, m));
         for (size_t k = 0; k < modes; k++) {
             for (size_t i = 0; i < m; i++) {
                 prior[i] += weight * theirs[k * m + i] * theirs[k * m + i];
@@ -174,8 +172,9 @@ gonio_status gonio_smooth_profile_solve(const gonio_smooth_profile *profile, dou
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", modes);
     } else {
         // (modes x channels, channel fastest) = columns^T weights.
-        cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, (blasint)modes, (blasint)c, (blasint)profile->n, weight,
-                    profile->columns, (blasint)profile->n, weights, (blasint)profile->n, 0, spectrum, (blasint)c);
+        gonio_multiply(weight, gonio_matrix_transposed(gonio_matrix_of(profile->columns, profile->n, modes)),
+                       gonio_matrix_of(weights, profile->n, c), 0,
+                       gonio_matrix_transposed(gonio_matrix_of(spectrum, c, modes)));
         for (size_t k = 0; k < modes; k++) {
             for (size_t j = 0; j < c; j++) {
                 spectrum[k * c + j] *= root_prior(profile, k / m, k % m);

@@ -1,5 +1,4 @@
 // Least-squares splines: properties, a dense solve as golden, and that nothing is worse than where it began.
-#include <lapacke.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -90,7 +89,30 @@ static void basis_row(const gonio_dataset *data, size_t i, gonio_coordinates coo
     }
 }
 
-// phi of (B^T W B + lambda R) phi = B^T W t by LAPACK's Cholesky, R from its definition in fit/smooth/form.h.
+// x = A^-1 x; L takes A's place, row by row.
+static void solve_plainly(size_t n, double *a, double *x) {
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            for (size_t k = 0; k < j; k++) {
+                a[i * n + j] -= a[i * n + k] * a[j * n + k];
+            }
+            assert_true(i > j || a[i * n + i] > 0);
+            a[i * n + j] = i == j ? sqrt(a[i * n + i]) : a[i * n + j] / a[j * n + j];
+        }
+        for (size_t k = 0; k < i; k++) {
+            x[i] -= a[i * n + k] * x[k];
+        }
+        x[i] /= a[i * n + i];
+    }
+    for (size_t i = n; i-- > 0;) {
+        x[i] /= a[i * n + i];
+        for (size_t k = 0; k < i; k++) {
+            x[k] -= a[i * n + k] * x[i];
+        }
+    }
+}
+
+// phi of (B^T W B + lambda R) phi = B^T W t by a plain Cholesky, R from its definition in fit/smooth/form.h.
 static double *solve_normal_equations(const gonio_dataset *data, const double *targets, const gonio_smooth_form *form,
                                       double lambda) {
     const size_t m = gonio_bspline_size(form->level), n = m * m * m, step[3] = {m * m, m, 1};
@@ -116,7 +138,7 @@ static double *solve_normal_equations(const gonio_dataset *data, const double *t
             }
         }
     }
-    assert_int_equal(LAPACKE_dposv(LAPACK_ROW_MAJOR, 'L', (lapack_int)n, 1, a, (lapack_int)n, phi, 1), 0);
+    solve_plainly(n, a, phi);
     free(a);
     free(row);
     return phi;
