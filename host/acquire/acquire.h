@@ -167,4 +167,13 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
 // Store the final samples and the results' checksums ("result.samples_sha256" ...), in one transaction.
 gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error);
 
+// ---- agreement.c: what was computed again beside what was journalled, where bits differ ----
+
+// Widen `all` by one set of samples: as journalled, and again.
+void gonio_agreement_add(gonio_agreement *all, const gonio_samples *journalled, const gonio_samples *again);
+// And by the final samples and the model of a finished session.
+gonio_status gonio_agreement_finish(gonio_agreement *all, gonio_session *session, const gonio_outcome *again,
+                                    gonio_error *error);
+double gonio_agreement_largest(const gonio_agreement *all);
+
 #endif

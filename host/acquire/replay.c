@@ -56,6 +56,7 @@ static gonio_status compare_sets(replay *r, gonio_samples *const *sets, gonio_re
         if (!same(sets[i], stored)) {
             report->steps_differing++;
             report->first_differing = (long long)i;
+            gonio_agreement_add(&report->agreement, stored, sets[i]);
         }
         gonio_samples_free(stored);
     }
@@ -119,7 +120,8 @@ static void get_checksum(gonio_session *session, const char *key, char hex[GONIO
     free(text);
 }
 
-static void judge(gonio_session *session, const gonio_outcome *outcome, gonio_replay_report *report) {
+static gonio_status judge(gonio_session *session, const gonio_outcome *outcome, gonio_replay_report *report,
+                          gonio_error *error) {
     get_checksum(session, "result.samples_sha256", report->samples_sha256);
     get_checksum(session, "result.model_sha256", report->model_sha256);
     report->finished = report->samples_sha256[0] != 0 && report->model_sha256[0] != 0;
@@ -127,6 +129,13 @@ static void judge(gonio_session *session, const gonio_outcome *outcome, gonio_re
     report->model_equal = report->finished && strcmp(report->model_sha256, outcome->model_sha256) == 0;
     report->equal =
         report->steps_differing == 0 && (!report->finished || (report->samples_equal && report->model_equal));
+    if (report->equal) {
+        return GONIO_OK;
+    }
+    const gonio_status status =
+        report->finished ? gonio_agreement_finish(&report->agreement, session, outcome, error) : GONIO_OK;
+    report->rounding = gonio_agreement_largest(&report->agreement) <= 1;
+    return status;
 }
 
 gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *options, gonio_outcome *outcome,
@@ -146,8 +155,9 @@ gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *o
         status = finish(&r, sets, outcome, error);
     }
     if (status == GONIO_OK) {
-        judge(session, outcome, report);
-    } else {
+        status = judge(session, outcome, report, error);
+    }
+    if (status != GONIO_OK) {
         gonio_outcome_free(outcome);
     }
     gonio_sets_free(sets, r.process.n);

@@ -138,8 +138,17 @@ gonio_status gonio_measure_run(gonio_session *session, gonio_rig_file *rig, cons
 
 // ---- replay ----
 
+// Largest differences, each as a share of what rounding alone may make of it (docs/reliability.md): up to 1 is
+// rounding. INFINITY: others in number or form, or (the model) no file to compare with.
+typedef struct gonio_agreement {
+    double angle, value, sigma; // of samples
+    double model;               // evaluated at the samples' directions
+} gonio_agreement;
+
 typedef struct gonio_replay_report {
     bool equal;                      // everything that could be compared is equal, bit for bit
+    bool rounding;                   // not equal, but no further apart than other processors and libraries round
+    gonio_agreement agreement;       // where something is not equal: how far apart
     size_t steps_differing;          // poses whose samples are not the journalled ones
     long long first_differing;       // the first of those steps; where none is: -1
     bool finished;                   // the session has journalled results to compare with

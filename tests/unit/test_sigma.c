@@ -166,39 +166,48 @@ static void count_errors(const char *method, size_t n, double noise, uint64_t fi
     gonio_model_free(truth);
 }
 
-// Errors within one set are alike, so what varies is the share of a whole set. Over 20 other seeds the shares within
-// 2 sigma had means of 0.91, 0.93 and 0.97 and standard deviations of 0.06, 0.04 and 0.04 with noise. The mean of four
-// lies 4 standard deviations below, at 0.78 or more, less often than 1e-4. Without noise: means 0.95, 0.92 and 0.85,
-// standard deviations 0.03, 0.07 and 0.19, so 0.78 and, in the empty region, 0.47. Three times as large sigmas put more
-// than 0.9 below the normal's median.
-static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
-    (void)state;
+static void assert_shares(const tally t[3], const char *what, const double least[3], double most, double below_most) {
     static const char *const regions[] = {"dense", "sparse", "empty"};
-    for (int k = 0; k < 2; k++) {
-        tally t[3] = {0};
-        count_errors("auto", 150, k == 0 ? 0.03 : 0, 40, 4, t);
-        for (int r = 0; r < 3; r++) {
-            const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
-            print_message("# noise %s, %s: %.3f within 2 sigma, %.3f below the median\n", k == 0 ? "3 %" : "none",
-                          regions[r], within, below);
-            assert_true(within >= (k == 1 && r == 2 ? 0.47 : 0.78));
-            assert_true(below <= 0.9);
-        }
+    for (int r = 0; r < 3; r++) {
+        const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
+        print_message("# %s, %s: %.3f within 2 sigma, %.3f below the median\n", what, regions[r], within, below);
+        assert_true(within >= least[r] && within <= most);
+        assert_true(below <= below_most);
     }
 }
 
+// With noise, what docs/uncertainty.md asks: 90 to 99 % within 2 sigma, pooled over seeds 40 to 51, 1,800 probes a
+// region. Errors within one set are alike, so what varies is the share of a whole set: over seeds 40 to 55 its standard
+// deviation was 0.05, 0.05 and 0.06 about 0.953, 0.955 and 0.968. The mean of twelve has 0.016, so another dozen of
+// seeds would raise a false alarm about once in 50 (of the three regions, upper bounds included); these raise none.
+static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
+    (void)state;
+    tally t[3] = {0};
+    count_errors("auto", 150, 0.03, 40, 12, t);
+    assert_shares(t, "noise 3 %", (const double[3]){0.9, 0.9, 0.9}, 0.99, 0.85);
+}
+
+// Without noise sigmas are too small beyond the samples. Where the truth's own lobe is chosen (8 of the seeds 40 to 55)
+// the errors are those of rounding, all within; in the other 8 sets 0.55 to 0.95 of the empty region are, 0.68 in the
+// mean: exact samples leave residuals among themselves that tell next to nothing about 18 degrees without any. So 0.47
+// is no target, but what the mean of four such sets (of deviation 0.12) stays above; the samples' own region keeps
+// 0.78.
+static void test_sigma_without_noise(void **state) {
+    (void)state;
+    tally t[3] = {0};
+    count_errors("auto", 150, 0, 41, 4, t);
+    assert_shares(t, "no noise", (const double[3]){0.9, 0.78, 0.47}, 1, 0.9);
+}
+
 // The iterative solver's sigma, on a set that it makes up itself by left-out geometries. Over 8 other seeds the shares
-// had means of 0.94, 0.83 and 0.69 and standard deviations of 0.03, 0.07 and 0.06: 4 of them below.
+// had means of 0.94, 0.83 and 0.69 and standard deviations of 0.03, 0.07 and 0.06: 4 of them below. In the empty region
+// the spline goes on alone, without lobes, and sigma is a hint there rather than a bound (docs/fitting.md): 0.64 to
+// 0.75 over seeds 60 to 62.
 static void test_sigma_of_large_sets(void **state) {
     (void)state;
     tally t[3] = {0};
     count_errors("lsq", 2500, 0.03, 60, 1, t);
-    for (int r = 0; r < 3; r++) {
-        const double within = (double)t[r].within / (double)t[r].n, below = (double)t[r].below / (double)t[r].n;
-        print_message("# large, region %d: %.3f within 2 sigma, %.3f below the median\n", r, within, below);
-        assert_true(within >= (r == 2 ? 0.44 : 0.53));
-        assert_true(below <= 0.9);
-    }
+    assert_shares(t, "large", (const double[3]){0.82, 0.55, 0.44}, 1, 0.9);
 }
 
 // A sigma of k z is k times the sigma of z, and the same bits come at any number of threads.
@@ -243,6 +252,7 @@ int main(void) {
         cmocka_unit_test(test_left_out_blocks_are_what_they_say),
         cmocka_unit_test(test_the_law_is_found),
         cmocka_unit_test(test_sigma_is_neither_too_small_nor_too_large),
+        cmocka_unit_test(test_sigma_without_noise),
         cmocka_unit_test(test_sigma_of_large_sets),
         cmocka_unit_test(test_sigma_scales_and_repeats),
     };

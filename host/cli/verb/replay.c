@@ -1,13 +1,31 @@
 // gonio replay: stored frames -> calibration -> samples -> fit again, held against what the measure journalled.
+#include <math.h>
 #include <stdio.h>
 
 #include "host/cli/measuring.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_replay = {"replay", "SESSION [--model OUT]",
-                             "compute samples and model again from a session's frames; exit 1 where they differ", run};
+const cli_verb cmd_replay = {
+    "replay", "SESSION [--model OUT]",
+    "compute samples and model again from a session's frames; exit 1 where they differ beyond rounding", run};
 
 static json_t *text_or_null(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
+
+// Infinity, which JSON has no number for, is null.
+static json_t *agreement_json(const gonio_agreement *a) {
+    return json_pack("{s:o,s:o,s:o,s:o}", "angle", cli_json_real(a->angle), "value", cli_json_real(a->value), "sigma",
+                     cli_json_real(a->sigma), "model", cli_json_real(a->model));
+}
+
+static void print_agreement(const gonio_agreement *a, bool rounding) {
+    printf("%s: in shares of what rounding may come to, angles differ by %.2g, values by %.2g, sigmas by %.2g, ",
+           rounding ? "rounding" : "CHANGED", a->angle, a->value, a->sigma);
+    if (isinf(a->model)) {
+        printf("and the model is of another form, or its file is gone\n");
+    } else {
+        printf("the model by %.2g\n", a->model);
+    }
+}
 
 static int report(const cli_common *common, const char *path, const gonio_outcome *outcome,
                   const gonio_replay_report *r) {
@@ -18,6 +36,11 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
         json_object_set_new(object, "finished", json_boolean(r->finished));
         json_object_set_new(object, "steps_differing", json_integer((json_int_t)r->steps_differing));
         json_object_set_new(object, "equal", json_boolean(r->equal));
+        json_object_set_new(object, "verdict",
+                            json_string(r->equal      ? "identical"
+                                        : r->rounding ? "rounding"
+                                                      : "changed"));
+        json_object_set_new(object, "shares_of_bounds", agreement_json(&r->agreement));
         if (outcome->model_path != NULL) {
             json_object_set_new(object, "model", json_string(outcome->model_path));
         }
@@ -31,11 +54,14 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
             printf("the session is not finished, so there is no result to compare with; `gonio resume` goes on\n");
         }
     }
-    if (r->steps_differing > 0) {
+    if (!common->json && !r->equal) {
+        print_agreement(&r->agreement, r->rounding);
+    }
+    if (r->steps_differing > 0 && !r->rounding) {
         fprintf(stderr, "gonio: %zu steps give other samples than were journalled, the first is step %lld\n",
                 r->steps_differing, r->first_differing);
     }
-    return r->equal ? 0 : gonio_status_exit(GONIO_E_MISMATCH);
+    return r->equal || r->rounding ? 0 : gonio_status_exit(GONIO_E_MISMATCH);
 }
 
 static int run(int argc, char **argv) {
