@@ -11,6 +11,7 @@
 #include <cmocka.h>
 // clang-format on
 
+#include "fit/smooth/kernels.h"
 #include "fit/smooth/matrix.h"
 
 static double uniform(uint64_t *state) {
@@ -219,10 +220,42 @@ static void test_singular_values(void **state) {
     }
 }
 
+// Every instruction set that the processor has gives the bits of the plain one.
+static void test_instruction_sets_agree(void **state) {
+    (void)state;
+    size_t count;
+    const gonio_kernels *const *all = gonio_kernels_all(&count);
+    print_message("# %zu sets, the best is %s\n", count, gonio_kernels_best()->name);
+    for (size_t n = 1; n < 60; n++) {
+        double *x = filled(8 * n, n), *y = filled(4 * n, n + 1), sums[3][32], dots[3], outs[3][6], *z[3], *w[3];
+        for (size_t k = 0; k < count; k++) {
+            z[k] = filled(n, 9);
+            w[k] = filled(n, 10);
+            all[k]->tile(n, x, y, sums[k]);
+            dots[k] = all[k]->dot(n, x, y);
+            all[k]->add_scaled(n, 0.3, x, z[k]);
+            all[k]->turn(n, 0.6, 0.8, z[k], w[k]);
+            all[k]->four(n, x, n, y, y, z[k], outs[k]);
+            all[k]->secular(n, x, y, 1.5, outs[k] + 4);
+            assert_memory_equal(sums[k], sums[0], sizeof sums[0]);
+            assert_memory_equal(&dots[k], &dots[0], sizeof dots[0]);
+            assert_memory_equal(outs[k], outs[0], sizeof outs[0]);
+            assert_memory_equal(z[k], z[0], n * sizeof **z);
+            assert_memory_equal(w[k], w[0], n * sizeof **w);
+        }
+        for (size_t k = 0; k < count; k++) {
+            free(z[k]);
+            free(w[k]);
+        }
+        free(x);
+        free(y);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_products),    cmocka_unit_test(test_lower_product),   cmocka_unit_test(test_cholesky),
-        cmocka_unit_test(test_eigenvectors), cmocka_unit_test(test_singular_values),
+        cmocka_unit_test(test_eigenvectors), cmocka_unit_test(test_singular_values), cmocka_unit_test(test_instruction_sets_agree),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

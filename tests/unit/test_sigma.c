@@ -179,7 +179,7 @@ static void assert_shares(const tally t[3], const char *what, const double least
 // With noise, what docs/uncertainty.md asks: 90 to 99 % within 2 sigma, pooled over seeds 40 to 51, 1,800 probes a
 // region. Errors within one set are alike, so what varies is the share of a whole set: over seeds 40 to 55 its standard
 // deviation was 0.05, 0.05 and 0.06 about 0.953, 0.955 and 0.968. The mean of twelve has 0.016, so another dozen of
-// seeds would raise a false alarm about once in 50 (of the three regions, upper bounds included); these raise none.
+// seeds would fall below 0.9 about once in a thousand, and above 0.99, in the empty region, about once in ten.
 static void test_sigma_is_neither_too_small_nor_too_large(void **state) {
     (void)state;
     tally t[3] = {0};
