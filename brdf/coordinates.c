@@ -169,6 +169,12 @@ void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, goni
     systems[system].map[1](&systems[system], wi, wo, x);
 }
 
+void gonio_coordinates_stretch(gonio_coordinates system, double *stretch, double *limit) {
+    const bool half = gonio_coordinates_are_half_vector(system);
+    *stretch = half ? half_vectors[system].stretch : STRETCH;
+    *limit = half ? half_vectors[system].limit : OFFSET_MAX;
+}
+
 double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]) {
     const coordinate_system *narrow = &systems[GONIO_HALF_VECTOR_NARROW];
     const double u = 2 * x[0] - 1, v = 2 * x[1] - 1, r = fmin(sqrt(u * u + v * v), 1);

@@ -7,36 +7,14 @@
 #include "brdf/spline/rows.h"
 
 #define AHEAD 4 // positions between a prefetch and its use
-// Floats. Smaller lattices stay in a second-level cache by themselves, where asking ahead costs more than it saves.
-#define PREFETCH_MIN (1u << 19)
-
-GONIO_INLINE void prefetch_rows(const gonio_lattice *l, const gonio_position *position, const int dims) {
-    size_t first = 0;
-    for (int d = 0; d < dims; d++) {
-        first = first * l->size + gonio_bspline_cell(position->x[d], l->level);
-    }
-    const size_t channels = (size_t)l->channels, plane = l->size * l->size * (dims == 4 ? l->size : 1);
-    const float *base = l->points + first * channels;
-    const size_t inner = dims == 4 ? 16 : 4, row_bytes = 16 * channels;
-    for (size_t i = 0; i < 4; i++) {
-        for (size_t j = 0; j < inner; j++) {
-            const size_t row = i * plane + (dims == 4 ? (j / 4 * l->size + j % 4) * l->size : j * l->size);
-            const char *at = (const char *)(base + row * channels);
-            for (size_t byte = 0; byte < row_bytes; byte += 64) {
-                __builtin_prefetch(at + byte);
-            }
-            __builtin_prefetch(at + row_bytes - 1);
-        }
-    }
-}
 
 GONIO_INLINE void eval_one_channel(const gonio_lattice *l, const int dims, size_t n, const gonio_position *positions,
                                    float *values) {
-    const bool prefetch = l->count > PREFETCH_MIN && n > AHEAD;
+    const bool prefetch = l->count > GONIO_ROWS_PREFETCH_MIN && n > AHEAD;
     for (size_t i = 0; i < n; i++) {
         gonio_place place;
         if (prefetch && i + AHEAD < n) {
-            prefetch_rows(l, &positions[i + AHEAD], dims);
+            gonio_rows_prefetch(l, positions[i + AHEAD].x, dims);
         }
         gonio_rows_locate(positions[i].x, l->level, l->size, dims, &place);
         values[i] = (float)gonio_rows_eval_one(l->points, l->size, dims, &place);
@@ -46,14 +24,14 @@ GONIO_INLINE void eval_one_channel(const gonio_lattice *l, const int dims, size_
 GONIO_INLINE void eval_all_channels(const gonio_lattice *l, const int dims, size_t n, const gonio_position *positions,
                                     float *values) {
     const size_t channels = (size_t)l->channels;
-    const bool prefetch = l->count * channels > PREFETCH_MIN && n > 1;
+    const bool prefetch = l->count * channels > GONIO_ROWS_PREFETCH_MIN && n > 1;
     float scratch[4 * channels];
     gonio_row_list list;
     gonio_rows_offsets(l->size, dims, &list);
     for (size_t i = 0; i < n; i++) {
         gonio_place place;
         if (prefetch && i + 1 < n) {
-            prefetch_rows(l, &positions[i + 1], dims);
+            gonio_rows_prefetch(l, positions[i + 1].x, dims);
         }
         gonio_rows_locate(positions[i].x, l->level, l->size, dims, &place);
         gonio_rows_weights(&place, dims, &list);

@@ -43,6 +43,30 @@ GONIO_INLINE void gonio_rows_locate(const uint32_t *position, int level, size_t 
     place->first = first;
 }
 
+// Floats. Smaller lattices stay in a second-level cache by themselves, where asking ahead costs more than it saves.
+#define GONIO_ROWS_PREFETCH_MIN (1u << 19)
+
+// Ask for the rows of a position.
+GONIO_INLINE void gonio_rows_prefetch(const gonio_lattice *l, const uint32_t *position, const int dims) {
+    size_t first = 0;
+    for (int d = 0; d < dims; d++) {
+        first = first * l->size + gonio_bspline_cell(position[d], l->level);
+    }
+    const size_t channels = (size_t)l->channels, plane = l->size * l->size * (dims == 4 ? l->size : 1);
+    const float *base = l->points + first * channels;
+    const size_t inner = dims == 4 ? 16 : 4, row_bytes = 16 * channels;
+    for (size_t i = 0; i < 4; i++) {
+        for (size_t j = 0; j < inner; j++) {
+            const size_t row = i * plane + (dims == 4 ? (j / 4 * l->size + j % 4) * l->size : j * l->size);
+            const char *at = (const char *)(base + row * channels);
+            for (size_t byte = 0; byte < row_bytes; byte += 64) {
+                __builtin_prefetch(at + byte);
+            }
+            __builtin_prefetch(at + row_bytes - 1);
+        }
+    }
+}
+
 // The last axis' four weights.
 GONIO_INLINE void gonio_rows_last(const gonio_place *place, const int dims, gonio_d4 *last) {
     const gonio_d4 *b = place->basis;

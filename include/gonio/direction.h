@@ -72,6 +72,8 @@ void gonio_coordinates_isotropic(gonio_coordinates system, gonio_vec3 wi, gonio_
 // The anisotropic (4-D) coordinates: x[4] in [0, 1].
 void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, gonio_vec3 wo, double x[4]);
 
+// What a length l becomes in the half-vector and reflected systems: asinh(l / stretch) / limit, at most 1.
+void gonio_coordinates_stretch(gonio_coordinates system, double *stretch, double *limit);
 // The radius, in [0, 1], that half-vector-narrow gives to the pair whose isotropic coordinates in another half-vector
 // system are x.
 double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]);

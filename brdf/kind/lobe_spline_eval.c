@@ -1,0 +1,320 @@
+// Evaluation of the kind "lobe-spline" (brdf/kind/lobe_spline.h), one pair or many.
+//
+// f_r = link^-1(link(base) + spline): of the positive link, whose logarithm is taken of y + eps, e^(ln E + t) = E e^t,
+// so the base needs no logarithm and each channel one exponential, of the spline alone. Everything is in double, with
+// the functions of brdf/exp_log.h and the sums of brdf/spline/rows_double.h; the float of eval_f32 is that double,
+// rounded.
+//
+// Four pairs are located together, a lane each; one pair alone fills all four lanes. The channels of a pair are then
+// four lanes each, of a model of one channel four pairs. Every number goes through the same operations whatever lies
+// beside it: so a batch gives the same bits however it is split, and with no FMA (Makefile) every clone does.
+#include <math.h>
+#include <string.h>
+
+#include "brdf/kind/lobe_spline_model.h"
+#include "brdf/spline/rows.h"
+#include "brdf/spline/rows_double.h"
+
+#define BLOCK 32 // channels at a time, on the stack
+#define BATCH 16 // pairs at a time
+#define AHEAD 3  // pairs between a prefetch and its use
+
+// A batch of pairs, located.
+typedef struct batch {
+    gonio_position spline[BATCH], profile[BATCH];
+    gonio_d4 units[BATCH / GONIO_LANES][1 + GONIO_LOBES_MAX], shares[BATCH / GONIO_LANES][1 + GONIO_LOBES_MAX];
+} batch;
+
+// As gonio_lobe_base_units and gonio_lobe_shares.
+GONIO_INLINE void base_of(const gonio_lobe_spline *m, const gonio_pairs4 *pairs, gonio_d4 *units, gonio_d4 *shares) {
+    const gonio_lobe_base *base = &m->parts.base;
+    if (base->lobes == 0) {
+        units[0] = (gonio_d4){0};
+        if (base->grazing > 0) {
+            const gonio_d4 least = GONIO_ALL4((double)base->cosine_min);
+            gonio_d4 cosines = GONIO_MAX4(pairs->i[2], least) * GONIO_MAX4(pairs->o[2], least);
+            gonio_log4(&cosines);
+            units[0] = -(double)base->grazing * cosines;
+        }
+        return;
+    }
+    gonio_lobe_geometry4 geometry;
+    gonio_lobe_geometry4_of(pairs, (double)base->cosine_min, &geometry);
+    units[0] = GONIO_ALL4(1.0);
+    for (int j = 0; j < base->lobes; j++) {
+        if (base->family == GONIO_LOBE_GGX) {
+            gonio_ggx4(&geometry, base->alpha[j], base->f0[j], &units[1 + j]);
+        } else {
+            gonio_cook_torrance4(&geometry, base->alpha[j], base->f0[j], &units[1 + j]);
+        }
+    }
+    if (m->parts.shares != NULL) {
+        gonio_d4 sum = {0};
+        for (int j = 0; j <= base->lobes; j++) {
+            shares[j] = m->mean_strength[j] * units[j];
+            sum += shares[j];
+        }
+        for (int j = 0; j <= base->lobes; j++) {
+            shares[j] = GONIO_SELECT4(sum > 0, shares[j] / sum, GONIO_ALL4(0.0));
+        }
+    }
+}
+
+GONIO_INLINE void fix(const gonio_d4 *x, gonio_position *out) {
+    for (int k = 0; k < GONIO_LANES; k++) {
+        gonio_position_set(&out[k], x[0][k], x[1][k], x[2][k], x[3][k]);
+    }
+}
+
+GONIO_CLONES static void lobe_spline_bases(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi,
+                                           const gonio_vec3 *wo, batch *b) {
+    for (size_t k = 0; k < n; k += GONIO_LANES) {
+        gonio_pairs4 pairs = {.i = {{0}}};
+        gonio_pairs4_set(&pairs, n - k, wi + k, wo + k);
+        base_of(m, &pairs, b->units[k / GONIO_LANES], b->shares[k / GONIO_LANES]);
+    }
+}
+
+// profile: NULL where there is none.
+GONIO_CLONES static void lobe_spline_places(const gonio_locator *l, size_t n, const gonio_vec3 *wi,
+                                            const gonio_vec3 *wo, gonio_position *spline, gonio_position *profile) {
+    for (size_t k = 0; k < n; k += GONIO_LANES) {
+        gonio_pairs4 pairs = {.i = {{0}}};
+        gonio_d4 x[4] = {{0}}, y[4] = {{0}};
+        gonio_pairs4_set(&pairs, n - k, wi + k, wo + k);
+        gonio_locate4(l, &pairs, x, profile != NULL ? y : NULL);
+        fix(x, spline + k);
+        if (profile != NULL) {
+            fix(y, profile + k);
+        }
+    }
+}
+
+static void locate(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, batch *b) {
+    lobe_spline_bases(m, n, wi, wo, b);
+    if (m->parts.lattice.points != NULL) {
+        lobe_spline_places(&m->locator, n, wi, wo, b->spline, m->parts.profile.points != NULL ? b->profile : NULL);
+    }
+}
+
+// The lattices' part of the spline's value, pair k.
+static void spline_of(const gonio_lobe_spline *m, const batch *b, size_t k, size_t first, size_t count,
+                      double *values) {
+    const gonio_lobe_spline_parts *p = &m->parts;
+    if (p->lattice.points == NULL) {
+        memset(values, 0, count * sizeof *values);
+        return;
+    }
+    gonio_lattice_eval_double(&p->lattice, &b->spline[k], first, count, values);
+    if (p->profile.points != NULL) {
+        double more[BLOCK];
+        gonio_lattice_eval_double(&p->profile, &b->profile[k], first, count, more);
+        for (size_t c = 0; c < count; c++) {
+            values[c] += more[c];
+        }
+    }
+}
+
+// Channels at c, or the channel at c in every lane.
+GONIO_INLINE void table4(const gonio_lobe_spline *m, int table, size_t c, const bool spread, gonio_d4 *out) {
+    const double *at = gonio_lobe_table(m, table, c);
+    *out = spread ? GONIO_ALL4(*at) : *(const gonio_d4 *)at;
+}
+
+// Base of the positive link: e to its link value.
+GONIO_INLINE void positive_base(const gonio_d4 *y, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *out) {
+    gonio_d4 low = 2 * (*y * *half_per);
+    low = GONIO_MAX4(low, GONIO_ALL4(GONIO_LINK_FLOOR));
+    gonio_sqrt4(&low);
+    *out = GONIO_SELECT4(*y >= *eps, *y + *eps, 2 * *eps * low);
+}
+
+// y and dy/dt of e^t of the positive link (brdf/link.h); t is held within 60 of 0, e^60 = 1e26.
+GONIO_INLINE void positive_value(gonio_d4 *value, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *slope) {
+    const gonio_d4 low_end = GONIO_ALL4(0x1.5ae191a99585ap-87), high_end = GONIO_ALL4(0x1.79dbc9dc53c66p+86);
+    gonio_d4 e = GONIO_MAX4(*value, low_end);
+    e = GONIO_MIN4(e, high_end);
+    const gonio_d4 over = e * *half_per, low = *eps * over * over;
+    *value = GONIO_SELECT4(over >= 1, e - *eps, low);
+    *slope = GONIO_SELECT4(over >= 1, e, 2 * low);
+}
+
+// asinh(y / eps) of either sign.
+GONIO_INLINE void signed_base(gonio_d4 *y, const gonio_d4 *half_per) {
+    const gonio_d4 z = 2 * *half_per * *y, size = GONIO_MAX4(z, -z);
+    *y = GONIO_MIN4(size, GONIO_ALL4(1e150));
+    gonio_asinh4(y);
+    *y = GONIO_SELECT4(z < 0, -*y, *y);
+}
+
+// value: the spline's -> f_r; slope: d f_r / d link value.
+GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread, const gonio_d4 *units,
+                         const gonio_d4 *shares, gonio_d4 *value, gonio_d4 *slope) {
+    const int lobes = m->parts.base.lobes;
+    const gonio_link_kind kind = m->parts.kind;
+    gonio_d4 t = *value, base = {0}, a, eps, half_per, top;
+    for (int j = 0; j <= lobes && m->parts.shares != NULL; j++) {
+        table4(m, GONIO_LOBE_SHARE + j, c, spread, &a);
+        t += a * shares[j];
+    }
+    if (lobes == 0) {
+        t += units[0];
+    }
+    table4(m, GONIO_LOBE_LOW, c, spread, &a);
+    t = GONIO_MAX4(t, a);
+    table4(m, GONIO_LOBE_HIGH, c, spread, &a);
+    t = GONIO_MIN4(t, a);
+    for (int j = 0; j <= lobes && lobes > 0; j++) {
+        table4(m, GONIO_LOBE_STRENGTH + j, c, spread, &a);
+        base += a * units[j];
+    }
+    base = GONIO_MIN4(base, GONIO_ALL4(GONIO_LOBE_CEILING));
+    table4(m, GONIO_LOBE_EPS, c, spread, &eps);
+    table4(m, GONIO_LOBE_HALF_PER, c, spread, &half_per);
+    table4(m, GONIO_LOBE_TOP, c, spread, &top);
+    if (kind == GONIO_LINK_POSITIVE) {
+        gonio_exp4(&t);
+        if (lobes > 0) {
+            positive_base(&base, &eps, &half_per, &base);
+            t *= base;
+        }
+    } else if (lobes > 0) {
+        if (kind == GONIO_LINK_ASINH) {
+            signed_base(&base, &half_per);
+        }
+        t += base;
+    }
+    if (lobes > 0) {
+        top = GONIO_MAX4(base, top);
+        t = GONIO_MIN4(t, top);
+    }
+    *slope = GONIO_ALL4(1.0);
+    if (kind == GONIO_LINK_POSITIVE) {
+        positive_value(&t, &eps, &half_per, slope);
+    } else if (kind == GONIO_LINK_ASINH) {
+        gonio_d4 rise = t;
+        gonio_sinh4(&t);
+        gonio_exp4(&rise);
+        *slope = eps * 0.5 * (rise + 1 / rise);
+        t *= eps;
+    }
+    table4(m, GONIO_LOBE_SCALE, c, spread, &a);
+    *value = t * a;
+    *slope *= a;
+}
+
+// count <= BLOCK channels from first of pair k; both arrays are padded to whole vectors.
+GONIO_CLONES static void lobe_spline_channels(const gonio_lobe_spline *m, const batch *b, size_t k, size_t first,
+                                              size_t count, double *values, double *slopes) {
+    gonio_d4 units[1 + GONIO_LOBES_MAX], shares[1 + GONIO_LOBES_MAX], slope;
+    const size_t g = k / GONIO_LANES, lane = k % GONIO_LANES;
+    for (int j = 0; j <= m->parts.base.lobes; j++) {
+        units[j] = GONIO_ALL4(b->units[g][j][lane]);
+        shares[j] = m->parts.shares != NULL ? GONIO_ALL4(b->shares[g][j][lane]) : GONIO_ALL4(0.0);
+    }
+    for (size_t c = 0; c < count; c += GONIO_LANES) {
+        finish(m, first + c, false, units, shares, (gonio_d4 *)(values + c), &slope);
+        *(gonio_d4 *)(slopes + c) = slope;
+    }
+}
+
+// A model of one channel: four pairs are a vector.
+GONIO_CLONES static void lobe_spline_pairs(const gonio_lobe_spline *m, const batch *b, size_t n, double *values) {
+    for (size_t k = 0; k < n; k += GONIO_LANES) {
+        const size_t g = k / GONIO_LANES;
+        gonio_d4 slope;
+        finish(m, 0, true, b->units[g], b->shares[g], (gonio_d4 *)(values + k), &slope);
+    }
+}
+
+// Where to put the channels of one pair: each may be NULL.
+typedef struct answers {
+    double *values, *slopes;
+    float *narrow;
+} answers;
+
+static void answer(const double *values, const double *slopes, size_t at, size_t count, const answers *out) {
+    if (out->values != NULL) {
+        memcpy(out->values + at, values, count * sizeof *values);
+    }
+    if (out->slopes != NULL) {
+        memcpy(out->slopes + at, slopes, count * sizeof *slopes);
+    }
+    for (size_t c = 0; c < count && out->narrow != NULL; c++) {
+        out->narrow[at + c] = (float)values[c];
+    }
+}
+
+// Blocks of like size, so that none is too short for the wide sums.
+static void eval_pair(const gonio_lobe_spline *m, const batch *b, size_t k, size_t first, size_t count,
+                      const answers *out) {
+    double values[BLOCK] = {0}, slopes[BLOCK];
+    const size_t blocks = (count + BLOCK - 1) / BLOCK;
+    for (size_t i = 0; i < blocks; i++) {
+        const size_t begin = count * i / blocks, length = count * (i + 1) / blocks - begin;
+        spline_of(m, b, k, first + begin, length, values);
+        lobe_spline_channels(m, b, k, first + begin, length, values, slopes);
+        answer(values, slopes, begin, length, out);
+    }
+}
+
+void gonio_lobe_spline_eval(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo, size_t first,
+                            size_t count, double *values, float *narrow, double *slopes) {
+    const answers out = {values, slopes, narrow};
+    batch b;
+    locate(m, 1, wi, wo, &b);
+    eval_pair(m, &b, 0, first, count, &out);
+}
+
+static void prefetch(const gonio_lobe_spline *m, const batch *b, size_t k, size_t n) {
+    if (k < n && m->parts.lattice.count * (size_t)m->head.channels > GONIO_ROWS_PREFETCH_MIN) {
+        gonio_rows_prefetch(&m->parts.lattice, b->spline[k].x, m->parts.dims);
+    }
+}
+
+// n <= BATCH pairs.
+static void eval_batch(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo,
+                       double *values) {
+    const size_t channels = (size_t)m->head.channels;
+    double one[BATCH] = {0};
+    batch b;
+    locate(m, n, wi, wo, &b);
+    for (size_t k = 0; k < n; k++) {
+        const answers out = {values + k * channels, NULL, NULL};
+        prefetch(m, &b, k + AHEAD, n);
+        if (channels == 1) {
+            spline_of(m, &b, k, 0, 1, &one[k]);
+        } else {
+            eval_pair(m, &b, k, 0, channels, &out);
+        }
+    }
+    if (channels == 1) {
+        lobe_spline_pairs(m, &b, n, one);
+        memcpy(values, one, n * sizeof *values);
+    }
+}
+
+void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo,
+                                 double *values) {
+    for (size_t begin = 0; begin < n; begin += BATCH) {
+        const size_t count = n - begin < BATCH ? n - begin : BATCH;
+        eval_batch(m, count, wi + begin, wo + begin, values + begin * (size_t)m->head.channels);
+    }
+}
+
+GONIO_CLONES static void lobe_spline_exp(double *x) {
+    gonio_d4 e = GONIO_ALL4(*x);
+    gonio_exp4(&e);
+    *x = e[0];
+}
+
+// ln sigma is held within 60 of 0.
+double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo) {
+    gonio_position position[GONIO_LANES];
+    double ln_sigma;
+    lobe_spline_places(&m->sigma_locator, 1, wi, wo, position, NULL);
+    gonio_lattice_eval_double(&m->parts.sigma, position, 0, 1, &ln_sigma);
+    ln_sigma = fmin(fmax(ln_sigma, -60), 60);
+    lobe_spline_exp(&ln_sigma);
+    return ln_sigma;
+}
