@@ -56,9 +56,9 @@ GONIO_INLINE void gonio_norm4(const gonio_d4 *x, const gonio_d4 *y, gonio_d4 *no
     gonio_sqrt4(norm);
 }
 
+// Unit half vectors and the sines of their tilt.
 typedef struct gonio_halves4 {
-    gonio_d4 h[3], d[3]; // half vector; incident direction about it
-    gonio_d4 sin_h, tan_h;
+    gonio_d4 h[3], sin_h, length; // length: |wi + wo|
 } gonio_halves4;
 
 #define GONIO_TAN_H_MAX 20.0 // brdf/coordinates.c: the radius is held there
@@ -71,13 +71,8 @@ GONIO_INLINE void gonio_halves4_of(const gonio_pairs4 *p, gonio_halves4 *v) {
     v->h[0] = GONIO_SELECT4(proper, sum[0] / length, zero);
     v->h[1] = GONIO_SELECT4(proper, sum[1] / length, zero);
     v->h[2] = GONIO_SELECT4(proper, sum[2] / length, zero + 1);
-    const gonio_d4 dot = p->i[0] * v->h[0] + p->i[1] * v->h[1], k = dot / (1 + v->h[2]);
-    v->d[0] = p->i[0] - v->h[0] * (p->i[2] + k);
-    v->d[1] = p->i[1] - v->h[1] * (p->i[2] + k);
-    v->d[2] = dot + p->i[2] * v->h[2];
+    v->length = length;
     gonio_norm4(&v->h[0], &v->h[1], &v->sin_h);
-    v->tan_h = GONIO_SELECT4(v->h[2] > 0, v->sin_h / v->h[2], GONIO_ALL4(GONIO_TAN_H_MAX));
-    v->tan_h = GONIO_MIN4(v->tan_h, GONIO_ALL4(GONIO_TAN_H_MAX));
 }
 
 // length -> asinh(length per_stretch), at most limit.
@@ -87,33 +82,56 @@ GONIO_INLINE void gonio_radius4(gonio_d4 *length, double per_stretch, double lim
     *length = GONIO_MIN4(*length, GONIO_ALL4(limit));
 }
 
-GONIO_INLINE void gonio_locate4_half(const gonio_locator *l, const gonio_pairs4 *p, gonio_d4 x[4], gonio_d4 *profile) {
-    gonio_halves4 v;
-    gonio_halves4_of(p, &v);
-    gonio_d4 scale = v.tan_h;
-    gonio_radius4(&scale, l->per_stretch, l->limit);
+// The profile's radius beside the system's; one pair in all lanes needs a single asinh for both.
+GONIO_INLINE void gonio_radii4(const gonio_locator *l, bool one_pair, gonio_d4 *radius, gonio_d4 *narrow) {
+    if (one_pair) {
+        const double a = l->per_stretch, b = l->narrow_stretch;
+        gonio_d4 both = *radius * (gonio_d4){a, a, b, b};
+        gonio_asinh4(&both);
+        *radius = GONIO_ALL4(both[0]);
+        *narrow = GONIO_ALL4(both[2]);
+    } else {
+        *narrow = *radius * l->narrow_stretch;
+        gonio_asinh4(narrow);
+        *radius *= l->per_stretch;
+        gonio_asinh4(radius);
+    }
+    *radius = GONIO_MIN4(*radius, GONIO_ALL4(l->limit));
+    *narrow = GONIO_MIN4(*narrow, GONIO_ALL4(l->narrow_limit));
+}
+
+GONIO_INLINE void gonio_locate4_half(const gonio_locator *l, const gonio_pairs4 *p, const gonio_halves4 *v,
+                                     bool one_pair, gonio_d4 x[4], gonio_d4 *profile) {
+    const gonio_d4 dot = p->i[0] * v->h[0] + p->i[1] * v->h[1], k = dot / (1 + v->h[2]),
+                   most = GONIO_ALL4(GONIO_TAN_H_MAX);
+    // The incident direction about the half vector.
+    const gonio_d4 d[3] = {p->i[0] - v->h[0] * (p->i[2] + k), p->i[1] - v->h[1] * (p->i[2] + k),
+                           dot + p->i[2] * v->h[2]};
+    gonio_d4 scale = GONIO_SELECT4(v->h[2] > 0, v->sin_h / v->h[2], most), sin_d;
+    scale = GONIO_MIN4(scale, most);
+    if (profile != NULL) {
+        gonio_radii4(l, one_pair, &scale, &profile[0]);
+        profile[0] *= 1 / l->narrow_limit;
+    } else {
+        gonio_radius4(&scale, l->per_stretch, l->limit);
+    }
     scale *= 0.5 / l->limit;
     if (l->dims == 4) {
-        const gonio_d4 per = GONIO_SELECT4(v.sin_h > 0, scale / v.sin_h, GONIO_ALL4(0.0));
-        x[0] = 0.5 + v.h[0] * per;
-        x[1] = 0.5 + v.h[1] * per;
-        x[2] = (v.d[0] + 1) * 0.5;
-        x[3] = (v.d[1] + 1) * 0.5;
+        const gonio_d4 per = GONIO_SELECT4(v->sin_h > 0, scale / v->sin_h, GONIO_ALL4(0.0));
+        x[0] = 0.5 + v->h[0] * per;
+        x[1] = 0.5 + v->h[1] * per;
+        x[2] = (d[0] + 1) * 0.5;
+        x[3] = (d[1] + 1) * 0.5;
         return;
     }
-    gonio_d4 sin_d;
-    gonio_norm4(&v.d[0], &v.d[1], &sin_d);
-    const gonio_d4 product = v.sin_h * sin_d;
+    gonio_norm4(&d[0], &d[1], &sin_d);
+    const gonio_d4 product = v->sin_h * sin_d, per = scale / product;
     const gonio_l4 proper = product > 0;
-    const gonio_d4 c = GONIO_SELECT4(proper, (v.d[0] * v.h[0] + v.d[1] * v.h[1]) / product, GONIO_ALL4(1.0));
-    const gonio_d4 s = GONIO_SELECT4(proper, (v.d[1] * v.h[0] - v.d[0] * v.h[1]) / product, GONIO_ALL4(0.0));
-    x[0] = 0.5 + c * scale;
-    x[1] = 0.5 + s * scale;
-    gonio_quarter_turns4(&sin_d, &v.d[2], &x[2]);
+    const gonio_d4 along = (d[0] * v->h[0] + d[1] * v->h[1]) * per, across = (d[1] * v->h[0] - d[0] * v->h[1]) * per;
+    x[0] = 0.5 + GONIO_SELECT4(proper, along, scale);
+    x[1] = 0.5 + GONIO_SELECT4(proper, across, GONIO_ALL4(0.0));
+    gonio_quarter_turns4(&sin_d, &d[2], &x[2]);
     if (profile != NULL) {
-        profile[0] = v.tan_h;
-        gonio_radius4(&profile[0], l->narrow_stretch, l->narrow_limit);
-        profile[0] *= 1 / l->narrow_limit;
         profile[1] = x[2];
     }
 }
@@ -155,9 +173,10 @@ GONIO_INLINE void gonio_locate4_planar(const gonio_locator *l, const gonio_pairs
 }
 
 // x[dims] in [0, 1] and, with half-vector systems of three coordinates, the profile's two (NULL: none).
-GONIO_INLINE void gonio_locate4(const gonio_locator *l, const gonio_pairs4 *p, gonio_d4 x[4], gonio_d4 *profile) {
+GONIO_INLINE void gonio_locate4(const gonio_locator *l, const gonio_pairs4 *p, const gonio_halves4 *halves,
+                                bool one_pair, gonio_d4 x[4], gonio_d4 *profile) {
     if (gonio_coordinates_are_half_vector(l->system)) {
-        gonio_locate4_half(l, p, x, profile);
+        gonio_locate4_half(l, p, halves, one_pair, x, profile);
     } else {
         gonio_locate4_planar(l, p, x);
     }
@@ -173,62 +192,66 @@ typedef struct gonio_lobe_geometry4 {
     gonio_d4 cos_i, cos_o, sin2_i, sin2_o, sin2_h, cos_h, cos_d, tan2;
 } gonio_lobe_geometry4;
 
-// Both directions are raised to cosine_min along their azimuth first: lobes are held beyond the samples.
 GONIO_INLINE void gonio_lift4(gonio_d4 v[3], double cosine_min) {
     const gonio_l4 low = v[2] < cosine_min;
-    if ((low[0] | low[1] | low[2] | low[3]) != 0) {
-        gonio_d4 shrink = (1 - cosine_min * cosine_min) / (v[0] * v[0] + v[1] * v[1]);
-        gonio_sqrt4(&shrink);
-        v[0] = GONIO_SELECT4(low, v[0] * shrink, v[0]);
-        v[1] = GONIO_SELECT4(low, v[1] * shrink, v[1]);
-        v[2] = GONIO_SELECT4(low, GONIO_ALL4(cosine_min), v[2]);
-    }
+    gonio_d4 shrink = (1 - cosine_min * cosine_min) / (v[0] * v[0] + v[1] * v[1]);
+    gonio_sqrt4(&shrink);
+    v[0] = GONIO_SELECT4(low, v[0] * shrink, v[0]);
+    v[1] = GONIO_SELECT4(low, v[1] * shrink, v[1]);
+    v[2] = GONIO_SELECT4(low, GONIO_ALL4(cosine_min), v[2]);
     v[2] = GONIO_MAX4(v[2], GONIO_ALL4(GONIO_LOBE_COSINE_MIN));
 }
 
-GONIO_INLINE void gonio_lobe_geometry4_of(const gonio_pairs4 *p, double cosine_min, gonio_lobe_geometry4 *g) {
-    gonio_pairs4 q = *p;
-    gonio_lift4(q.i, cosine_min);
-    gonio_lift4(q.o, cosine_min);
-    const gonio_d4 x = q.i[0] + q.o[0], y = q.i[1] + q.o[1], z = q.i[2] + q.o[2], planar = x * x + y * y;
-    const gonio_d4 square = planar + z * z;
-    gonio_d4 half = square;
-    gonio_sqrt4(&half);
-    g->cos_h = z / half;
-    g->sin2_h = planar / square;
-    g->tan2 = planar / (z * z);
-    half *= 0.5;
-    g->cos_d = GONIO_MIN4(half, GONIO_ALL4(1.0));
-    g->cos_i = q.i[2];
-    g->cos_o = q.o[2];
-    g->sin2_i = q.i[0] * q.i[0] + q.i[1] * q.i[1];
-    g->sin2_o = q.o[0] * q.o[0] + q.o[1] * q.o[1];
+// Both directions are raised to cosine_min along their azimuth first: lobes are held beyond the samples. Where none of
+// the four is that low, the pairs' own half vectors (halves) serve.
+GONIO_INLINE void gonio_lobe_geometry4_of(const gonio_pairs4 *pairs, const gonio_halves4 *halves, double cosine_min,
+                                          gonio_lobe_geometry4 *g) {
+    gonio_pairs4 p = *pairs;
+    gonio_halves4 v = *halves;
+    const double least = cosine_min > GONIO_LOBE_COSINE_MIN ? cosine_min : GONIO_LOBE_COSINE_MIN;
+    const gonio_l4 low = (p.i[2] < least) | (p.o[2] < least);
+    if ((low[0] | low[1] | low[2] | low[3]) != 0) {
+        gonio_lift4(p.i, cosine_min);
+        gonio_lift4(p.o, cosine_min);
+        gonio_halves4_of(&p, &v);
+    }
+    g->cos_h = v.h[2];
+    g->sin2_h = v.h[0] * v.h[0] + v.h[1] * v.h[1];
+    g->tan2 = g->sin2_h / (v.h[2] * v.h[2]);
+    v.length *= 0.5;
+    g->cos_d = GONIO_MIN4(v.length, GONIO_ALL4(1.0));
+    g->cos_i = p.i[2];
+    g->cos_o = p.o[2];
+    g->sin2_i = p.i[0] * p.i[0] + p.i[1] * p.i[1];
+    g->sin2_o = p.o[0] * p.o[0] + p.o[1] * p.o[1];
 }
 
-GONIO_INLINE void gonio_fresnel4(const gonio_lobe_geometry4 *g, double f0, gonio_d4 *out) {
+GONIO_INLINE void gonio_fresnel4(const gonio_lobe_geometry4 *g, const gonio_d4 *f0, gonio_d4 *out) {
     const gonio_d4 p = 1 - g->cos_d, p2 = p * p;
-    *out = f0 + (1 - f0) * (p2 * p2 * p);
+    *out = *f0 + (1 - *f0) * (p2 * p2 * p);
 }
 
-GONIO_INLINE void gonio_cook_torrance4(const gonio_lobe_geometry4 *g, double m, double f0, gonio_d4 *out) {
-    const double per_m2 = 1 / (m * m);
-    gonio_d4 d = g->tan2 * -per_m2, fresnel;
+// per_m2: 1 / m^2, lane by lane.
+GONIO_INLINE void gonio_cook_torrance4(const gonio_lobe_geometry4 *g, const gonio_d4 *per_m2, const gonio_d4 *f0,
+                                       gonio_d4 *out) {
+    gonio_d4 d = -g->tan2 * *per_m2, fresnel;
     gonio_exp4(&d);
     const gonio_d4 lower = GONIO_MIN4(g->cos_i, g->cos_o), shadow = 2 * g->cos_h * lower;
     gonio_fresnel4(g, f0, &fresnel);
-    // The shadow term min(1, shadow / cos_d) and the division by 4 cos_i cos_o as one quotient.
+    // The shadow term min(1, shadow / cos_d) and the division by 4 cos_i cos_o as one quotient, the same for all lobes.
     const gonio_d4 top = GONIO_MIN4(g->cos_d, shadow), slope = 1 + g->tan2;
-    *out = d * slope * slope * (per_m2 / (4 * GONIO_PI)) * fresnel * top / (g->cos_d * (g->cos_i * g->cos_o));
+    const gonio_d4 common = slope * slope * top / (g->cos_d * (g->cos_i * g->cos_o));
+    *out = d * (*per_m2 * (1 / (4 * GONIO_PI))) * fresnel * common;
 }
 
-GONIO_INLINE void gonio_ggx4(const gonio_lobe_geometry4 *g, double alpha, double f0, gonio_d4 *out) {
-    const double a2 = alpha * alpha;
+GONIO_INLINE void gonio_ggx4(const gonio_lobe_geometry4 *g, const gonio_d4 *per_a2, const gonio_d4 *f0, gonio_d4 *out) {
+    const gonio_d4 a2 = 1 / *per_a2;
     gonio_d4 root_i = g->cos_i * g->cos_i + a2 * g->sin2_i, root_o = g->cos_o * g->cos_o + a2 * g->sin2_o, fresnel;
     gonio_sqrt4(&root_i);
     gonio_sqrt4(&root_o);
     gonio_fresnel4(g, f0, &fresnel);
-    const gonio_d4 q = g->sin2_h * (1 / a2) + g->cos_h * g->cos_h;
-    *out = fresnel / ((GONIO_PI * a2) * (q * q) * ((g->cos_i + root_i) * (g->cos_o + root_o)));
+    const gonio_d4 q = g->sin2_h * *per_a2 + g->cos_h * g->cos_h;
+    *out = fresnel * *per_a2 / (GONIO_PI * (q * q) * ((g->cos_i + root_i) * (g->cos_o + root_o)));
 }
 
 #endif

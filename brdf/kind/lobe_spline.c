@@ -152,6 +152,9 @@ static gonio_status prepare(gonio_lobe_spline *m, gonio_error *error) {
     m->locator = gonio_locator_of(p->coordinates, p->dims);
     m->sigma_locator = gonio_locator_of(p->sigma_half_vector ? GONIO_HALF_VECTOR : p->coordinates, p->dims);
     gonio_lobe_mean_strengths(&p->base, p->base.lobes > 0 ? p->channels : 0, m->mean_strength);
+    for (int j = 0; j < p->base.lobes; j++) {
+        m->per_alpha2[j] = 1 / (p->base.alpha[j] * p->base.alpha[j]);
+    }
     m->head.ops = p->sigma.points != NULL ? &ops_sigma : &ops;
     m->head.channels = p->channels;
     m->head.isotropic = p->dims == 3;

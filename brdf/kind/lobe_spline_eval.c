@@ -25,8 +25,18 @@ typedef struct batch {
     gonio_d4 units[BATCH / GONIO_LANES][1 + GONIO_LOBES_MAX], shares[BATCH / GONIO_LANES][1 + GONIO_LOBES_MAX];
 } batch;
 
+GONIO_INLINE void lobe(gonio_lobe_family family, const gonio_lobe_geometry4 *g, const gonio_d4 *per_alpha2,
+                       const gonio_d4 *f0, gonio_d4 *out) {
+    if (family == GONIO_LOBE_GGX) {
+        gonio_ggx4(g, per_alpha2, f0, out);
+    } else {
+        gonio_cook_torrance4(g, per_alpha2, f0, out);
+    }
+}
+
 // As gonio_lobe_base_units and gonio_lobe_shares.
-GONIO_INLINE void base_of(const gonio_lobe_spline *m, const gonio_pairs4 *pairs, gonio_d4 *units, gonio_d4 *shares) {
+GONIO_INLINE void base_of(const gonio_lobe_spline *m, const gonio_pairs4 *pairs, const gonio_halves4 *halves,
+                          bool one_pair, gonio_d4 *units, gonio_d4 *shares) {
     const gonio_lobe_base *base = &m->parts.base;
     if (base->lobes == 0) {
         units[0] = (gonio_d4){0};
@@ -39,13 +49,17 @@ GONIO_INLINE void base_of(const gonio_lobe_spline *m, const gonio_pairs4 *pairs,
         return;
     }
     gonio_lobe_geometry4 geometry;
-    gonio_lobe_geometry4_of(pairs, (double)base->cosine_min, &geometry);
+    gonio_lobe_geometry4_of(pairs, halves, (double)base->cosine_min, &geometry);
     units[0] = GONIO_ALL4(1.0);
-    for (int j = 0; j < base->lobes; j++) {
-        if (base->family == GONIO_LOBE_GGX) {
-            gonio_ggx4(&geometry, base->alpha[j], base->f0[j], &units[1 + j]);
-        } else {
-            gonio_cook_torrance4(&geometry, base->alpha[j], base->f0[j], &units[1 + j]);
+    if (one_pair && base->lobes == 2) { // two lanes a lobe
+        const double *p = m->per_alpha2, *f = base->f0;
+        gonio_d4 both;
+        lobe(base->family, &geometry, &(gonio_d4){p[0], p[0], p[1], p[1]}, &(gonio_d4){f[0], f[0], f[1], f[1]}, &both);
+        units[1] = GONIO_ALL4(both[0]);
+        units[2] = GONIO_ALL4(both[2]);
+    } else {
+        for (int j = 0; j < base->lobes; j++) {
+            lobe(base->family, &geometry, &GONIO_ALL4(m->per_alpha2[j]), &GONIO_ALL4(base->f0[j]), &units[1 + j]);
         }
     }
     if (m->parts.shares != NULL) {
@@ -54,8 +68,9 @@ GONIO_INLINE void base_of(const gonio_lobe_spline *m, const gonio_pairs4 *pairs,
             shares[j] = m->mean_strength[j] * units[j];
             sum += shares[j];
         }
+        const gonio_d4 per_sum = 1 / sum;
         for (int j = 0; j <= base->lobes; j++) {
-            shares[j] = GONIO_SELECT4(sum > 0, shares[j] / sum, GONIO_ALL4(0.0));
+            shares[j] = GONIO_SELECT4(sum > 0, shares[j] * per_sum, GONIO_ALL4(0.0));
         }
     }
 }
@@ -66,34 +81,23 @@ GONIO_INLINE void fix(const gonio_d4 *x, gonio_position *out) {
     }
 }
 
-GONIO_CLONES static void lobe_spline_bases(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi,
-                                           const gonio_vec3 *wo, batch *b) {
+GONIO_CLONES static void lobe_spline_locate(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi,
+                                            const gonio_vec3 *wo, batch *b) {
+    const bool profile = m->parts.profile.points != NULL;
     for (size_t k = 0; k < n; k += GONIO_LANES) {
-        gonio_pairs4 pairs = {.i = {{0}}};
-        gonio_pairs4_set(&pairs, n - k, wi + k, wo + k);
-        base_of(m, &pairs, b->units[k / GONIO_LANES], b->shares[k / GONIO_LANES]);
-    }
-}
-
-// profile: NULL where there is none.
-GONIO_CLONES static void lobe_spline_places(const gonio_locator *l, size_t n, const gonio_vec3 *wi,
-                                            const gonio_vec3 *wo, gonio_position *spline, gonio_position *profile) {
-    for (size_t k = 0; k < n; k += GONIO_LANES) {
-        gonio_pairs4 pairs = {.i = {{0}}};
+        gonio_pairs4 pairs = {.i = {{0}}}; // GCC 12 takes the vectors stored next for uninitialised
+        gonio_halves4 halves;
         gonio_d4 x[4] = {{0}}, y[4] = {{0}};
         gonio_pairs4_set(&pairs, n - k, wi + k, wo + k);
-        gonio_locate4(l, &pairs, x, profile != NULL ? y : NULL);
-        fix(x, spline + k);
-        if (profile != NULL) {
-            fix(y, profile + k);
+        gonio_halves4_of(&pairs, &halves);
+        base_of(m, &pairs, &halves, n == 1, b->units[k / GONIO_LANES], b->shares[k / GONIO_LANES]);
+        if (m->parts.lattice.points != NULL) {
+            gonio_locate4(&m->locator, &pairs, &halves, n == 1, x, profile ? y : NULL);
+            fix(x, b->spline + k);
         }
-    }
-}
-
-static void locate(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, batch *b) {
-    lobe_spline_bases(m, n, wi, wo, b);
-    if (m->parts.lattice.points != NULL) {
-        lobe_spline_places(&m->locator, n, wi, wo, b->spline, m->parts.profile.points != NULL ? b->profile : NULL);
+        if (profile) {
+            fix(y, b->profile + k);
+        }
     }
 }
 
@@ -123,10 +127,14 @@ GONIO_INLINE void table4(const gonio_lobe_spline *m, int table, size_t c, const 
 
 // Base of the positive link: e to its link value.
 GONIO_INLINE void positive_base(const gonio_d4 *y, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *out) {
-    gonio_d4 low = 2 * (*y * *half_per);
-    low = GONIO_MAX4(low, GONIO_ALL4(GONIO_LINK_FLOOR));
-    gonio_sqrt4(&low);
-    *out = GONIO_SELECT4(*y >= *eps, *y + *eps, 2 * *eps * low);
+    const gonio_l4 low = *y < *eps;
+    *out = *y + *eps;
+    if ((low[0] | low[1] | low[2] | low[3]) != 0) {
+        gonio_d4 share = 2 * (*y * *half_per);
+        share = GONIO_MAX4(share, GONIO_ALL4(GONIO_LINK_FLOOR));
+        gonio_sqrt4(&share);
+        *out = GONIO_SELECT4(low, 2 * *eps * share, *out);
+    }
 }
 
 // y and dy/dt of e^t of the positive link (brdf/link.h); t is held within 60 of 0, e^60 = 1e26.
@@ -175,7 +183,8 @@ GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread
     if (kind == GONIO_LINK_POSITIVE) {
         gonio_exp4(&t);
         if (lobes > 0) {
-            positive_base(&base, &eps, &half_per, &base);
+            a = base;
+            positive_base(&a, &eps, &half_per, &base);
             t *= base;
         }
     } else if (lobes > 0) {
@@ -262,7 +271,7 @@ void gonio_lobe_spline_eval(const gonio_lobe_spline *m, const gonio_vec3 *wi, co
                             size_t count, double *values, float *narrow, double *slopes) {
     const answers out = {values, slopes, narrow};
     batch b;
-    locate(m, 1, wi, wo, &b);
+    lobe_spline_locate(m, 1, wi, wo, &b);
     eval_pair(m, &b, 0, first, count, &out);
 }
 
@@ -278,7 +287,7 @@ static void eval_batch(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *w
     const size_t channels = (size_t)m->head.channels;
     double one[BATCH] = {0};
     batch b;
-    locate(m, n, wi, wo, &b);
+    lobe_spline_locate(m, n, wi, wo, &b);
     for (size_t k = 0; k < n; k++) {
         const answers out = {values + k * channels, NULL, NULL};
         prefetch(m, &b, k + AHEAD, n);
@@ -302,19 +311,26 @@ void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gon
     }
 }
 
-GONIO_CLONES static void lobe_spline_exp(double *x) {
-    gonio_d4 e = GONIO_ALL4(*x);
-    gonio_exp4(&e);
-    *x = e[0];
-}
-
 // ln sigma is held within 60 of 0.
-double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo) {
+GONIO_CLONES static void lobe_spline_sigma(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo,
+                                           double *shape) {
+    gonio_pairs4 pairs = {.i = {{0}}};
+    gonio_halves4 halves;
+    gonio_d4 x[4] = {{0}};
     gonio_position position[GONIO_LANES];
     double ln_sigma;
-    lobe_spline_places(&m->sigma_locator, 1, wi, wo, position, NULL);
+    gonio_pairs4_set(&pairs, 1, wi, wo);
+    gonio_halves4_of(&pairs, &halves);
+    gonio_locate4(&m->sigma_locator, &pairs, &halves, true, x, NULL);
+    fix(x, position);
     gonio_lattice_eval_double(&m->parts.sigma, position, 0, 1, &ln_sigma);
-    ln_sigma = fmin(fmax(ln_sigma, -60), 60);
-    lobe_spline_exp(&ln_sigma);
-    return ln_sigma;
+    gonio_d4 e = GONIO_ALL4(fmin(fmax(ln_sigma, -60), 60));
+    gonio_exp4(&e);
+    *shape = e[0];
+}
+
+double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo) {
+    double shape;
+    lobe_spline_sigma(m, wi, wo, &shape);
+    return shape;
 }

@@ -24,7 +24,7 @@ enum {
 typedef struct gonio_lobe_spline {
     gonio_model head;
     gonio_lobe_spline_parts parts;
-    double mean_strength[1 + GONIO_LOBES_MAX];
+    double mean_strength[1 + GONIO_LOBES_MAX], per_alpha2[GONIO_LOBES_MAX];
     gonio_locator locator, sigma_locator;
     size_t stride;       // of the tables, channels rounded up so that every channel can begin a load of four
     double *tables;      // [GONIO_LOBE_TABLES][stride]

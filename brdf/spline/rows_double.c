@@ -7,7 +7,11 @@
 
 #include "brdf/spline/rows.h"
 
-typedef float gonio_f8 __attribute__((vector_size(32), aligned(4), may_alias));
+// Floats to doubles, element by element: of __builtin_convertvector GCC 12 makes two conversions and a shuffle.
+#define WIDE4(p) ((gonio_d4){(double)(p)[0], (double)(p)[1], (double)(p)[2], (double)(p)[3]})
+#define WIDE8(p)                                                                                                       \
+    ((gonio_d8){(double)(p)[0], (double)(p)[1], (double)(p)[2], (double)(p)[3], (double)(p)[4], (double)(p)[5],        \
+                (double)(p)[6], (double)(p)[7]})
 
 #define ROWS_MAX 64
 
@@ -65,10 +69,8 @@ GONIO_INLINE void sum_few(const rows *r, const int channels, double *values) {
     for (int v = 0; v < channels; v++) {
         gonio_d4 even = {0}, odd = {0};
         for (int k = 0; k < r->count; k += 2) {
-            even +=
-                r->weight[k] * __builtin_convertvector(*(const gonio_f4 *)(r->base + r->offset[k] + 4 * v), gonio_d4);
-            odd += r->weight[k + 1] *
-                   __builtin_convertvector(*(const gonio_f4 *)(r->base + r->offset[k + 1] + 4 * v), gonio_d4);
+            even += r->weight[k] * WIDE4(r->base + r->offset[k] + 4 * v);
+            odd += r->weight[k + 1] * WIDE4(r->base + r->offset[k + 1] + 4 * v);
         }
         *(gonio_d4 *)(sums + 4 * v) = even + odd;
     }
@@ -89,9 +91,8 @@ GONIO_INLINE void sum_many(const rows *r, size_t first, size_t count, double *va
             const float *base = r->base + p * (size_t)r->channels + first + at;
             gonio_d8 even = {0}, odd = {0};
             for (int k = 0; k < r->count; k += 2) {
-                even += r->weight[k] * __builtin_convertvector(*(const gonio_f8 *)(base + r->offset[k]), gonio_d8);
-                odd +=
-                    r->weight[k + 1] * __builtin_convertvector(*(const gonio_f8 *)(base + r->offset[k + 1]), gonio_d8);
+                even += r->weight[k] * WIDE8(base + r->offset[k]);
+                odd += r->weight[k + 1] * WIDE8(base + r->offset[k + 1]);
             }
             sum[p] = even + odd;
         }
