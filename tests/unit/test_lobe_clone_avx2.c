@@ -1,0 +1,2 @@
+#define GONIO_TEST_TARGET "avx2"
+#include "tests/unit/lobe_clones.h"
