@@ -13,6 +13,8 @@
 
 #define GONIO_LANES 4
 
+_Static_assert(GONIO_COORDINATES == 5, "a new coordinate system needs its form for vectors here");
+
 // x, y, z of four incident and of four outgoing directions.
 typedef struct gonio_pairs4 {
     gonio_d4 i[3], o[3];
@@ -33,16 +35,17 @@ GONIO_INLINE void gonio_pairs4_set(gonio_pairs4 *p, size_t count, const gonio_ve
 typedef struct gonio_locator {
     gonio_coordinates system;
     int dims;
-    double per_stretch, limit;           // of the system
-    double narrow_stretch, narrow_limit; // of half-vector-narrow, the profile's; per_stretch again an inverse
+    double per_stretch, limit;       // of the system: the inverse of its stretch, and its limit
+    double per_narrow, narrow_limit; // of half-vector-narrow, the profile's
 } gonio_locator;
 
 static inline gonio_locator gonio_locator_of(gonio_coordinates system, int dims) {
     gonio_locator l = {.system = system, .dims = dims};
-    gonio_coordinates_stretch(system, &l.per_stretch, &l.limit);
-    gonio_coordinates_stretch(GONIO_HALF_VECTOR_NARROW, &l.narrow_stretch, &l.narrow_limit);
-    l.per_stretch = 1 / l.per_stretch;
-    l.narrow_stretch = 1 / l.narrow_stretch;
+    double stretch, narrow;
+    gonio_coordinates_stretch(system, &stretch, &l.limit);
+    gonio_coordinates_stretch(GONIO_HALF_VECTOR_NARROW, &narrow, &l.narrow_limit);
+    l.per_stretch = 1 / stretch;
+    l.per_narrow = 1 / narrow;
     return l;
 }
 
@@ -85,13 +88,13 @@ GONIO_INLINE void gonio_radius4(gonio_d4 *length, double per_stretch, double lim
 // The profile's radius beside the system's; one pair in all lanes needs a single asinh for both.
 GONIO_INLINE void gonio_radii4(const gonio_locator *l, bool one_pair, gonio_d4 *radius, gonio_d4 *narrow) {
     if (one_pair) {
-        const double a = l->per_stretch, b = l->narrow_stretch;
+        const double a = l->per_stretch, b = l->per_narrow;
         gonio_d4 both = *radius * (gonio_d4){a, a, b, b};
         gonio_asinh4(&both);
         *radius = GONIO_ALL4(both[0]);
         *narrow = GONIO_ALL4(both[2]);
     } else {
-        *narrow = *radius * l->narrow_stretch;
+        *narrow = *radius * l->per_narrow;
         gonio_asinh4(narrow);
         *radius *= l->per_stretch;
         gonio_asinh4(radius);

@@ -67,7 +67,7 @@ static void locate_half(const gonio_locator *l, direction i, direction o, dual x
     x[1] = centred(sin_d.v > 0 ? gonio_dual_mul(stretch, gonio_dual_div(across, sin_d)) : none);
     x[2] = gonio_dual_scale(gonio_dual_atan2(sin_d, d.z), 2 / GONIO_PI);
     if (profile != NULL) {
-        const dual radius = gonio_dual_asinh(gonio_dual_scale(tan_h, l->narrow_stretch));
+        const dual radius = gonio_dual_asinh(gonio_dual_scale(tan_h, l->per_narrow));
         profile[0] = gonio_dual_hold(gonio_dual_scale(radius, 1 / l->narrow_limit), 0, 1);
         profile[1] = x[2];
     }

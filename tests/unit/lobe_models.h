@@ -138,6 +138,10 @@ static inline gonio_pair lobe_random_pair(int k, uint64_t *seed) {
         p.theta_o = p.theta_i + lobe_between(seed, 0, 0.01) * (p.theta_i < 1 ? 1 : -1);
         p.phi_o = p.phi_i + GONIO_PI + lobe_between(seed, -0.01, 0.01);
         break;
+    case 3: // retro-reflection, where the azimuth about the half vector is rounding alone
+        p.theta_o = k % 16 == 3 ? p.theta_i : p.theta_o;
+        p.phi_o = k % 16 == 3 ? p.phi_i : p.phi_o;
+        break;
     default:
         break;
     }

@@ -93,24 +93,25 @@ static void follows_the_differences(const lobe_make *make, const gonio_model *mo
         const gonio_pair *p = &pairs[k];
         gonio_model_gradient(model, p, channel, gradient);
         for (int a = 0; a < 4; a++) {
-            const double theta = a == 0 ? p->theta_i : p->theta_o, step = 1e-5;
+            const double theta = a == 0 ? p->theta_i : p->theta_o, step = 1e-4;
             assert_true(isfinite(gradient[a]));
-            // An azimuth turns the isotropic frame at the normal itself; beyond the horizon there is no model.
-            if ((a % 2 == 0 && (theta < 2 * step || theta > GONIO_PI / 2 - 2 * step)) || p->theta_i < 2 * step) {
+            // Beyond the horizon there is no model; at the normal and in retro-reflection azimuths are undefined.
+            if ((a % 2 == 0 && (theta < 2 * step || theta > GONIO_PI / 2 - 2 * step)) || p->theta_i < 2 * step ||
+                (p->theta_i == p->theta_o && p->phi_i == p->phi_o)) {
                 continue;
             }
             const double wide =
                 (moved(model, *p, a, 2 * step, channel) - moved(model, *p, a, -2 * step, channel)) / (4 * step);
             const double close =
                 (moved(model, *p, a, step, channel) - moved(model, *p, a, -step, channel)) / (2 * step);
-            double size;
-            size = fabs(moved(model, *p, a, 0, channel)) + fabs(close);
+            const double size = fabs(moved(model, *p, a, 0, channel)) + fabs(close);
             if (fabs(wide - close) > 1e-3 * size) {
                 skipped++;
                 continue;
             }
             compared++;
-            assert_near(gradient[a], close, 2e-4 * size);
+            // The error of second order cancels; left is the rounding of positions to 2^-32, over the step.
+            assert_near(gradient[a], (4 * close - wide) / 3, 5e-4 * size);
         }
     }
 }
