@@ -161,7 +161,7 @@ static gonio_status prepare(gonio_lobe_spline *m, gonio_error *error) {
     m->head.control_points =
         (p->lattice.points != NULL ? p->lattice.count : 0) + (p->profile.points != NULL ? p->profile.count : 0);
     m->head.bytes = sizeof *m + c * sizeof *p->links + (p->base.lobes > 0 ? c * 3 * sizeof(double) : 0) +
-                    m->head.control_points * c * sizeof(float);
+                    GONIO_LOBE_TABLES * m->stride * sizeof *m->tables + m->head.control_points * c * sizeof(float);
     return GONIO_OK;
 }
 
