@@ -170,9 +170,9 @@ void gonio_coordinates_anisotropic(gonio_coordinates system, gonio_vec3 wi, goni
 }
 
 void gonio_coordinates_stretch(gonio_coordinates system, double *stretch, double *limit) {
-    const bool half = gonio_coordinates_are_half_vector(system);
-    *stretch = half ? half_vectors[system].stretch : STRETCH;
-    *limit = half ? half_vectors[system].limit : OFFSET_MAX;
+    const bool stretches = systems[system].limit > 0;
+    *stretch = stretches ? systems[system].stretch : 1;
+    *limit = stretches ? systems[system].limit : 1;
 }
 
 double gonio_coordinates_narrow_radius(gonio_coordinates system, const double x[3]) {

@@ -14,8 +14,9 @@
 static double azimuth(double phi) { return gonio_angle_canonical(fmin(fmax(phi, -2 * GONIO_PI), 2 * GONIO_PI)); }
 
 static bool recognise(const gonio_source *source) {
+    long long number;
     char line[64], *end;
-    const char *first = gonio_source_first_line(source, line, sizeof line);
+    const char *first = gonio_source_first_line(source, line, sizeof line, &number);
     const long n = strtol(first, &end, 10);
     return end != first && *end == 0 && n > 0;
 }

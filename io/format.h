@@ -53,8 +53,8 @@ gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_opt
 void gonio_format_summaries(bool (*which)(const gonio_format *format), char *text, size_t size);
 
 // The first line of a text that is neither empty nor a comment, for recognising it; "" where there is none or the data
-// is binary. buffer holds it.
-const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size);
+// is binary. buffer holds it; *number: which line it is.
+const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size, long long *number);
 
 // Names that a samples file can hold: each once, not empty, no comma, quote, blank end or control character, none that
 // reads as a sigma column.

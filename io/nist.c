@@ -28,8 +28,9 @@ typedef struct nist_rows {
 } nist_rows;
 
 static bool recognise(const gonio_source *source) {
+    long long number;
     char line[64];
-    return strncmp(gonio_source_first_line(source, line, sizeof line), "lambda,", 7) == 0;
+    return strncmp(gonio_source_first_line(source, line, sizeof line, &number), "lambda,", 7) == 0;
 }
 
 // "f_r23" -> 6; -1: no such element.

@@ -7,36 +7,6 @@
 
 void gonio_read_options_default(gonio_read_options *options) { *options = (gonio_read_options){.seed = 1}; }
 
-// The line's number too.
-static const char *first_line(const gonio_source *source, char *buffer, size_t size, long long *number) {
-    buffer[0] = 0;
-    *number = 1;
-    const size_t looked_at = source->size < 65536 ? source->size : 65536;
-    const char *at = source->data, *end = source->data + looked_at;
-    if (memchr(at, 0, looked_at) != NULL) {
-        return buffer;
-    }
-    if (looked_at >= 3 && memcmp(at, "\xef\xbb\xbf", 3) == 0) {
-        at += 3;
-    }
-    while (at < end) {
-        for (size_t blanks = strspn(at, " \t\r\n"); blanks > 0; blanks--) {
-            *number += *at++ == '\n';
-        }
-        if (*at != '#' && *at != 0) {
-            snprintf(buffer, size, "%.*s", (int)strcspn(at, "\r\n"), at);
-            return buffer;
-        }
-        at += strcspn(at, "\n");
-    }
-    return buffer;
-}
-
-const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size) {
-    long long number;
-    return first_line(source, buffer, size, &number);
-}
-
 #define MODEL_MAGIC "GONIOMDL"
 
 bool gonio_model_file_is(const char *path) {
@@ -77,7 +47,7 @@ static gonio_status unknown_format(const gonio_source *source, const char *expec
     }
     char line[81];
     long long number;
-    if (first_line(source, line, sizeof line, &number)[0] != 0) {
+    if (gonio_source_first_line(source, line, sizeof line, &number)[0] != 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, source->path, number,
                                "unknown text, beginning with '%s'; expected%s", line, expected);
     }

@@ -23,9 +23,10 @@ typedef struct layout {
 
 // A header that holds one of the angles: what else is wrong with it, this reader says best.
 static bool recognise(const gonio_source *source) {
+    long long number;
     static const char *const angles[] = {"theta_i", "phi_i", "theta_o", "phi_o"};
     char line[256];
-    const char *first = gonio_source_first_line(source, line, sizeof line);
+    const char *first = gonio_source_first_line(source, line, sizeof line, &number);
     for (size_t k = 0; k < sizeof angles / sizeof *angles; k++) {
         if (strstr(first, angles[k]) != NULL) {
             return true;

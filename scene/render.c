@@ -9,8 +9,8 @@
 #include "base/order_statistic.h"
 #include "base/thread_pool.h"
 #include "gonio/output.h"
+#include "gonio/render.h"
 #include "gonio/sample.h"
-#include "gonio/sim.h"
 #include "scene/caster.h"
 #include "scene/colour.h"
 

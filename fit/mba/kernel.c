@@ -13,11 +13,6 @@
 
 #include "fit/mba/powers.h"
 
-size_t gonio_mba_stride(int channels) {
-    const size_t used = (size_t)channels + 1;
-    return used <= 2 ? 2 : used <= 4 ? 4 : (used + 7) / 8 * 8;
-}
-
 // Written out: GCC 12 takes a shuffle from 2 to 8 lanes through memory, with a stalled load.
 GONIO_INLINE void repeat(const gonio_d2 *pair, gonio_d8 *out) {
     const double a = (*pair)[0], b = (*pair)[1];

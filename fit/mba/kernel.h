@@ -5,7 +5,10 @@
 #include "fit/prepare/scatter.h"
 
 // Doubles a control point in the sums: the denominator, the channels' numerators, padding to whole vectors.
-size_t gonio_mba_stride(int channels);
+static inline size_t gonio_mba_stride(int channels) {
+    const size_t used = (size_t)channels + 1;
+    return used <= 2 ? 2 : used <= 4 ? 4 : (used + 7) / 8 * 8;
+}
 
 typedef struct gonio_mba_job {
     const gonio_scatter *scatter;

@@ -10,8 +10,8 @@
 #include "brdf/kind/lattice.h"
 #include "fit/mba/choose.h"
 #include "fit/mba/mba.h"
-#include "fit/method.h"
 #include "fit/memory.h"
+#include "fit/method.h"
 
 static gonio_status fit_chosen(const gonio_samples *samples, const gonio_fit_options *options,
                                const gonio_mba_choice *choice, gonio_model **out, gonio_error *error) {

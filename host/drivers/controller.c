@@ -43,6 +43,18 @@ void controller_pause(const gonio_controller *c, int ms) {
     }
 }
 
+gonio_status gonio_controller_alarm(const gonio_controller_status *s, gonio_error *error) {
+    if (s->state != CONTROLLER_STATE_ALARM && s->state != CONTROLLER_STATE_ESTOP) {
+        return GONIO_OK;
+    }
+    char axis[24] = "";
+    if (s->alarm_axis < GONIO_CONTROLLER_AXES) {
+        snprintf(axis, sizeof axis, ", axis %d", s->alarm_axis);
+    }
+    return gonio_fail(error, GONIO_E_DEVICE, "controller alarm %d %s%s: %s; see docs/hardware.md", s->alarm,
+                      gonio_controller_alarm_name(s->alarm), axis, gonio_controller_alarm_text(s->alarm));
+}
+
 // ---- requests ----
 
 static gonio_modbus_fault once_status(gonio_controller *c, void *request);

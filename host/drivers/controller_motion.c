@@ -6,18 +6,6 @@
 
 enum { POLL_MS = 20, BLOCK_WORDS = CONTROLLER_command + 1 - CONTROLLER_command_id };
 
-gonio_status gonio_controller_alarm(const gonio_controller_status *s, gonio_error *error) {
-    if (s->state != CONTROLLER_STATE_ALARM && s->state != CONTROLLER_STATE_ESTOP) {
-        return GONIO_OK;
-    }
-    char axis[24] = "";
-    if (s->alarm_axis < GONIO_CONTROLLER_AXES) {
-        snprintf(axis, sizeof axis, ", axis %d", s->alarm_axis);
-    }
-    return gonio_fail(error, GONIO_E_DEVICE, "controller alarm %d %s%s: %s; see docs/hardware.md", s->alarm,
-                      gonio_controller_alarm_name(s->alarm), axis, gonio_controller_alarm_text(s->alarm));
-}
-
 typedef struct command_block {
     uint16_t words[BLOCK_WORDS];
 } command_block;

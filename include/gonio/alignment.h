@@ -55,8 +55,8 @@ void gonio_alignment_covariance(const gonio_alignment *alignment, const gonio_pa
 // one number must do.
 double gonio_alignment_sigma(const gonio_alignment *alignment);
 
-// A text file of numbers with a name for each (docs/formats.md, Alignment). write: all or nothing. read: GONIO_E_INPUT with file
-// and line.
+// A text file of numbers with a name for each (docs/formats.md, Alignment). write: all or nothing. read: GONIO_E_INPUT
+// with file and line.
 gonio_status gonio_alignment_write(const gonio_alignment *alignment, const char *path, gonio_error *error);
 gonio_status gonio_alignment_read(const char *path, gonio_alignment *out, gonio_error *error);
 // "camera azimuth axis a" ...; static storage.

@@ -22,6 +22,7 @@
 #include "gonio/model.h"
 #include "gonio/output.h"
 #include "gonio/plan.h"
+#include "gonio/render.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
 #include "gonio/session.h"

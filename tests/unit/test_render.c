@@ -12,7 +12,7 @@
 #include <cmocka.h>
 #include <png.h>
 
-#include "gonio/sim.h"
+#include "gonio/render.h"
 #include "tests/unit/near.h"
 
 static char folder[] = "/tmp/gonio-render-XXXXXX";

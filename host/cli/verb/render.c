@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "gonio/sim.h"
+#include "gonio/render.h"
 #include "host/cli/cli.h"
 
 typedef struct request {
