@@ -58,7 +58,7 @@ static void look_at(const gonio_calib *calib, size_t p, int n, const gonio_expos
 
 static void survey(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
                    bracket_state *s) {
-    const geometry g = geometry_of_pose(&calib->facts, pose);
+    const geometry g = gonio_geometry_of_pose(&calib->facts, pose);
     for (int j = 0; j < n; j++) {
         s->shortest_s = fmin(s->shortest_s, exposures[j].frame.exposure_s);
         s->longest_s = fmax(s->longest_s, exposures[j].frame.exposure_s);
@@ -66,7 +66,7 @@ static void survey(const gonio_calib *calib, const gonio_pair *pose, int n, cons
     for (size_t p = 0; p < calib->pixels; p++) {
         geometry_hit hit;
         // The whole panel matters while the reference is measured: its map serves every pixel.
-        if (!calib->prepared || pixel_used(calib, &g, p, &hit, NULL)) {
+        if (!calib->prepared || gonio_pixel_used(calib, &g, p, &hit, NULL)) {
             look_at(calib, p, n, exposures, s);
         }
     }
@@ -82,7 +82,7 @@ static double first_exposure(const gonio_calib *calib, const gonio_pair *pose) {
     for (size_t p = 0; p < calib->pixels && calib->prepared; p++) {
         rate = fmax(rate, calib->defect[p] ? 0 : calib->flat[p]);
     }
-    rate *= fmax(cos(geometry_pair(&calib->facts, pose).theta_i), 0.05) / GONIO_PI;
+    rate *= fmax(cos(gonio_geometry_pair(&calib->facts, pose).theta_i), 0.05) / GONIO_PI;
     return clamped(calib, rate > 0 ? 0.5 * calib->noise.ceiling / rate : 0.01);
 }
 

@@ -27,7 +27,8 @@ static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model
     const uncertainty *u = &e->variance[channel];
     slope_terms s = {.factor = 1};
     if (model != NULL) {
-        s = slope_terms_of(&calib->facts, model, channel < model->channels ? channel : 0, &e->pair, e->value[channel]);
+        s = gonio_slope_terms_of(&calib->facts, model, channel < model->channels ? channel : 0, &e->pair,
+                                 e->value[channel]);
     }
     const double v2 = e->value[channel] * e->value[channel], f = s.factor;
     return (gonio_budget){
@@ -42,8 +43,8 @@ static gonio_budget budget_of(const gonio_calib *calib, const gonio_model *model
         .angle = f * sqrt(v2 * (s.angle_random + s.angle_systematic) + u->alignment),
         .area = f * sqrt(v2 * s.area),
         .blur = f * sqrt(v2 * s.blur),
-        .random = f * hypot(uncertainty_random(u), sqrt(v2 * s.angle_random)),
-        .systematic = f * hypot(uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area + s.blur))),
+        .random = f * hypot(gonio_uncertainty_random(u), sqrt(v2 * s.angle_random)),
+        .systematic = f * hypot(gonio_uncertainty_systematic(u), sqrt(v2 * (s.angle_systematic + s.area + s.blur))),
         .area_bias = s.area_bias,
         .blur_bias = s.blur_bias,
     };
@@ -60,7 +61,7 @@ gonio_status gonio_calib_budget(const gonio_calib *calib, const gonio_pair *pose
     nearest found = {.wi = gonio_direction(wanted.theta_i, wanted.phi_i),
                      .wo = gonio_direction(wanted.theta_o, wanted.phi_o),
                      .score = -INFINITY};
-    const gonio_status status = pose_estimates(calib, pose, n, exposures, keep_nearest, &found, error);
+    const gonio_status status = gonio_pose_estimates(calib, pose, n, exposures, keep_nearest, &found, error);
     for (int k = 0; status == GONIO_OK && k < calib->channels; k++) {
         budget[k] = budget_of(calib, model, k, &found.found);
     }
@@ -73,16 +74,16 @@ static gonio_status later_ratio(const gonio_calib *calib, double *ratio, double 
     size_t used = 0;
     for (int j = 0; j < calib->later.n; j++) {
         const stored_frame *f = &calib->later.items[j];
-        const geometry g = geometry_of_pose(&calib->facts, &f->pose);
+        const geometry g = gonio_geometry_of_pose(&calib->facts, &f->pose);
         const double scale = reference_scale(calib, f), lit_s = scale_by_irradiance(&calib->facts) ? 0 : scale;
         double read = 0, expected = 0;
         size_t n = 0, clipped = 0;
         for (size_t p = 0; p < calib->pixels; p++) {
             geometry_hit hit;
-            if (calib->defect[p] || !geometry_plate(&g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL)) {
+            if (calib->defect[p] || !gonio_geometry_plate(&g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL)) {
                 continue;
             }
-            const double known = white_signal(calib, &hit, calib->channel[p]);
+            const double known = gonio_white_signal(calib, &hit, calib->channel[p]);
             const merge_term t = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, calib->flat[p] * known * scale);
             read += t.signal;
             expected += t.scale;

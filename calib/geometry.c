@@ -5,7 +5,7 @@
 
 #include "calib/vector.h"
 
-geometry geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pose) {
+geometry gonio_geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pose) {
     const gonio_vec3 wi = gonio_direction(pose->theta_i, pose->phi_i);
     const gonio_vec3 wo = gonio_direction(pose->theta_o, pose->phi_o);
     const double s = sin(pose->phi_o), c = cos(pose->phi_o);
@@ -19,9 +19,9 @@ geometry geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *
     };
 }
 
-geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) {
+geometry gonio_geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) {
     if (!facts->alignment.known) {
-        return geometry_of_directions(facts, pose);
+        return gonio_geometry_of_directions(facts, pose);
     }
     const double *value = facts->alignment.value;
     geometry g = {.light = gonio_alignment_light(value, pose->theta_i, pose->phi_i),
@@ -30,7 +30,7 @@ geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose) 
     return g;
 }
 
-gonio_pair geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose) {
+gonio_pair gonio_geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose) {
     if (!facts->alignment.known) {
         return *pose;
     }
@@ -61,7 +61,7 @@ static void complete(const geometry *g, gonio_vec3 point, gonio_vec3 normal, geo
     hit->irradiance = dot(hit->to_light, normal) * g->light_distance_mm * g->light_distance_mm / d2;
 }
 
-bool geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint) {
+bool gonio_geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint) {
     const gonio_vec3 ray = ray_of(g, x, y);
     if (ray.z >= 0 || g->camera.z <= 0) {
         return false;
@@ -87,7 +87,7 @@ static bool nearest_root(double a, double b, double c, double *s) {
     return *s > 0;
 }
 
-bool geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit) {
+bool gonio_geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit) {
     const gonio_vec3 ray = ray_of(g, x, y);
     double s;
     if (!nearest_root(dot(ray, ray), dot(ray, g->camera), dot(g->camera, g->camera) - radius_mm * radius_mm, &s)) {
@@ -98,7 +98,7 @@ bool geometry_sphere(const geometry *g, double x, double y, double radius_mm, ge
     return true;
 }
 
-bool geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit) {
+bool gonio_geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit) {
     const gonio_vec3 ray = ray_of(g, x, y);
     const double cz = g->camera.z + radius_mm, cx = g->camera.x; // from the axis at z = -radius
     double s;
@@ -111,7 +111,7 @@ bool geometry_cylinder(const geometry *g, double x, double y, double radius_mm, 
     return true;
 }
 
-gonio_pair geometry_isotropic_pair(const geometry_hit *hit) {
+gonio_pair gonio_geometry_isotropic_pair(const geometry_hit *hit) {
     const double zi = dot(hit->to_light, hit->normal), zo = dot(hit->to_camera, hit->normal);
     const gonio_vec3 side = cross(hit->normal, hit->to_light); // sin(theta_i) times the local y axis
     const double sin_i = sqrt(dot(side, side));
@@ -127,7 +127,7 @@ gonio_pair geometry_isotropic_pair(const geometry_hit *hit) {
     return pair;
 }
 
-bool geometry_project(const geometry *g, const gonio_camera_info *camera, gonio_vec3 point, double pixel[2]) {
+bool gonio_geometry_project(const geometry *g, const gonio_camera_info *camera, gonio_vec3 point, double pixel[2]) {
     const gonio_vec3 v = difference(point, g->camera);
     const double z = dot(v, g->forward);
     if (z <= 0) {

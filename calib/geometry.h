@@ -19,25 +19,25 @@ typedef struct geometry_hit {
 } geometry_hit;
 
 // pose: the axes' counters. Where the rig's alignment is known, its arms stand where that says.
-geometry geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose);
+geometry gonio_geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *pose);
 // The directions that a sample of this pose has at the centre: the pose itself on a rig that is taken as perfect.
-gonio_pair geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose);
+gonio_pair gonio_geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose);
 // The geometry that a perfect rig has at these directions.
-geometry geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pair);
+geometry gonio_geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pair);
 
 // The ray through (x, y) of the plane Z = 1 (an undistorted pixel). false: it misses, or meets the face away from the
 // camera. *footprint (may be NULL): area on the plate, mm^2, per unit of x and of y.
-bool geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint);
+bool gonio_geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint);
 // A sphere about the origin.
-bool geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
+bool gonio_geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
 // A cylinder of given radius whose axis is the sample's y axis, its crest touching the plane z = 0: a sheet bent over a
 // drum, so that one frame holds many theta_i along x.
-bool geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
+bool gonio_geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
 
 // The local directions of a hit, turned so that phi_i = 0: for samples that are isotropic.
-gonio_pair geometry_isotropic_pair(const geometry_hit *hit);
+gonio_pair gonio_geometry_isotropic_pair(const geometry_hit *hit);
 
 // Project a point of the sample's frame to a pixel (u, v), with distortion. false: behind the camera.
-bool geometry_project(const geometry *g, const gonio_camera_info *camera, gonio_vec3 point, double pixel[2]);
+bool gonio_geometry_project(const geometry *g, const gonio_camera_info *camera, gonio_vec3 point, double pixel[2]);
 
 #endif

@@ -125,58 +125,62 @@ static inline merge_term term_of(const gonio_calib *calib, size_t pixel, uint16_
                         .clipped = raw >= calib->saturation};
 }
 
-gonio_status response_load(const char *path, int bits, response *out, gonio_error *error);
+gonio_status gonio_response_load(const char *path, int bits, response *out, gonio_error *error);
 // A camera digitises black + (full scale - black) curve(exposure), so the tables need the black level (raw DN).
-gonio_status response_tabulate(response *r, double black, gonio_error *error);
-void response_free(response *r);
+gonio_status gonio_response_tabulate(response *r, double black, gonio_error *error);
+void gonio_response_free(response *r);
 
 // The steps of gonio_calib_prepare, in this order.
-gonio_status dark_prepare(gonio_calib *calib, gonio_error *error);
-gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error); // saturation, gain
-gonio_status stray_prepare(gonio_calib *calib, gonio_error *error);    // lamp readings, stray light
-gonio_status flat_prepare(gonio_calib *calib, gonio_error *error);
-void stray_describe(gonio_calib *calib); // what the report says of it
+gonio_status gonio_dark_prepare(gonio_calib *calib, gonio_error *error);
+gonio_status gonio_transfer_prepare(gonio_calib *calib, gonio_error *error); // saturation, gain
+gonio_status gonio_stray_prepare(gonio_calib *calib, gonio_error *error);    // lamp readings, stray light
+gonio_status gonio_flat_prepare(gonio_calib *calib, gonio_error *error);
+void gonio_stray_describe(gonio_calib *calib); // what the report says of it
 
 // The reference's BRDF and the flat field that the facts name.
-gonio_status white_open(gonio_calib *calib, gonio_error *error);
-gonio_status flat_open(gonio_calib *calib, gonio_error *error);
+gonio_status gonio_white_open(gonio_calib *calib, gonio_error *error);
+gonio_status gonio_flat_open(gonio_calib *calib, gonio_error *error);
 // What the reference returns at these angles: f_r x relative irradiance.
-double white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel);
+double gonio_white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel);
 // Mean responsivity of each channel's sound pixels.
-void flat_means(const gonio_calib *calib, double mean[3]);
+void gonio_flat_means(const gonio_calib *calib, double mean[3]);
 
 // Refuse exposures that do not fit this calibration: wrong window, exposure or gain.
-gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
+gonio_status gonio_exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error);
 // Does the pixel see the sample inside the used region?
-bool pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
+bool gonio_pixel_used(const gonio_calib *calib, const geometry *g, size_t pixel, geometry_hit *hit, double *footprint);
 // Merge one prepared pixel's exposures into f_r x irradiance.
-void pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures, const double *scale,
-                 merge_result *result);
+void gonio_pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures,
+                       const double *scale, merge_result *result);
 // How one pixel's merged value hangs on what is common to all poses.
 typedef struct sensitivity {
     double bias, rate, stray; // d value / d bias, d dark rate, d stray light
 } sensitivity;
-sensitivity sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
-                           const merge_result *merged);
+sensitivity gonio_sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                                 const merge_result *merged);
 // Variance of a pixel's value by the errors of the dark maps.
-double dark_variance(const gonio_calib *calib, const sensitivity *s);
+double gonio_dark_variance(const gonio_calib *calib, const sensitivity *s);
 // Mean over the window of what its pixels see (f_r x irradiance), a channel.
-void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
-                        double mean[3]);
+void gonio_stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                              double mean[3]);
 // Variance of f_r x irradiance `seen` by the lens' veiling glare, with these surroundings.
-double glare_variance(const gonio_calib *calib, double seen, double surroundings);
+double gonio_glare_variance(const gonio_calib *calib, double seen, double surroundings);
 // Variances that concern the whole pose, relative to the value.
-void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value, uncertainty *u);
-double uncertainty_random(const uncertainty *u);
-double uncertainty_systematic(const uncertainty *u);
+void gonio_uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value,
+                              uncertainty *u);
+double gonio_uncertainty_random(const uncertainty *u);
+double gonio_uncertainty_systematic(const uncertainty *u);
 
 // Every sample of a pose, in a fixed order.
-gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                            estimate_sink sink, void *context, gonio_error *error);
-gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                             estimate_sink sink, void *context, gonio_error *error);
-gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                            estimate_sink sink, void *context, gonio_error *error);
+gonio_status gonio_plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                  const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                  gonio_error *error);
+gonio_status gonio_sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                   const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                   gonio_error *error);
+gonio_status gonio_pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                  const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                  gonio_error *error);
 
 // What a sample averages moves its value by `bias`, relative, of which `rest` is left unknown.
 typedef struct blur_bias {
@@ -186,8 +190,8 @@ typedef struct blur_terms {
     blur_bias area, light, aperture;
 } blur_terms;
 // centre: the model's value at the pair, above 0.
-blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                   double centre);
+blur_terms gonio_blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                         double centre);
 
 // Angle, area and blur terms of one sample: variances relative to the value, and the factor that takes the mean over
 // disc, light and aperture to the value at the nominal directions.
@@ -195,10 +199,10 @@ typedef struct slope_terms {
     double angle_random, angle_systematic, area, blur, factor;
     double area_bias, blur_bias; // relative, what the factor takes out
 } slope_terms;
-void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                  double centre, double measured, slope_terms *terms);
+void gonio_blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                        double centre, double measured, slope_terms *terms);
 // measured: the sample's value, against which the model's curvature is judged.
-slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                           double measured);
+slope_terms gonio_slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel,
+                                 const gonio_pair *pair, double measured);
 
 #endif

@@ -42,8 +42,8 @@ template <typename Body> gonio_status guarded(gonio_error *error, const char *wh
 
 } // namespace
 
-extern "C" gonio_status opencv_undistort(const gonio_camera_info *camera, int n, const double *pixels, double *points,
-                                         gonio_error *error) {
+extern "C" gonio_status gonio_opencv_undistort(const gonio_camera_info *camera, int n, const double *pixels,
+                                               double *points, gonio_error *error) {
     return guarded(error, "undistortion", [&] {
         const cv::Mat in(n, 1, CV_64FC2, const_cast<double *>(pixels));
         cv::Mat out(n, 1, CV_64FC2, points);
@@ -57,8 +57,8 @@ extern "C" gonio_status opencv_undistort(const gonio_camera_info *camera, int n,
     });
 }
 
-extern "C" gonio_status opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels,
-                                          int *bits, uint16_t **pixels, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_read_image(const char *path, bool grey, int *width, int *height, int *channels,
+                                                int *bits, uint16_t **pixels, gonio_error *error) {
     return guarded(error, path, [&] {
         char *data;
         size_t size;
@@ -98,7 +98,7 @@ extern "C" gonio_status opencv_read_image(const char *path, bool grey, int *widt
     });
 }
 
-extern "C" gonio_status opencv_write_image(const gonio_image *image, const char *path, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_write_image(const gonio_image *image, const char *path, gonio_error *error) {
     return guarded(error, path, [&] {
         cv::Mat out(image->height, image->width, CV_16UC(image->channels), image->pixels);
         if (image->channels == 3) {
@@ -115,8 +115,8 @@ extern "C" gonio_status opencv_write_image(const gonio_image *image, const char 
     });
 }
 
-extern "C" gonio_status opencv_write_map(const char *path, int width, int height, const float *values,
-                                         gonio_error *error) {
+extern "C" gonio_status gonio_opencv_write_map(const char *path, int width, int height, const float *values,
+                                               gonio_error *error) {
     return guarded(error, path, [&] {
         const cv::Mat map(height, width, CV_32FC1, const_cast<float *>(values));
         return cv::imwrite(path, map) ? GONIO_OK : gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it");
@@ -226,8 +226,8 @@ int find_charuco(const cv::Mat &image, const gonio_board &board, int half_window
 
 } // namespace
 
-extern "C" gonio_status opencv_draw_board(const gonio_board *board, int square_px, gonio_image *image,
-                                          gonio_error *error) {
+extern "C" gonio_status gonio_opencv_draw_board(const gonio_board *board, int square_px, gonio_image *image,
+                                                gonio_error *error) {
     return guarded(error, "board", [&] {
         const bool charuco = board->kind == GONIO_CHARUCO;
         const int columns = board->columns + (charuco ? 0 : 1), rows = board->rows + (charuco ? 0 : 1);
@@ -254,8 +254,8 @@ extern "C" gonio_status opencv_draw_board(const gonio_board *board, int square_p
     });
 }
 
-extern "C" gonio_status opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
-                                          gonio_corners *corners, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_find_board(const gonio_image *image, const gonio_board *board, int half_window,
+                                                gonio_corners *corners, gonio_error *error) {
     return guarded(error, "board detection", [&] {
         const cv::Mat grey = eight_bit(*image);
         if (board->kind == GONIO_CHESSBOARD) {
@@ -280,8 +280,8 @@ extern "C" gonio_status opencv_find_board(const gonio_image *image, const gonio_
     });
 }
 
-extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, int radial, gonio_view *views,
-                                         gonio_camera_calibration *out, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_calibrate(int n, const gonio_corners *corners, int radial, gonio_view *views,
+                                               gonio_camera_calibration *out, gonio_error *error) {
     return guarded(error, "camera calibration", [&] {
         std::vector<std::vector<cv::Point3f>> object;
         std::vector<std::vector<cv::Point2f>> image;
@@ -329,7 +329,7 @@ extern "C" gonio_status opencv_calibrate(int n, const gonio_corners *corners, in
     });
 }
 
-extern "C" gonio_status opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error) {
     return guarded(error, "undistortion map", [&] {
         cv::Mat out, unused;
         cv::initUndistortRectifyMap(camera_matrix(*camera), distortion(*camera), cv::noArray(), camera_matrix(*camera),
@@ -339,8 +339,8 @@ extern "C" gonio_status opencv_undistortion_map(const gonio_camera_info *camera,
     });
 }
 
-extern "C" gonio_status opencv_response(bool robertson, int n, const gonio_image *images, int channel,
-                                        const double *exposure_s, double exposure[256], gonio_error *error) {
+extern "C" gonio_status gonio_opencv_response(bool robertson, int n, const gonio_image *images, int channel,
+                                              const double *exposure_s, double exposure[256], gonio_error *error) {
     return guarded(error, "response", [&] {
         std::vector<cv::Mat> frames;
         std::vector<float> times;
@@ -367,8 +367,8 @@ extern "C" gonio_status opencv_response(bool robertson, int n, const gonio_image
     });
 }
 
-extern "C" gonio_status opencv_shift(const gonio_image *onto, const gonio_image *image, int shift[2],
-                                     gonio_error *error) {
+extern "C" gonio_status gonio_opencv_shift(const gonio_image *onto, const gonio_image *image, int shift[2],
+                                           gonio_error *error) {
     return guarded(error, "alignment", [&] {
         const cv::Point found = cv::createAlignMTB()->calculateShift(eight_bit(*onto), eight_bit(*image));
         shift[0] = found.x;
@@ -411,8 +411,8 @@ cv::Mat edges_of(const cv::Mat &image) {
 
 } // namespace
 
-extern "C" gonio_status opencv_translation(const gonio_image *from, const gonio_image *to, double shift[2],
-                                           double *correlation, double *structure, gonio_error *error) {
+extern "C" gonio_status gonio_opencv_translation(const gonio_image *from, const gonio_image *to, double shift[2],
+                                                 double *correlation, double *structure, gonio_error *error) {
     return guarded(error, "comparison of frames", [&] {
         const cv::Mat raw = as_float(*from), a = edges_of(raw), b = edges_of(as_float(*to));
         cv::Mat smooth, window;

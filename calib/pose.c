@@ -1,8 +1,9 @@
 // One pose's exposures -> samples: checks, then the plate's sample or the sphere's.
 #include "calib/internal.h"
 
-gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                            estimate_sink sink, void *context, gonio_error *error) {
+gonio_status gonio_pose_estimates(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                  const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                  gonio_error *error) {
     if (!calib->prepared) {
         return gonio_fail(error, GONIO_E_USAGE, "the calibration is not prepared");
     }
@@ -10,13 +11,13 @@ gonio_status pose_estimates(const gonio_calib *calib, const gonio_pair *pose, in
         return gonio_fail(error, GONIO_E_INPUT, "%d exposures of a pose; 1 to %d are possible", n, MERGE_MAX);
     }
     for (int j = 0; j < n; j++) {
-        const gonio_status status = exposure_check(calib, &exposures[j], error);
+        const gonio_status status = gonio_exposure_check(calib, &exposures[j], error);
         if (status != GONIO_OK) {
             return status;
         }
     }
-    return calib->facts.sphere ? sphere_estimate(calib, pose, n, exposures, sink, context, error)
-                               : plate_estimate(calib, pose, n, exposures, sink, context, error);
+    return calib->facts.sphere ? gonio_sphere_estimate(calib, pose, n, exposures, sink, context, error)
+                               : gonio_plate_estimate(calib, pose, n, exposures, sink, context, error);
 }
 
 typedef struct collector {
@@ -28,8 +29,8 @@ static gonio_status collect(void *context, const estimate *e, gonio_error *error
     const collector *c = context;
     double random[3], systematic[3];
     for (int k = 0; k < c->calib->channels; k++) {
-        random[k] = uncertainty_random(&e->variance[k]);
-        systematic[k] = uncertainty_systematic(&e->variance[k]);
+        random[k] = gonio_uncertainty_random(&e->variance[k]);
+        systematic[k] = gonio_uncertainty_systematic(&e->variance[k]);
     }
     return gonio_samples_add(c->samples, &e->pair, e->value, random, systematic, error);
 }
@@ -41,5 +42,5 @@ gonio_status gonio_calib_pose(const gonio_calib *calib, const gonio_pair *pose, 
                           calib->channels);
     }
     collector c = {calib, samples};
-    return pose_estimates(calib, pose, n, exposures, collect, &c, error);
+    return gonio_pose_estimates(calib, pose, n, exposures, collect, &c, error);
 }

@@ -29,7 +29,7 @@ static gonio_status cast_rays(gonio_calib *calib, gonio_error *error) {
         points[2 * p + 1] = v;
         calib->channel[p] = bayer_channel(calib->camera.pattern, u, v);
     }
-    const gonio_status status = opencv_undistort(&calib->camera, (int)calib->pixels, points, points, error);
+    const gonio_status status = gonio_opencv_undistort(&calib->camera, (int)calib->pixels, points, points, error);
     for (size_t i = 0; i < 2 * calib->pixels; i++) {
         calib->ray[i] = (float)points[i];
     }
@@ -104,13 +104,13 @@ gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_fa
         status = cast_rays(calib, error);
     }
     if (status == GONIO_OK && facts->response_path[0] != '\0') {
-        status = response_load(facts->response_path, camera->bits, &calib->response, error);
+        status = gonio_response_load(facts->response_path, camera->bits, &calib->response, error);
     }
     if (status == GONIO_OK && facts->reference_brdf[0] != '\0') {
-        status = white_open(calib, error);
+        status = gonio_white_open(calib, error);
     }
     if (status == GONIO_OK && facts->flat_path[0] != '\0') {
-        status = flat_open(calib, error);
+        status = gonio_flat_open(calib, error);
     }
     if (status != GONIO_OK) {
         gonio_calib_free(calib);
@@ -136,7 +136,7 @@ void gonio_calib_free(gonio_calib *calib) {
     free_frames(&calib->trap);
     free_frames(&calib->reference);
     free_frames(&calib->later);
-    response_free(&calib->response);
+    gonio_response_free(&calib->response);
     gonio_model_free(calib->white);
     free(calib->known_flat);
     free(calib->ray);
@@ -153,7 +153,7 @@ void gonio_calib_free(gonio_calib *calib) {
 int gonio_calib_channels(const gonio_calib *calib) { return calib->channels; }
 const char (*gonio_calib_channel_names(const gonio_calib *calib))[32] { return calib->names; }
 
-gonio_status exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error) {
+gonio_status gonio_exposure_check(const gonio_calib *calib, const gonio_exposure *exposure, gonio_error *error) {
     const gonio_frame *f = &exposure->frame;
     const gonio_window *w = &calib->window;
     const long long pose = f->stamp.pose;
@@ -209,7 +209,7 @@ gonio_status gonio_calib_add_dark(gonio_calib *calib, const gonio_exposure *expo
     }
     gonio_exposure unlit = *exposure;
     unlit.monitor = NAN; // the shutter may stand before or behind the monitor
-    const gonio_status status = exposure_check(calib, &unlit, error);
+    const gonio_status status = gonio_exposure_check(calib, &unlit, error);
     if (status == GONIO_OK && calib->dark.n == 0) {
         calib->gain_db = exposure->frame.gain_db;
     }
@@ -220,13 +220,13 @@ gonio_status gonio_calib_add_trap(gonio_calib *calib, const gonio_exposure *expo
     if (calib->prepared) {
         return gonio_fail(error, GONIO_E_USAGE, "a light-trap frame after the calibration was prepared");
     }
-    const gonio_status status = exposure_check(calib, exposure, error);
+    const gonio_status status = gonio_exposure_check(calib, exposure, error);
     return status == GONIO_OK ? keep(calib, &calib->trap, &(gonio_pair){0}, exposure, error) : status;
 }
 
 gonio_status gonio_calib_add_reference(gonio_calib *calib, const gonio_pair *pose, const gonio_exposure *exposure,
                                        gonio_error *error) {
-    const gonio_status status = exposure_check(calib, exposure, error);
+    const gonio_status status = gonio_exposure_check(calib, exposure, error);
     stored_frames *frames = calib->prepared ? &calib->later : &calib->reference;
     return status == GONIO_OK ? keep(calib, frames, pose, exposure, error) : status;
 }
@@ -235,18 +235,18 @@ gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error) {
     if (calib->prepared) {
         return gonio_fail(error, GONIO_E_USAGE, "the calibration is prepared already");
     }
-    gonio_status status = dark_prepare(calib, error);
+    gonio_status status = gonio_dark_prepare(calib, error);
     if (status == GONIO_OK) {
-        status = transfer_prepare(calib, error);
+        status = gonio_transfer_prepare(calib, error);
     }
     if (status == GONIO_OK) {
-        status = stray_prepare(calib, error);
+        status = gonio_stray_prepare(calib, error);
     }
     if (status == GONIO_OK) {
-        status = flat_prepare(calib, error);
+        status = gonio_flat_prepare(calib, error);
     }
     if (status == GONIO_OK) {
-        stray_describe(calib);
+        gonio_stray_describe(calib);
         free_frames(&calib->dark);
         free_frames(&calib->trap);
         free_frames(&calib->reference);

@@ -63,7 +63,7 @@ static bool add_sphere(RTCDevice device, RTCScene scene) {
     return sphere != NULL;
 }
 
-gonio_status sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error) {
+gonio_status gonio_sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error) {
     *out = NULL;
     sim_caster *caster = calloc(1, sizeof *caster);
     if (caster == NULL) {
@@ -83,7 +83,7 @@ gonio_status sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error 
     }
     const enum RTCError code = rtcGetDeviceError(caster->device);
     if (!good || code != RTC_ERROR_NONE) {
-        sim_caster_free(caster);
+        gonio_sim_caster_free(caster);
         return gonio_fail(error, code == RTC_ERROR_OUT_OF_MEMORY ? GONIO_E_MEMORY : GONIO_E_FAILED,
                           "the ray caster cannot start (Embree error %d)", (int)code);
     }
@@ -91,7 +91,7 @@ gonio_status sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error 
     return GONIO_OK;
 }
 
-void sim_caster_free(sim_caster *caster) {
+void gonio_sim_caster_free(sim_caster *caster) {
     if (caster != NULL) {
         if (caster->scene != NULL) {
             rtcReleaseScene(caster->scene);
@@ -160,7 +160,7 @@ static void shade_frame(const sim_caster *caster, const struct RTCHit *hit, goni
     out->tangent = tangent_of(out->normal, dot(wish, wish) > 0 ? wish : cross(up, out->normal));
 }
 
-bool sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit) {
+bool gonio_sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRayHit ray = {.ray = make_ray(origin, direction), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
@@ -181,7 +181,7 @@ bool sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 dire
     return true;
 }
 
-bool sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light) {
+bool gonio_sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRay ray = make_ray(sum(hit->point, scaled(hit->facet, LIFT)), toward_light);

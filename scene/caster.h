@@ -18,10 +18,10 @@ typedef struct sim_hit {
 } sim_hit;
 
 // mesh NULL: the unit sphere. The mesh is borrowed until the caster is freed.
-gonio_status sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error);
-void sim_caster_free(sim_caster *caster); // NULL is allowed
+gonio_status gonio_sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error);
+void gonio_sim_caster_free(sim_caster *caster); // NULL is allowed
 // Both may be called from any number of threads at once.
-bool sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit);
-bool sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light);
+bool gonio_sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit);
+bool gonio_sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light);
 
 #endif

@@ -72,12 +72,12 @@ static void spectral_weights(sim_colour *colour, const double *nm) {
     }
 }
 
-gonio_status sim_colour_new(int channels, const char (*names)[32], sim_colour *colour, gonio_error *error) {
+gonio_status gonio_sim_colour_new(int channels, const char (*names)[32], sim_colour *colour, gonio_error *error) {
     double *nm = malloc((size_t)channels * sizeof *nm);
     *colour = (sim_colour){channels, calloc(3 * (size_t)channels, sizeof *colour->weight)};
     if (nm == NULL || colour->weight == NULL) {
         free(nm);
-        sim_colour_free(colour);
+        gonio_sim_colour_free(colour);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d channels' colours", channels);
     }
     int visible = 0;
@@ -97,12 +97,12 @@ gonio_status sim_colour_new(int channels, const char (*names)[32], sim_colour *c
     return GONIO_OK;
 }
 
-void sim_colour_free(sim_colour *colour) {
+void gonio_sim_colour_free(sim_colour *colour) {
     free(colour->weight);
     colour->weight = NULL;
 }
 
-void sim_colour_rgb(const sim_colour *colour, const double *values, double rgb[3]) {
+void gonio_sim_colour_rgb(const sim_colour *colour, const double *values, double rgb[3]) {
     for (int k = 0; k < 3; k++) {
         rgb[k] = 0;
         for (int c = 0; c < colour->channels; c++) {
@@ -111,7 +111,7 @@ void sim_colour_rgb(const sim_colour *colour, const double *values, double rgb[3
     }
 }
 
-unsigned char sim_srgb(double linear) {
+unsigned char gonio_sim_srgb(double linear) {
     const double v = fmin(fmax(linear, 0), 1); // fmax takes NaN to 0
     return (unsigned char)(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055) + 0.5);
 }

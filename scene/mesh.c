@@ -23,7 +23,7 @@
     (aiProcess_Triangulate | aiProcess_PreTransformVertices | aiProcess_GenSmoothNormals |                             \
      aiProcess_CalcTangentSpace | aiProcess_SortByPType)
 
-void sim_mesh_free(sim_mesh *mesh) {
+void gonio_sim_mesh_free(sim_mesh *mesh) {
     if (mesh != NULL) {
         free(mesh->positions);
         free(mesh->normals);
@@ -155,7 +155,7 @@ static gonio_status allocate(const struct aiScene *scene, const char *path, sim_
     }
     if (mesh == NULL || mesh->positions == NULL || mesh->normals == NULL || mesh->indices == NULL ||
         (tangents && mesh->tangents == NULL)) {
-        sim_mesh_free(mesh);
+        gonio_sim_mesh_free(mesh);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a mesh of %zu vertices", vertices);
     }
     *out = mesh;
@@ -223,7 +223,7 @@ static gonio_status normalise(sim_mesh *mesh, const char *path, gonio_error *err
     return GONIO_OK;
 }
 
-gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error) {
+gonio_status gonio_sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error) {
     *out = NULL;
     gonio_status status = check_file(path, error);
     if (status != GONIO_OK) {
@@ -245,10 +245,10 @@ gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_er
         status = normalise(mesh, path, error);
     }
     if (status == GONIO_OK && !normals) {
-        status = sim_normals_smooth(mesh, error);
+        status = gonio_sim_normals_smooth(mesh, error);
     }
     if (status != GONIO_OK) {
-        sim_mesh_free(mesh);
+        gonio_sim_mesh_free(mesh);
         return status;
     }
     *out = mesh;

@@ -17,7 +17,7 @@ typedef struct sim_mesh {
 
 // PLY or OBJ by the file's name; faces become triangles, missing normals are made (normals.h).
 // GONIO_E_INPUT names the file and what is wrong with it. The caller frees it.
-gonio_status sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error);
-void sim_mesh_free(sim_mesh *mesh); // NULL is allowed
+gonio_status gonio_sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error);
+void gonio_sim_mesh_free(sim_mesh *mesh); // NULL is allowed
 
 #endif

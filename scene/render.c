@@ -74,12 +74,13 @@ static gonio_vec3 into_frame(const sim_hit *hit, gonio_vec3 w) {
 static void shade(const tile *t, const sim_hit *hit, gonio_vec3 toward_eye, double rgb[3]) {
     const gonio_vec3 wi = into_frame(hit, t->light), wo = into_frame(hit, toward_eye);
     rgb[0] = rgb[1] = rgb[2] = 0;
-    if (!(wi.z > 0) || !(wo.z > 0) || dot(t->light, hit->facet) <= 0 || sim_caster_shadowed(t->caster, hit, t->light)) {
+    if (!(wi.z > 0) || !(wo.z > 0) || dot(t->light, hit->facet) <= 0 ||
+        gonio_sim_caster_shadowed(t->caster, hit, t->light)) {
         return;
     }
     double values[GONIO_CHANNELS_MAX];
     gonio_model_eval(t->model, wi, wo, values);
-    sim_colour_rgb(&t->colour, values, rgb);
+    gonio_sim_colour_rgb(&t->colour, values, rgb);
     for (int k = 0; k < 3; k++) {
         rgb[k] *= GONIO_PI * wi.z;
     }
@@ -110,7 +111,7 @@ static pixel trace_pixel(const tile *t, int column, int row) {
     for (int k = 0; k < GRID * GRID; k++) {
         const gonio_vec3 ray = eye_ray(t, column + (k % GRID + 0.5) / GRID, row + (k / GRID + 0.5) / GRID);
         sim_hit hit;
-        if (sim_caster_hit(t->caster, eye, ray, &hit)) {
+        if (gonio_sim_caster_hit(t->caster, eye, ray, &hit)) {
             double rgb[3];
             shade(t, &hit, (gonio_vec3){-ray.x, -ray.y, -ray.z}, rgb);
             cover += 1.0 / (GRID * GRID);
@@ -159,7 +160,7 @@ static void develop(const pixel *pixels, int n, const gonio_render_options *o, d
             const pixel *p = &pixels[k * width * height + i];
             unsigned char *to = image + i / width * stride + 3 * (k * (width + GAP_PX) + i % width);
             for (int c = 0; c < 3; c++) {
-                to[c] = sim_srgb(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
+                to[c] = gonio_sim_srgb(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
             }
         }
     }
@@ -188,9 +189,9 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                                 gonio_error *error) {
     sim_mesh *mesh = NULL;
     sim_caster *caster = NULL;
-    gonio_status status = o->mesh != NULL ? sim_mesh_read(o->mesh, o->mesh_z_up, &mesh, error) : GONIO_OK;
+    gonio_status status = o->mesh != NULL ? gonio_sim_mesh_read(o->mesh, o->mesh_z_up, &mesh, error) : GONIO_OK;
     if (status == GONIO_OK) {
-        status = sim_caster_new(mesh, &caster, error);
+        status = gonio_sim_caster_new(mesh, &caster, error);
     }
     const size_t size = (size_t)o->width * (size_t)o->height;
     for (int k = 0; k < n && status == GONIO_OK; k++) {
@@ -200,14 +201,14 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                   .light = gonio_direction(gonio_radians(o->light_theta_deg), gonio_radians(o->light_phi_deg)),
                   .tangent = frame_tangent(mesh, o),
                   .pixels = pixels + (size_t)k * size};
-        status = sim_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
+        status = gonio_sim_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
         if (status == GONIO_OK) {
             gonio_pool_for(o->threads, (size_t)o->height, trace_row, &t);
-            sim_colour_free(&t.colour);
+            gonio_sim_colour_free(&t.colour);
         }
     }
-    sim_caster_free(caster);
-    sim_mesh_free(mesh);
+    gonio_sim_caster_free(caster);
+    gonio_sim_mesh_free(mesh);
     return status;
 }
 

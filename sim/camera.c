@@ -15,7 +15,7 @@
 #define MEAN_MAX_E 1e12   // a delta-like BRDF stays finite; far beyond every well
 #define BLACK_FRACTION 64 // the black level is full scale / 64
 
-gonio_pattern sim_camera_pattern(const gonio_sim *sim) {
+gonio_pattern gonio_sim_camera_pattern(const gonio_sim *sim) {
     if (sim->settings.camera.pattern != SIM_PATTERN_AUTO) {
         return (gonio_pattern)sim->settings.camera.pattern;
     }
@@ -24,7 +24,7 @@ gonio_pattern sim_camera_pattern(const gonio_sim *sim) {
 
 static double or_auto(double value, double automatic) { return isnan(value) ? automatic : value; }
 
-void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info) {
+void gonio_sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info) {
     const sim_settings *s = &sim->settings;
     // 0.1 mm a pixel at the centre of rotation.
     const double f = 10 * s->rig.camera_distance_mm, fx = or_auto(s->camera.fx_px, f);
@@ -32,7 +32,7 @@ void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info) {
                                 .width = s->camera.width,
                                 .height = s->camera.height,
                                 .bits = s->camera.bits,
-                                .pattern = sim_camera_pattern(sim),
+                                .pattern = gonio_sim_camera_pattern(sim),
                                 .exposure_min_s = s->camera.exposure_min_s,
                                 .exposure_max_s = s->camera.exposure_max_s,
                                 .fx = fx,
@@ -50,7 +50,7 @@ void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info) {
 
 static gonio_status camera_info(void *device, gonio_camera_info *info, gonio_error *error) {
     (void)error;
-    sim_camera_describe(device, info);
+    gonio_sim_camera_describe(device, info);
     return GONIO_OK;
 }
 
@@ -83,7 +83,7 @@ typedef struct exposure {
 } exposure;
 
 static uint16_t digitise(const exposure *e, double electrons) {
-    const double value = sim_response_value(e->sim->response, electrons * e->scale);
+    const double value = gonio_sim_response_value(e->sim->response, electrons * e->scale);
     const double word = floor(e->black + (e->full_scale - e->black) * value + 0.5);
     return (uint16_t)fmin(fmax(word, 0), e->full_scale);
 }
@@ -91,7 +91,7 @@ static uint16_t digitise(const exposure *e, double electrons) {
 static double radiance(const exposure *e, double x, double y, int channel) {
     double sum = 0;
     for (int k = 0; k < e->n_views; k++) {
-        sum += sim_scene_radiance(&e->views[k].scene, x + e->views[k].x, y + e->views[k].y, channel);
+        sum += gonio_sim_scene_radiance(&e->views[k].scene, x + e->views[k].x, y + e->views[k].y, channel);
     }
     return sum / e->n_views;
 }
@@ -106,14 +106,14 @@ static uint16_t expose_pixel(const exposure *e, int column, int row) {
         mean += (double)pixel->gain * e->white_e * (radiance(e, pixel->x, pixel->y, channel) + e->stray[channel]);
     }
     mean = fmin(mean, MEAN_MAX_E);
-    const sim_draw draw = sim_random(e->sim->seed, SIM_SHOT, e->stamp.pose, e->stamp.frame, index);
+    const sim_draw draw = gonio_sim_random(e->sim->seed, SIM_SHOT, e->stamp.pose, e->stamp.frame, index);
     double normals[2], electrons;
     if (mean < SIM_POISSON_EXACT) {
-        electrons = sim_poisson_small(mean, sim_uniform(&draw, 0));
-        normals[1] = sim_normal(e->sim->seed, SIM_READ, e->stamp.pose, e->stamp.frame, index);
+        electrons = gonio_sim_poisson_small(mean, gonio_sim_uniform(&draw, 0));
+        normals[1] = gonio_sim_normal(e->sim->seed, SIM_READ, e->stamp.pose, e->stamp.frame, index);
     } else {
-        sim_normals(&draw, normals);
-        electrons = sim_poisson_large(mean, normals[0]);
+        gonio_sim_normals(&draw, normals);
+        electrons = gonio_sim_poisson_large(mean, normals[0]);
     }
     electrons = fmin(electrons, e->well_e) + (double)pixel->offset_e;
     return digitise(e, electrons + e->sim->settings.camera.read_noise_e * normals[1]);
@@ -144,11 +144,11 @@ static gonio_status check_request(gonio_sim *sim, const gonio_window *w, double 
         return gonio_fail(error, GONIO_E_RANGE, "gain %g dB; the camera does 0 to %d dB", gain_db, GAIN_MAX_DB);
     }
     const double takes_s = exposure_s + s->camera.read_out_s;
-    if (!(timeout_s >= takes_s) || sim_fault_strikes(sim, SIM_FAULT_CAMERA_TIMEOUT, stamp)) {
+    if (!(timeout_s >= takes_s) || gonio_sim_fault_strikes(sim, SIM_FAULT_CAMERA_TIMEOUT, stamp)) {
         return gonio_fail(error, GONIO_E_TIMEOUT, "camera: no frame within %g s (pose %lld, frame %d; one takes %g s)",
                           timeout_s, (long long)stamp->pose, (int)stamp->frame, takes_s);
     }
-    if (sim_fault_strikes(sim, SIM_FAULT_CAMERA_ERROR, stamp)) {
+    if (gonio_sim_fault_strikes(sim, SIM_FAULT_CAMERA_ERROR, stamp)) {
         return gonio_fail(error, GONIO_E_DEVICE, "camera: the frame arrived incomplete (pose %lld, frame %d)",
                           (long long)stamp->pose, (int)stamp->frame);
     }
@@ -160,7 +160,7 @@ static int place_views(const gonio_sim *sim, const sim_scene *scene, view *views
     const int n = radius > 0 ? APERTURE_POINTS : 1;
     for (int k = 0; k < n; k++) {
         double right = 0, up = 0;
-        sim_disc_point(k, APERTURE_POINTS, &right, &up);
+        gonio_sim_disc_point(k, APERTURE_POINTS, &right, &up);
         right *= radius;
         up *= radius;
         views[k] = (view){.scene = *scene, .x = -right / distance, .y = up / distance};
@@ -180,14 +180,14 @@ static void find_stray(const gonio_sim *sim, const sim_scene *scene, const gonio
     const sim_sensor *sensor = sim->sensor;
     const double variation = sim->settings.stray.variation_percent / 100;
     const double ambient =
-        sim->truth.ambient * fmax(0, 1 + variation * sim_normal(sim->seed, SIM_STRAY_POSE, stamp->pose, 0, 0));
+        sim->truth.ambient * fmax(0, 1 + variation * gonio_sim_normal(sim->seed, SIM_STRAY_POSE, stamp->pose, 0, 0));
     for (int channel = 0; channel < sim->seen->channels; channel++) {
         double sum = 0;
         for (int i = 0; i < GLARE_COLUMNS * GLARE_ROWS && sim->truth.glare > 0; i++) {
             const int column = (2 * (i % GLARE_COLUMNS) + 1) * sensor->width / (2 * GLARE_COLUMNS);
             const int row = (2 * (i / GLARE_COLUMNS) + 1) * sensor->height / (2 * GLARE_ROWS);
             const sim_pixel *pixel = &sensor->pixels[row * sensor->width + column];
-            sum += sim_scene_radiance(scene, pixel->x, pixel->y, channel);
+            sum += gonio_sim_scene_radiance(scene, pixel->x, pixel->y, channel);
         }
         stray[channel] = ambient + sim->truth.glare * sum / (GLARE_COLUMNS * GLARE_ROWS);
     }
@@ -202,7 +202,7 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
     }
     const sim_settings *s = &sim->settings;
     gonio_camera_info info;
-    sim_camera_describe(sim, &info);
+    gonio_sim_camera_describe(sim, &info);
     sim_scene scene = {.target = sim->target,
                        .sample = sim->seen,
                        .texture = &sim->texture,
@@ -211,7 +211,7 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
                        .mirror = sim->mirror,
                        .ball_centre = sim->truth.ball_centre,
                        .ball_radius_mm = s->ball.radius_mm};
-    sim_scene_place(&scene, s, sim->truth.axis, sim->actual_rad);
+    gonio_sim_scene_place(&scene, s, sim->truth.axis, sim->actual_rad);
     if (s->camera.moved_at >= 0 && stamp->pose >= s->camera.moved_at) {
         const double x = s->camera.moved_px / info.fx; // turned, which is a shift over so narrow a field
         scene.forward.x -= x * scene.right.x;
@@ -222,7 +222,7 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
         scene.reflectance[c] = sim->truth.reflectance[c];
     }
     // The lamp changes too slowly to matter within a frame: its output in the middle is the mean over it.
-    const double lamp = sim->shutter_open ? sim_lamp_output(sim, stamp, exposure_s / 2) : 0;
+    const double lamp = sim->shutter_open ? gonio_sim_lamp_output(sim, stamp, exposure_s / 2) : 0;
     const double full_scale = (double)((1 << s->camera.bits) - 1);
     view views[APERTURE_POINTS];
     exposure e = {.sim = sim,
@@ -235,7 +235,7 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
                   .scale = pow(10, gain_db / 20) / s->camera.full_well_e,
                   .black = floor((full_scale + 1) / BLACK_FRACTION),
                   .full_scale = full_scale,
-                  .colour = colours[sim_camera_pattern(sim)],
+                  .colour = colours[gonio_sim_camera_pattern(sim)],
                   .window = window,
                   .pixels = frame->pixels};
     if (e.white_e > 0) {
@@ -251,5 +251,5 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
 
 static void camera_close(void *device) { (void)device; }
 
-const gonio_camera_ops sim_camera_ops = {
+const gonio_camera_ops gonio_sim_camera_ops = {
     .name = "simulated camera", .info = camera_info, .capture = camera_capture, .close = camera_close};

@@ -48,20 +48,20 @@ struct gonio_sim {
 };
 
 // Power the stage up: nothing is homed, the arms stand at 0.
-gonio_status sim_stage_start(gonio_sim *sim, gonio_error *error);
-extern const gonio_stage_ops sim_stage_ops;
-extern const gonio_lamp_ops sim_lamp_ops;
-extern const gonio_meter_ops sim_meter_ops;
-extern const gonio_camera_ops sim_camera_ops;
-extern const gonio_mount_ops sim_mount_ops;
-extern const gonio_interlock_ops sim_interlock_ops;
+gonio_status gonio_sim_stage_start(gonio_sim *sim, gonio_error *error);
+extern const gonio_stage_ops gonio_sim_stage_ops;
+extern const gonio_lamp_ops gonio_sim_lamp_ops;
+extern const gonio_meter_ops gonio_sim_meter_ops;
+extern const gonio_camera_ops gonio_sim_camera_ops;
+extern const gonio_mount_ops gonio_sim_mount_ops;
+extern const gonio_interlock_ops gonio_sim_interlock_ops;
 
 // Does the fault strike now? Counts the hit.
-bool sim_fault_strikes(gonio_sim *sim, sim_fault_kind kind, const gonio_stamp *stamp);
+bool gonio_sim_fault_strikes(gonio_sim *sim, sim_fault_kind kind, const gonio_stamp *stamp);
 // The lamp's output relative to its nominal one at a time; and with the fault that puts it out.
-double sim_lamp_curve(const gonio_sim *sim, double clock_s);
-double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s);
-gonio_pattern sim_camera_pattern(const gonio_sim *sim);
-void sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info);
+double gonio_sim_lamp_curve(const gonio_sim *sim, double clock_s);
+double gonio_sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s);
+gonio_pattern gonio_sim_camera_pattern(const gonio_sim *sim);
+void gonio_sim_camera_describe(const gonio_sim *sim, gonio_camera_info *info);
 
 #endif

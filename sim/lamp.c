@@ -10,7 +10,7 @@
 // The monitor's own floor, relative to the nominal output; a dark lamp reads about this.
 #define METER_FLOOR 1e-6
 
-double sim_lamp_curve(const gonio_sim *sim, double clock_s) {
+double gonio_sim_lamp_curve(const gonio_sim *sim, double clock_s) {
     const double warm = 1 - sim->settings.lamp.warm_up_percent / 100 * exp(-clock_s / sim->settings.lamp.warm_up_s);
     double wander = 0;
     for (int k = 0; k < SIM_WANDER_TERMS; k++) {
@@ -20,8 +20,10 @@ double sim_lamp_curve(const gonio_sim *sim, double clock_s) {
     return sim->lamp_level * warm * fmax(0, drift);
 }
 
-double sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s) {
-    return sim_fault_strikes(sim, SIM_FAULT_LAMP_OFF, stamp) ? 0 : sim_lamp_curve(sim, stamp->clock_s + after_s);
+double gonio_sim_lamp_output(gonio_sim *sim, const gonio_stamp *stamp, double after_s) {
+    return gonio_sim_fault_strikes(sim, SIM_FAULT_LAMP_OFF, stamp)
+               ? 0
+               : gonio_sim_lamp_curve(sim, stamp->clock_s + after_s);
 }
 
 static gonio_status lamp_set_level(void *device, double level, gonio_error *error) {
@@ -60,21 +62,22 @@ static gonio_status lamp_wait_ready(void *device, const gonio_stamp *stamp, doub
 static gonio_status meter_read(void *device, const gonio_stamp *stamp, double integration_s, double *value,
                                double *sigma, gonio_error *error) {
     gonio_sim *sim = device;
-    if (sim_fault_strikes(sim, SIM_FAULT_METER_ERROR, stamp)) {
+    if (gonio_sim_fault_strikes(sim, SIM_FAULT_METER_ERROR, stamp)) {
         return gonio_fail(error, GONIO_E_DEVICE, "meter: no reading at pose %lld, frame %d", (long long)stamp->pose,
                           (int)stamp->frame);
     }
-    const double output = sim_lamp_output(sim, stamp, integration_s / 2);
+    const double output = gonio_sim_lamp_output(sim, stamp, integration_s / 2);
     *sigma = hypot(sim->settings.meter.noise_percent / 100 * output, METER_FLOOR);
-    *value = output + *sigma * sim_normal(sim->seed, SIM_METER, stamp->pose, stamp->frame, 0);
+    *value = output + *sigma * gonio_sim_normal(sim->seed, SIM_METER, stamp->pose, stamp->frame, 0);
     return GONIO_OK;
 }
 
 static void nothing_to_close(void *device) { (void)device; }
 
-const gonio_lamp_ops sim_lamp_ops = {.name = "simulated lamp",
-                                     .set_level = lamp_set_level,
-                                     .set_shutter = lamp_set_shutter,
-                                     .wait_ready = lamp_wait_ready,
-                                     .close = nothing_to_close};
-const gonio_meter_ops sim_meter_ops = {.name = "simulated lamp monitor", .read = meter_read, .close = nothing_to_close};
+const gonio_lamp_ops gonio_sim_lamp_ops = {.name = "simulated lamp",
+                                           .set_level = lamp_set_level,
+                                           .set_shutter = lamp_set_shutter,
+                                           .wait_ready = lamp_wait_ready,
+                                           .close = nothing_to_close};
+const gonio_meter_ops gonio_sim_meter_ops = {
+    .name = "simulated lamp monitor", .read = meter_read, .close = nothing_to_close};

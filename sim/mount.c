@@ -16,8 +16,8 @@ static gonio_status mount(void *device, gonio_target target, gonio_error *error)
 // It has no stamp of its own: a fault strikes at the pose that the stage was last sent to.
 static gonio_status check(void *device, gonio_error *error) {
     gonio_sim *sim = device;
-    const bool open = sim_fault_strikes(sim, SIM_FAULT_INTERLOCK_OPEN, &sim->moved);
-    machine_hold(&sim->machine, FW_CONTACT_door, open);
+    const bool open = gonio_sim_fault_strikes(sim, SIM_FAULT_INTERLOCK_OPEN, &sim->moved);
+    gonio_machine_hold(&sim->machine, FW_CONTACT_door, open);
     if (open) {
         return gonio_fail(error, GONIO_E_DEVICE, "interlock: the door is open");
     }
@@ -26,6 +26,7 @@ static gonio_status check(void *device, gonio_error *error) {
 
 static void nothing_to_close(void *device) { (void)device; }
 
-const gonio_mount_ops sim_mount_ops = {.name = "simulated sample changer", .mount = mount, .close = nothing_to_close};
-const gonio_interlock_ops sim_interlock_ops = {
+const gonio_mount_ops gonio_sim_mount_ops = {
+    .name = "simulated sample changer", .mount = mount, .close = nothing_to_close};
+const gonio_interlock_ops gonio_sim_interlock_ops = {
     .name = "simulated interlock", .check = check, .close = nothing_to_close};

@@ -14,7 +14,7 @@
 #define WEYL_1 0xBB67AE85u
 #define ROUNDS 10
 
-sim_draw sim_random(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index) {
+sim_draw gonio_sim_random(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index) {
     uint32_t c0 = index, c1 = (uint32_t)frame, c2 = (uint32_t)pose;
     uint32_t c3 = (uint32_t)((uint64_t)pose >> 32) ^ ((uint32_t)effect << 24);
     uint32_t k0 = (uint32_t)seed, k1 = (uint32_t)(seed >> 32);
@@ -30,27 +30,27 @@ sim_draw sim_random(uint64_t seed, sim_effect effect, int64_t pose, int32_t fram
     return (sim_draw){{c0, c1, c2, c3}};
 }
 
-double sim_uniform(const sim_draw *draw, int k) {
+double gonio_sim_uniform(const sim_draw *draw, int k) {
     const uint64_t bits = ((uint64_t)draw->word[2 * k] << 32 | draw->word[2 * k + 1]) >> 12;
     return ((double)bits + 0.5) * 0x1p-52;
 }
 
 // Box and Muller (1958).
-void sim_normals(const sim_draw *draw, double normals[2]) {
-    const double radius = sqrt(-2 * log(sim_uniform(draw, 0)));
-    const double angle = 2 * GONIO_PI * sim_uniform(draw, 1);
+void gonio_sim_normals(const sim_draw *draw, double normals[2]) {
+    const double radius = sqrt(-2 * log(gonio_sim_uniform(draw, 0)));
+    const double angle = 2 * GONIO_PI * gonio_sim_uniform(draw, 1);
     normals[0] = radius * cos(angle);
     normals[1] = radius * sin(angle);
 }
 
-double sim_normal(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index) {
-    const sim_draw draw = sim_random(seed, effect, pose, frame, index);
+double gonio_sim_normal(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index) {
+    const sim_draw draw = gonio_sim_random(seed, effect, pose, frame, index);
     double normals[2];
-    sim_normals(&draw, normals);
+    gonio_sim_normals(&draw, normals);
     return normals[0];
 }
 
-double sim_poisson_small(double mean, double u) {
+double gonio_sim_poisson_small(double mean, double u) {
     double p = exp(-mean), sum = p, k = 0;
     while (u > sum) {
         k++;
@@ -67,7 +67,7 @@ double sim_poisson_small(double mean, double u) {
 // mean^-1/2: the z^2 - 1 term gives the skewness, the z - z^3 term the kurtosis; the variance is mean - 1/12, because
 // rounding to whole counts adds 1/12 (Sheppard). Moments agree with the exact distribution's to 1e-3 already at
 // mean 30.
-double sim_poisson_large(double mean, double z) {
+double gonio_sim_poisson_large(double mean, double z) {
     const double s = sqrt(mean - 1.0 / 12);
     const double count = mean + s * z + (z * z - 1) / 6 + (z - z * z * z) / (72 * s);
     return fmax(0, floor(count + 0.5));

@@ -22,7 +22,7 @@ typedef enum sim_effect {
     SIM_READ = 12,
     SIM_STRAY = 13,      // room's scatter, lens' glare
     SIM_STRAY_POSE = 14, // the room's scatter at a pose
-    SIM_AXES = 20, // where an axis stands in space
+    SIM_AXES = 20,       // where an axis stands in space
 } sim_effect;
 
 typedef struct sim_draw {
@@ -30,19 +30,19 @@ typedef struct sim_draw {
 } sim_draw;
 
 // Philox4x32-10; pose < 2^56.
-sim_draw sim_random(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index);
+sim_draw gonio_sim_random(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index);
 
 // Uniform in (0, 1), 53 bits, never 0 or 1; k = 0 or 1 takes one half of the draw.
-double sim_uniform(const sim_draw *draw, int k);
+double gonio_sim_uniform(const sim_draw *draw, int k);
 // Two independent standard normals of one draw.
-void sim_normals(const sim_draw *draw, double normals[2]);
+void gonio_sim_normals(const sim_draw *draw, double normals[2]);
 // The first of them.
-double sim_normal(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index);
+double gonio_sim_normal(uint64_t seed, sim_effect effect, int64_t pose, int32_t frame, uint32_t index);
 
 // A Poisson count of the given mean from one uniform u (inversion, exact; meant for means below SIM_POISSON_EXACT) ...
 #define SIM_POISSON_EXACT 30.0
-double sim_poisson_small(double mean, double u);
+double gonio_sim_poisson_small(double mean, double u);
 // ... and from one standard normal, for means from SIM_POISSON_EXACT on.
-double sim_poisson_large(double mean, double normal);
+double gonio_sim_poisson_large(double mean, double normal);
 
 #endif

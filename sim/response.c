@@ -82,7 +82,7 @@ static gonio_status read_rows(sim_response *response, FILE *file, const char *pa
     return status;
 }
 
-gonio_status sim_response_new(const char *text, sim_response **out, gonio_error *error) {
+gonio_status gonio_sim_response_new(const char *text, sim_response **out, gonio_error *error) {
     *out = NULL;
     sim_response *response = calloc(1, sizeof *response);
     if (response == NULL) {
@@ -107,21 +107,21 @@ gonio_status sim_response_new(const char *text, sim_response **out, gonio_error 
         }
     }
     if (status != GONIO_OK) {
-        sim_response_free(response);
+        gonio_sim_response_free(response);
         return status;
     }
     *out = response;
     return GONIO_OK;
 }
 
-void sim_response_free(sim_response *response) {
+void gonio_sim_response_free(sim_response *response) {
     if (response != NULL) {
         free(response->knots);
         free(response);
     }
 }
 
-double sim_response_value(const sim_response *response, double exposure) {
+double gonio_sim_response_value(const sim_response *response, double exposure) {
     if (exposure >= 1) {
         return 1;
     }

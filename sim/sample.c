@@ -5,7 +5,7 @@
 
 #include "io/spec.h"
 
-gonio_status sim_sample_parse(const char *spec, sim_settings *settings, gonio_model **out, gonio_error *error) {
+gonio_status gonio_sim_sample_parse(const char *spec, sim_settings *settings, gonio_model **out, gonio_error *error) {
     *out = NULL;
     char *text = strdup(spec);
     if (text == NULL) {
@@ -15,7 +15,7 @@ gonio_status sim_sample_parse(const char *spec, sim_settings *settings, gonio_mo
     const char *key;
     for (const char *value; status == GONIO_OK && (value = gonio_spec_take_body(text, &key)) != NULL;) {
         gonio_error detail = {0};
-        if (sim_settings_set(settings, "sample", key, value, &detail) != GONIO_OK) {
+        if (gonio_sim_settings_set(settings, "sample", key, value, &detail) != GONIO_OK) {
             status = gonio_fail(error, GONIO_E_USAGE, "sample '%s': %s", spec, detail.message);
         }
     }
@@ -60,7 +60,7 @@ static void seen_free(gonio_model *model) { free(model); }
 static const gonio_model_ops seen_ops = {
     .kind = "seen", .eval = seen_eval, .eval_channel = seen_eval_channel, .free = seen_free};
 
-gonio_status sim_sample_seen(gonio_model *model, int channels, gonio_model **out, gonio_error *error) {
+gonio_status gonio_sim_sample_seen(gonio_model *model, int channels, gonio_model **out, gonio_error *error) {
     *out = model;
     if (model->channels == channels) {
         return GONIO_OK;

@@ -38,14 +38,14 @@ static arm arm_at(const sim_axis *tilt, const sim_axis *azimuth, double theta, d
     return a;
 }
 
-void sim_axes_perfect(sim_axis axes[GONIO_AXES]) {
+void gonio_sim_axes_perfect(sim_axis axes[GONIO_AXES]) {
     static const gonio_vec3 z = {0, 0, 1}, y = {0, 1, 0}, origin = {0, 0, 0};
     axes[GONIO_LIGHT_THETA] = axes[GONIO_CAMERA_THETA] = (sim_axis){y, origin};
     axes[GONIO_LIGHT_PHI] = axes[GONIO_CAMERA_PHI] = (sim_axis){z, origin};
 }
 
 // Rings of eight, of equal area, every second one turned by half a step: no first moment, equal second ones.
-void sim_disc_point(int k, int n, double *x, double *y) {
+void gonio_sim_disc_point(int k, int n, double *x, double *y) {
     const double r = sqrt((k / 8 + 0.5) / (n / 8)), angle = (k % 8 + 0.5 * (k / 8 % 2)) * GONIO_PI / 4;
     *x = r * cos(angle);
     *y = r * sin(angle);
@@ -62,17 +62,17 @@ static void place_light(sim_scene *scene, const sim_settings *settings, const ar
     scene->lights = radius > 0 ? SIM_LIGHT_POINTS : 1;
     for (int k = 0; k < scene->lights; k++) {
         double x = 0, y = 0;
-        sim_disc_point(k, SIM_LIGHT_POINTS, &x, &y);
+        gonio_sim_disc_point(k, SIM_LIGHT_POINTS, &x, &y);
         scene->light[k] = add(add(light->position, radius * x, light->right), radius * y, light->up);
     }
 }
 
-void sim_scene_place(sim_scene *scene, const sim_settings *settings, const sim_axis *axes,
-                     const double angles[GONIO_AXES]) {
+void gonio_sim_scene_place(sim_scene *scene, const sim_settings *settings, const sim_axis *axes,
+                           const double angles[GONIO_AXES]) {
     const gonio_vec3 origin = {0, 0, 0};
     sim_axis perfect[GONIO_AXES];
     if (axes == NULL) {
-        sim_axes_perfect(perfect);
+        gonio_sim_axes_perfect(perfect);
         axes = perfect;
     }
     const arm light = arm_at(&axes[GONIO_LIGHT_THETA], &axes[GONIO_LIGHT_PHI], angles[GONIO_LIGHT_THETA],
@@ -217,7 +217,7 @@ static bool hit_round(const sim_scene *scene, gonio_vec3 ray, gonio_vec3 *point,
     return true;
 }
 
-double sim_scene_radiance(const sim_scene *scene, double x, double y, int channel) {
+double gonio_sim_scene_radiance(const sim_scene *scene, double x, double y, int channel) {
     const gonio_vec3 ray = ray_of(scene, x, y);
     gonio_vec3 point, normal = {0, 0, 1};
     if (scene->target == GONIO_TARGET_TRAP) {

@@ -40,17 +40,17 @@ typedef struct sim_scene {
 } sim_scene;
 
 // Point k of n (a multiple of 8) that stand for a disc of radius 1.
-void sim_disc_point(int k, int n, double *x, double *y);
+void gonio_sim_disc_point(int k, int n, double *x, double *y);
 
 // angles: light theta, light phi, camera theta, camera phi (rad), where the arms really stand. axes: the lines that
 // they turn about, in the same order; NULL: a perfect rig.
-void sim_scene_place(sim_scene *scene, const sim_settings *settings, const sim_axis *axes,
-                     const double angles[GONIO_AXES]);
+void gonio_sim_scene_place(sim_scene *scene, const sim_settings *settings, const sim_axis *axes,
+                           const double angles[GONIO_AXES]);
 // The lines of a perfect rig.
-void sim_axes_perfect(sim_axis axes[GONIO_AXES]);
+void gonio_sim_axes_perfect(sim_axis axes[GONIO_AXES]);
 
 // The radiance along the ray of the undistorted image point (x, y), relative to a perfect white diffuser in the
 // sample's plane at the centre, lit at normal incidence from the nominal distance: pi f_r cos(theta_i) (d0/d)^2.
-double sim_scene_radiance(const sim_scene *scene, double x, double y, int channel);
+double gonio_sim_scene_radiance(const sim_scene *scene, double x, double y, int channel);
 
 #endif

@@ -49,8 +49,9 @@ static double vignetting(double percent, double relative_r2) {
 
 // A hot pixel's dark current is 100 to 1000 times the usual one.
 static double hot_factor(const sim_settings *s, uint64_t seed, uint32_t index) {
-    const sim_draw draw = sim_random(seed, SIM_HOT, 0, 0, index);
-    return sim_uniform(&draw, 0) < s->camera.hot_pixel_percent / 100 ? pow(10, 2 + sim_uniform(&draw, 1)) : 1;
+    const sim_draw draw = gonio_sim_random(seed, SIM_HOT, 0, 0, index);
+    return gonio_sim_uniform(&draw, 0) < s->camera.hot_pixel_percent / 100 ? pow(10, 2 + gonio_sim_uniform(&draw, 1))
+                                                                           : 1;
 }
 
 static bool make_pixel(const sim_settings *s, const gonio_camera_info *c, uint64_t seed, int column, int row,
@@ -62,14 +63,14 @@ static bool make_pixel(const sim_settings *s, const gonio_camera_info *c, uint64
     }
     const double du = column - (c->width - 1) / 2.0, dv = row - (c->height - 1) / 2.0;
     const double corner2 = (c->width * c->width + c->height * c->height) / 4.0;
-    const double prnu = s->camera.prnu_percent / 100 * sim_normal(seed, SIM_PRNU, 0, 0, index);
-    const double dark = 1 + s->camera.dark_nonuniformity_percent / 100 * sim_normal(seed, SIM_DARK, 0, 0, index);
+    const double prnu = s->camera.prnu_percent / 100 * gonio_sim_normal(seed, SIM_PRNU, 0, 0, index);
+    const double dark = 1 + s->camera.dark_nonuniformity_percent / 100 * gonio_sim_normal(seed, SIM_DARK, 0, 0, index);
     *pixel = (sim_pixel){
         .x = (float)x,
         .y = (float)y,
         .gain = (float)(fmax(0, 1 + prnu) * vignetting(s->camera.vignetting_percent, (du * du + dv * dv) / corner2)),
         .dark_e_s = (float)(s->camera.dark_e_per_s * fmax(0, dark) * hot_factor(s, seed, index)),
-        .offset_e = (float)(s->camera.offset_nonuniformity_e * sim_normal(seed, SIM_OFFSET, 0, 0, index)),
+        .offset_e = (float)(s->camera.offset_nonuniformity_e * gonio_sim_normal(seed, SIM_OFFSET, 0, 0, index)),
     };
     return true;
 }
@@ -91,8 +92,8 @@ static void make_row(void *context, size_t row) {
     }
 }
 
-gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_info *info, uint64_t seed, int threads,
-                            sim_sensor **out, gonio_error *error) {
+gonio_status gonio_sim_sensor_new(const sim_settings *settings, const gonio_camera_info *info, uint64_t seed,
+                                  int threads, sim_sensor **out, gonio_error *error) {
     *out = NULL;
     sim_sensor *sensor = calloc(1, sizeof *sensor);
     const size_t n = (size_t)info->width * (size_t)info->height;
@@ -100,14 +101,14 @@ gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_inf
         *sensor = (sim_sensor){info->width, info->height, malloc(n * sizeof *sensor->pixels)};
     }
     if (sensor == NULL || sensor->pixels == NULL) {
-        sim_sensor_free(sensor);
+        gonio_sim_sensor_free(sensor);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a sensor of %d x %d pixels (%.3g MB)", info->width,
                           info->height, (double)(n * sizeof(sim_pixel)) / 1e6);
     }
     making m = {.settings = settings, .info = info, .seed = seed, .pixels = sensor->pixels};
     gonio_pool_for(threads, (size_t)info->height, make_row, &m);
     if (m.folded > 0) {
-        sim_sensor_free(sensor);
+        gonio_sim_sensor_free(sensor);
         return gonio_fail(error, GONIO_E_INPUT,
                           "[camera] k1, k2, p1, p2, k3: the distortion folds the image over at %d pixels; choose "
                           "smaller ones",
@@ -117,7 +118,7 @@ gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_inf
     return GONIO_OK;
 }
 
-void sim_sensor_free(sim_sensor *sensor) {
+void gonio_sim_sensor_free(sim_sensor *sensor) {
     if (sensor != NULL) {
         free(sensor->pixels);
         free(sensor);

@@ -20,8 +20,8 @@ typedef struct sim_sensor {
 
 // Draws the maps from the seed. GONIO_E_INPUT where the distortion cannot be inverted over the frame. The caller frees
 // it.
-gonio_status sim_sensor_new(const sim_settings *settings, const gonio_camera_info *info, uint64_t seed, int threads,
-                            sim_sensor **out, gonio_error *error);
-void sim_sensor_free(sim_sensor *sensor); // NULL is allowed
+gonio_status gonio_sim_sensor_new(const sim_settings *settings, const gonio_camera_info *info, uint64_t seed,
+                                  int threads, sim_sensor **out, gonio_error *error);
+void gonio_sim_sensor_free(sim_sensor *sensor); // NULL is allowed
 
 #endif

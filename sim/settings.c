@@ -231,14 +231,14 @@ static gonio_status set_entry(const entry *e, sim_settings *settings, const char
     return GONIO_E_FAILED;
 }
 
-void sim_settings_default(sim_settings *settings) {
+void gonio_sim_settings_default(sim_settings *settings) {
     memset(settings, 0, sizeof *settings);
     for (size_t i = 0; i < COUNT; i++) {
         set_entry(&entries[i], settings, entries[i].standard, NULL);
     }
 }
 
-bool sim_settings_has(const char *section, const char *key) {
+bool gonio_sim_settings_has(const char *section, const char *key) {
     for (size_t i = 0; i < COUNT; i++) {
         if (strcmp(entries[i].section, section) == 0 && strcmp(entries[i].key, key) == 0) {
             return true;
@@ -247,7 +247,7 @@ bool sim_settings_has(const char *section, const char *key) {
     return false;
 }
 
-void sim_settings_list(const char *section, char *text, size_t size) {
+void gonio_sim_settings_list(const char *section, char *text, size_t size) {
     size_t used = 0;
     text[0] = 0;
     for (size_t i = 0; i < COUNT && used < size; i++) {
@@ -268,15 +268,15 @@ static void list_sections(char *text, size_t size) {
     }
 }
 
-gonio_status sim_settings_set(sim_settings *settings, const char *section, const char *key, const char *value,
-                              gonio_error *error) {
+gonio_status gonio_sim_settings_set(sim_settings *settings, const char *section, const char *key, const char *value,
+                                    gonio_error *error) {
     for (size_t i = 0; i < COUNT; i++) {
         if (strcmp(entries[i].section, section) == 0 && strcmp(entries[i].key, key) == 0) {
             return set_entry(&entries[i], settings, value, error);
         }
     }
     char known[400];
-    sim_settings_list(section, known, sizeof known);
+    gonio_sim_settings_list(section, known, sizeof known);
     if (known[0] == 0) {
         list_sections(known, sizeof known);
     }
@@ -327,7 +327,7 @@ static void print_value(const entry *e, const sim_settings *settings, char *text
     }
 }
 
-char *sim_settings_text(const sim_settings *settings) {
+char *gonio_sim_settings_text(const sim_settings *settings) {
     char *text = NULL;
     size_t size = 0;
     FILE *stream = open_memstream(&text, &size);

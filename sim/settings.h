@@ -80,14 +80,14 @@ typedef struct sim_settings {
     sim_fault fault[SIM_FAULTS];
 } sim_settings;
 
-void sim_settings_default(sim_settings *settings);
+void gonio_sim_settings_default(sim_settings *settings);
 // GONIO_E_INPUT for an unknown section or key (the message lists what exists) and for a value that is not possible.
-gonio_status sim_settings_set(sim_settings *settings, const char *section, const char *key, const char *value,
-                              gonio_error *error);
-bool sim_settings_has(const char *section, const char *key);
+gonio_status gonio_sim_settings_set(sim_settings *settings, const char *section, const char *key, const char *value,
+                                    gonio_error *error);
+bool gonio_sim_settings_has(const char *section, const char *key);
 // " key" of every key of the section; empty where there is no such section.
-void sim_settings_list(const char *section, char *text, size_t size);
+void gonio_sim_settings_list(const char *section, char *text, size_t size);
 // All of them as "section.key=value" lines; the caller frees. NULL: no memory.
-char *sim_settings_text(const sim_settings *settings);
+char *gonio_sim_settings_text(const sim_settings *settings);
 
 #endif

@@ -20,8 +20,8 @@ gonio_status gonio_sim_new(const char *spec, uint64_t seed, gonio_sim **out, gon
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the simulated rig");
     }
     sim->seed = seed;
-    sim_settings_default(&sim->settings);
-    const gonio_status status = sim_sample_parse(spec, &sim->settings, &sim->sample, error);
+    gonio_sim_settings_default(&sim->settings);
+    const gonio_status status = gonio_sim_sample_parse(spec, &sim->settings, &sim->sample, error);
     if (status != GONIO_OK) {
         gonio_sim_free(sim);
         return status;
@@ -37,8 +37,8 @@ static void release_devices(gonio_sim *sim) {
     gonio_model_free(sim->ball);
     gonio_model_free(sim->mirror);
     sim->ball = sim->mirror = NULL;
-    sim_sensor_free(sim->sensor);
-    sim_response_free(sim->response);
+    gonio_sim_sensor_free(sim->sensor);
+    gonio_sim_response_free(sim->response);
     sim->seen = NULL;
     sim->sensor = NULL;
     sim->response = NULL;
@@ -55,14 +55,14 @@ void gonio_sim_free(gonio_sim *sim) {
 
 gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key, const char *value,
                            gonio_error *error) {
-    const gonio_status status = sim_settings_set(&sim->settings, section, key, value, error);
+    const gonio_status status = gonio_sim_settings_set(&sim->settings, section, key, value, error);
     sim->loses_steps = sim->loses_steps || sim->settings.fault[SIM_FAULT_LOST_STEPS].pose >= 0;
     return status;
 }
 
-bool gonio_sim_has_key(const char *section, const char *key) { return sim_settings_has(section, key); }
+bool gonio_sim_has_key(const char *section, const char *key) { return gonio_sim_settings_has(section, key); }
 
-void gonio_sim_keys(const char *section, char *text, size_t size) { sim_settings_list(section, text, size); }
+void gonio_sim_keys(const char *section, char *text, size_t size) { gonio_sim_settings_list(section, text, size); }
 
 gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,
                                 gonio_error *error) {
@@ -82,14 +82,14 @@ gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uin
     return GONIO_OK;
 }
 
-char *gonio_sim_settings(const gonio_sim *sim) { return sim_settings_text(&sim->settings); }
+char *gonio_sim_settings(const gonio_sim *sim) { return gonio_sim_settings_text(&sim->settings); }
 
 const gonio_model *gonio_sim_truth(const gonio_sim *sim) { return sim->seen != NULL ? sim->seen : sim->sample; }
 
 void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts *facts) {
     memcpy(facts->angles_rad, sim->actual_rad, sizeof facts->angles_rad);
     memcpy(facts->reference_reflectance, sim->truth.reflectance, sizeof facts->reference_reflectance);
-    facts->lamp_output = sim_lamp_curve(sim, clock_s);
+    facts->lamp_output = gonio_sim_lamp_curve(sim, clock_s);
     for (int k = 0; k < GONIO_AXES; k++) {
         facts->axis[k].direction = sim->truth.axis[k].direction;
         facts->axis[k].point = sim->truth.axis[k].point;
@@ -103,14 +103,14 @@ void gonio_sim_true_facts(const gonio_sim *sim, double clock_s, gonio_sim_facts 
 
 // Where the axes stand in space: each direction and point off by normal errors across the axis.
 static void draw_axes(gonio_sim *sim) {
-    sim_axes_perfect(sim->truth.axis);
+    gonio_sim_axes_perfect(sim->truth.axis);
     for (int k = 0; k < GONIO_AXES; k++) {
         const sim_axis_settings *s = &sim->settings.axis[k];
         const bool tilt = k == GONIO_LIGHT_THETA || k == GONIO_CAMERA_THETA; // along y; the azimuths along z
         double n[4];
         for (uint32_t i = 0; i < 2; i++) {
-            const sim_draw draw = sim_random(sim->seed, SIM_AXES, 0, 0, (uint32_t)k * 2 + i);
-            sim_normals(&draw, n + 2 * i);
+            const sim_draw draw = gonio_sim_random(sim->seed, SIM_AXES, 0, 0, (uint32_t)k * 2 + i);
+            gonio_sim_normals(&draw, n + 2 * i);
         }
         const double a = tan(gonio_radians(s->tilt_deg)) * n[0], b = tan(gonio_radians(s->tilt_deg)) * n[1];
         const double length = sqrt(1 + a * a + b * b), c = s->offset_mm * n[2], d = s->offset_mm * n[3];
@@ -119,8 +119,8 @@ static void draw_axes(gonio_sim *sim) {
     }
     double n[4];
     for (uint32_t i = 0; i < 2; i++) {
-        const sim_draw draw = sim_random(sim->seed, SIM_AXES, 0, 0, 2 * GONIO_AXES + i);
-        sim_normals(&draw, n + 2 * i);
+        const sim_draw draw = gonio_sim_random(sim->seed, SIM_AXES, 0, 0, 2 * GONIO_AXES + i);
+        gonio_sim_normals(&draw, n + 2 * i);
     }
     const double offset = sim->settings.ball.offset_mm;
     sim->truth.ball_centre = (gonio_vec3){offset * n[0], offset * n[1], offset * n[2]};
@@ -130,24 +130,24 @@ static void draw_truth(gonio_sim *sim) {
     const sim_settings *s = &sim->settings;
     sim_truth *truth = &sim->truth;
     for (int k = 0; k < GONIO_AXES; k++) {
-        truth->zero_error_rad[k] =
-            gonio_radians(s->axis[k].pointing_deg / sqrt(2)) * sim_normal(sim->seed, SIM_ZERO_ERROR, 0, 0, (uint32_t)k);
+        truth->zero_error_rad[k] = gonio_radians(s->axis[k].pointing_deg / sqrt(2)) *
+                                   gonio_sim_normal(sim->seed, SIM_ZERO_ERROR, 0, 0, (uint32_t)k);
     }
-    const double scale = 1 + s->reference.sigma_percent / 100 * sim_normal(sim->seed, SIM_REFERENCE, 0, 0, 0);
+    const double scale = 1 + s->reference.sigma_percent / 100 * gonio_sim_normal(sim->seed, SIM_REFERENCE, 0, 0, 0);
     for (int c = 0; c < 3; c++) {
         truth->reflectance[c] = s->reference.reflectance[c] * scale;
     }
     // Scatter is positive and known to its order of magnitude: log-normal. Glare is positive too.
-    truth->ambient = s->stray.ambient_percent / 100 * exp(0.5 * sim_normal(sim->seed, SIM_STRAY, 0, 0, 0));
-    truth->glare = s->stray.glare_percent / 100 * fabs(sim_normal(sim->seed, SIM_STRAY, 0, 0, 1));
-    truth->drift_per_s = s->lamp.drift_percent_per_hour / 100 / 3600 * sim_normal(sim->seed, SIM_DRIFT, 0, 0, 0);
+    truth->ambient = s->stray.ambient_percent / 100 * exp(0.5 * gonio_sim_normal(sim->seed, SIM_STRAY, 0, 0, 0));
+    truth->glare = s->stray.glare_percent / 100 * fabs(gonio_sim_normal(sim->seed, SIM_STRAY, 0, 0, 1));
+    truth->drift_per_s = s->lamp.drift_percent_per_hour / 100 / 3600 * gonio_sim_normal(sim->seed, SIM_DRIFT, 0, 0, 0);
     truth->wander_amplitude = s->lamp.wander_percent / 100 * sqrt(2.0 / SIM_WANDER_TERMS);
     for (uint32_t k = 0; k < SIM_WANDER_TERMS; k++) {
-        const sim_draw draw = sim_random(sim->seed, SIM_WANDER, 0, 0, k);
+        const sim_draw draw = gonio_sim_random(sim->seed, SIM_WANDER, 0, 0, k);
         const double period_s =
-            WANDER_PERIOD_MIN_S * pow(WANDER_PERIOD_MAX_S / WANDER_PERIOD_MIN_S, sim_uniform(&draw, 0));
+            WANDER_PERIOD_MIN_S * pow(WANDER_PERIOD_MAX_S / WANDER_PERIOD_MIN_S, gonio_sim_uniform(&draw, 0));
         truth->wander_rad_per_s[k] = 2 * GONIO_PI / period_s;
-        truth->wander_rad[k] = 2 * GONIO_PI * sim_uniform(&draw, 1);
+        truth->wander_rad[k] = 2 * GONIO_PI * gonio_sim_uniform(&draw, 1);
     }
 }
 
@@ -205,10 +205,10 @@ static void fill_facts(const gonio_sim *sim, gonio_rig_facts *facts) {
 
 static gonio_status prepare_devices(gonio_sim *sim, gonio_error *error) {
     gonio_camera_info info;
-    sim_camera_describe(sim, &info);
-    gonio_status status = sim_sample_seen(sim->sample, info.pattern == GONIO_MONO ? 1 : 3, &sim->seen, error);
+    gonio_sim_camera_describe(sim, &info);
+    gonio_status status = gonio_sim_sample_seen(sim->sample, info.pattern == GONIO_MONO ? 1 : 3, &sim->seen, error);
     if (status == GONIO_OK) {
-        status = sim_response_new(sim->settings.camera.response, &sim->response, error);
+        status = gonio_sim_response_new(sim->settings.camera.response, &sim->response, error);
     }
     if (status == GONIO_OK) {
         status = gonio_model_from_spec(BALL_SPEC, &sim->ball, error);
@@ -217,7 +217,7 @@ static gonio_status prepare_devices(gonio_sim *sim, gonio_error *error) {
         status = gonio_model_from_spec(MIRROR_SPEC, &sim->mirror, error);
     }
     if (status == GONIO_OK) {
-        status = sim_sensor_new(&sim->settings, &info, sim->seed, sim->threads, &sim->sensor, error);
+        status = gonio_sim_sensor_new(&sim->settings, &info, sim->seed, sim->threads, &sim->sensor, error);
     }
     return status;
 }
@@ -231,7 +231,7 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     sim->threads = threads;
     draw_truth(sim);
     draw_axes(sim);
-    status = sim_stage_start(sim, error);
+    status = gonio_sim_stage_start(sim, error);
     if (status == GONIO_OK) {
         status = prepare_devices(sim, error);
     }
@@ -244,18 +244,18 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     sim->lamp_level = 1;
     sim->shutter_open = false;
     sim->target = GONIO_TARGET_SAMPLE;
-    *rig = (gonio_rig){.stage = &sim_stage_ops,
+    *rig = (gonio_rig){.stage = &gonio_sim_stage_ops,
                        .stage_device = sim,
-                       .lamp = &sim_lamp_ops,
+                       .lamp = &gonio_sim_lamp_ops,
                        .lamp_device = sim,
-                       .camera = &sim_camera_ops,
+                       .camera = &gonio_sim_camera_ops,
                        .camera_device = sim,
-                       .interlock = &sim_interlock_ops,
+                       .interlock = &gonio_sim_interlock_ops,
                        .interlock_device = sim,
-                       .mount = &sim_mount_ops,
+                       .mount = &gonio_sim_mount_ops,
                        .mount_device = sim};
     if (sim->settings.meter.present) {
-        rig->meter = &sim_meter_ops;
+        rig->meter = &gonio_sim_meter_ops;
         rig->meter_device = sim;
     }
     fill_facts(sim, &rig->facts);

@@ -68,10 +68,10 @@ static void set_axis(gonio_sim *sim, int k) {
     motor->steps = motor->arm = 0;
 }
 
-gonio_status sim_stage_start(gonio_sim *sim, gonio_error *error) {
+gonio_status gonio_sim_stage_start(gonio_sim *sim, gonio_error *error) {
     struct machine *m = &sim->machine;
-    machine_new(m);
-    machine_start(m, FW_CAUSE_POWER);
+    gonio_machine_new(m);
+    gonio_machine_start(m, FW_CAUSE_POWER);
     for (int k = 0; k < GONIO_AXES; k++) {
         set_axis(sim, k);
         sim->target_steps[k] = 0;
@@ -79,11 +79,11 @@ gonio_status sim_stage_start(gonio_sim *sim, gonio_error *error) {
     }
     m->core.registers.home_pressed[0] = 1; // the switches tell the side of 0
     m->core.registers.settle[0] = 0;       // the scan settles on the nominal clock
-    fw_core_parameters_changed(&m->core);
-    if (!fw_registers_valid(&m->core)) {
+    gonio_fw_core_parameters_changed(&m->core);
+    if (!gonio_fw_registers_valid(&m->core)) {
         return gonio_fail(error, GONIO_E_INPUT, "stage: the controller cannot drive axes of such speeds and limits");
     }
-    machine_run(m, 1000);
+    gonio_machine_run(m, 1000);
     return GONIO_OK;
 }
 
@@ -104,8 +104,8 @@ static void place_arms(gonio_sim *sim, const gonio_stamp *stamp) {
         const struct machine_axis *motor = &sim->machine.axis[k];
         double off_deg = 0;
         if (stamp != NULL) {
-            off_deg =
-                axis->pointing_deg / sqrt(2) * sim_normal(sim->seed, SIM_REPEATABILITY, stamp->pose, 0, (uint32_t)k);
+            off_deg = axis->pointing_deg / sqrt(2) *
+                      gonio_sim_normal(sim->seed, SIM_REPEATABILITY, stamp->pose, 0, (uint32_t)k);
         }
         if (motor->play > 0) {
             off_deg += axis->backlash_deg * (double)(motor->arm - motor->steps) / (double)motor->play;
@@ -141,12 +141,12 @@ static const char *refusal_text(enum fw_refusal refusal) {
 // Simulated time for `s` seconds at most; whether the axes came to rest.
 static bool settle(struct machine *m, double s) {
     const double longest_s = 1e12;
-    return machine_settle(m, (uint64_t)(1e6 * fmax(0, fmin(s, longest_s))));
+    return gonio_machine_settle(m, (uint64_t)(1e6 * fmax(0, fmin(s, longest_s))));
 }
 
 static void stop(struct machine *m, enum fw_command command) {
-    machine_command(m, command, 0);
-    machine_settle(m, STANDSTILL_US);
+    gonio_machine_command(m, command, 0);
+    gonio_machine_settle(m, STANDSTILL_US);
 }
 
 static gonio_status alarmed(const gonio_sim *sim, gonio_error *error) {
@@ -160,10 +160,10 @@ static gonio_status alarmed(const gonio_sim *sim, gonio_error *error) {
 static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
     gonio_sim *sim = device;
     struct machine *m = &sim->machine;
-    machine_run(m, 2000); // it looks at its contacts
-    enum fw_refusal refusal = machine_command(m, FW_COMMAND_CLEAR, 0);
+    gonio_machine_run(m, 2000); // it looks at its contacts
+    enum fw_refusal refusal = gonio_machine_command(m, FW_COMMAND_CLEAR, 0);
     if (refusal == FW_REFUSAL_NONE) {
-        refusal = machine_command(m, FW_COMMAND_HOME, ALL_AXES);
+        refusal = gonio_machine_command(m, FW_COMMAND_HOME, ALL_AXES);
     }
     if (refusal != FW_REFUSAL_NONE) {
         return gonio_fail(error, GONIO_E_DEVICE, "stage: no homing: %s", refusal_text(refusal));
@@ -219,7 +219,7 @@ static int longest_way(const gonio_sim *sim, const int64_t steps[GONIO_AXES]) {
 static void run_half_way(struct machine *m, int axis, int64_t target) {
     const int64_t from = m->axis[axis].steps, way = llabs(target - from);
     while (m->core.axis.under_way && 2 * llabs(m->axis[axis].steps - from) < way) {
-        machine_run(m, 1000);
+        gonio_machine_run(m, 1000);
     }
 }
 
@@ -229,7 +229,7 @@ static gonio_status stall(gonio_sim *sim, gonio_error *error) {
     const int worst = longest_way(sim, sim->target_steps);
     run_half_way(m, worst, sim->target_steps[worst]);
     stop(m, FW_COMMAND_HALT);
-    machine_command(m, FW_COMMAND_RELEASE, (uint16_t)(1 << worst));
+    gonio_machine_command(m, FW_COMMAND_RELEASE, (uint16_t)(1 << worst));
     return gonio_fail(error, GONIO_E_DEVICE, "stage: %s stalled at about %.3g deg on its way to %.6g deg; home it",
                       axis_names[worst], gonio_degrees(to_rad(sim, worst, m->axis[worst].steps)),
                       gonio_degrees(sim->target_rad[worst]));
@@ -240,10 +240,10 @@ static gonio_status press_estop(gonio_sim *sim, gonio_error *error) {
     struct machine *m = &sim->machine;
     const int worst = longest_way(sim, sim->target_steps);
     run_half_way(m, worst, sim->target_steps[worst]);
-    machine_hold(m, FW_CONTACT_estop, true);
-    machine_run(m, 2000);
-    machine_release(m, FW_CONTACT_estop);
-    machine_run(m, 2000);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_run(m, 2000);
+    gonio_machine_release(m, FW_CONTACT_estop);
+    gonio_machine_run(m, 2000);
     return alarmed(sim, error);
 }
 
@@ -251,13 +251,13 @@ static gonio_status press_estop(gonio_sim *sim, gonio_error *error) {
 static gonio_status follow(gonio_sim *sim, const gonio_stamp *stamp, double takes_s, double timeout_s,
                            gonio_error *error) {
     struct machine *m = &sim->machine;
-    if (sim_fault_strikes(sim, SIM_FAULT_STAGE_STALL, stamp)) {
+    if (gonio_sim_fault_strikes(sim, SIM_FAULT_STAGE_STALL, stamp)) {
         return stall(sim, error);
     }
-    if (sim_fault_strikes(sim, SIM_FAULT_STAGE_ESTOP, stamp)) {
+    if (gonio_sim_fault_strikes(sim, SIM_FAULT_STAGE_ESTOP, stamp)) {
         return press_estop(sim, error);
     }
-    const bool hangs = sim_fault_strikes(sim, SIM_FAULT_STAGE_TIMEOUT, stamp);
+    const bool hangs = gonio_sim_fault_strikes(sim, SIM_FAULT_STAGE_TIMEOUT, stamp);
     if (!settle(m, hangs ? takes_s / 2 : timeout_s)) {
         stop(m, FW_COMMAND_STOP);
         return gonio_fail(error, GONIO_E_TIMEOUT, "stage: the move to pose %lld did not end within %.3g s",
@@ -280,7 +280,7 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     if (status != GONIO_OK) {
         return status;
     }
-    const enum fw_refusal refusal = machine_move(m, ALL_AXES, steps);
+    const enum fw_refusal refusal = gonio_machine_move(m, ALL_AXES, steps);
     if (refusal != FW_REFUSAL_NONE) {
         return refused(refusal, error);
     }
@@ -288,8 +288,8 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     memcpy(sim->target_rad, target_rad, sizeof sim->target_rad);
     sim->moved = *stamp;
     const int longest = longest_way(sim, steps);
-    status = follow(sim, stamp, fw_axis_seconds(&m->core, from, steps), timeout_s, error);
-    if (status == GONIO_OK && sim_fault_strikes(sim, SIM_FAULT_LOST_STEPS, stamp)) {
+    status = follow(sim, stamp, gonio_fw_axis_seconds(&m->core, from, steps), timeout_s, error);
+    if (status == GONIO_OK && gonio_sim_fault_strikes(sim, SIM_FAULT_LOST_STEPS, stamp)) {
         const int64_t lost = llround(LOST_DEG * sim->steps_per_deg[longest]);
         m->axis[longest].steps += lost;
         m->axis[longest].arm += lost;
@@ -315,7 +315,7 @@ static double stage_duration_s(void *device, const double from_rad[GONIO_AXES], 
         from[k] = to_steps(sim, k, from_rad[k]);
         to[k] = to_steps(sim, k, to_rad_[k]);
     }
-    return fw_axis_seconds(&sim->machine.core, from, to);
+    return gonio_fw_axis_seconds(&sim->machine.core, from, to);
 }
 
 static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],
@@ -355,12 +355,12 @@ static gonio_status stage_audit(void *device, double timeout_s, double differenc
 
 static void stage_close(void *device) { (void)device; }
 
-const gonio_stage_ops sim_stage_ops = {.name = "simulated stage",
-                                       .home = stage_home,
-                                       .move = stage_move,
-                                       .position = stage_position,
-                                       .stop = stage_stop,
-                                       .duration_s = stage_duration_s,
-                                       .close = stage_close,
-                                       .check = stage_check,
-                                       .audit = stage_audit};
+const gonio_stage_ops gonio_sim_stage_ops = {.name = "simulated stage",
+                                             .home = stage_home,
+                                             .move = stage_move,
+                                             .position = stage_position,
+                                             .stop = stage_stop,
+                                             .duration_s = stage_duration_s,
+                                             .close = stage_close,
+                                             .check = stage_check,
+                                             .audit = stage_audit};

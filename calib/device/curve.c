@@ -9,7 +9,7 @@
 #define SMOOTHNESS 20
 #define LN_FLOOR (-14) // ln relative exposure of value 0: below any reading that is used
 
-void curve_start(const curve_family *family, double *p) {
+void gonio_curve_start(const curve_family *family, double *p) {
     for (int k = 0; k < family->parameters; k++) {
         // Spline: log increments of ln exposure. A gamma of 1.5 has ln E = 1.5 ln v.
         const double a = (k + 1.0) / family->parameters, b = (double)k / family->parameters;
@@ -71,7 +71,7 @@ static void spline_curve(const curve_family *family, const double *p, double *ln
     }
 }
 
-void curve_make(const curve_family *family, const double *p, double ln_exposure[CURVE_POINTS], double *penalty) {
+void gonio_curve_make(const curve_family *family, const double *p, double ln_exposure[CURVE_POINTS], double *penalty) {
     memset(penalty, 0, CURVE_PENALTIES * sizeof *penalty);
     if (family->basis != NULL) {
         emor_curve(family, p, ln_exposure, penalty);

@@ -16,11 +16,11 @@ typedef struct curve_family {
 } curve_family;
 
 // The start and the curve of parameters p; *penalty gets what makes a curve less plausible (parameters + 64 terms).
-void curve_start(const curve_family *family, double *p);
-void curve_make(const curve_family *family, const double *p, double ln_exposure[CURVE_POINTS], double *penalty);
+void gonio_curve_start(const curve_family *family, double *p);
+void gonio_curve_make(const curve_family *family, const double *p, double ln_exposure[CURVE_POINTS], double *penalty);
 #define CURVE_PENALTIES (CURVE_PARAMETERS_MAX + 64)
 
 // Read emor.txt: the first `terms` functions. The caller frees *basis.
-gonio_status emor_read(const char *path, int terms, double **basis, int *samples, gonio_error *error);
+gonio_status gonio_emor_read(const char *path, int terms, double **basis, int *samples, gonio_error *error);
 
 #endif

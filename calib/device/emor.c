@@ -36,7 +36,7 @@ static gonio_status read_block(FILE *stream, const char *path, const char *label
     return GONIO_OK;
 }
 
-gonio_status emor_read(const char *path, int terms, double **basis, int *samples, gonio_error *error) {
+gonio_status gonio_emor_read(const char *path, int terms, double **basis, int *samples, gonio_error *error) {
     FILE *stream = fopen(path, "r");
     if (stream == NULL) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));

@@ -6,8 +6,8 @@
 
 gonio_status gonio_image_read(const char *path, bool grey, gonio_image *image, gonio_error *error) {
     *image = (gonio_image){0};
-    return opencv_read_image(path, grey, &image->width, &image->height, &image->channels, &image->bits, &image->pixels,
-                             error);
+    return gonio_opencv_read_image(path, grey, &image->width, &image->height, &image->channels, &image->bits,
+                                   &image->pixels, error);
 }
 
 void gonio_image_free(gonio_image *image) {
@@ -16,11 +16,11 @@ void gonio_image_free(gonio_image *image) {
 }
 
 gonio_status gonio_map_write(const char *path, int width, int height, const float *values, gonio_error *error) {
-    return opencv_write_map(path, width, height, values, error);
+    return gonio_opencv_write_map(path, width, height, values, error);
 }
 
 gonio_status gonio_image_write(const gonio_image *image, const char *path, gonio_error *error) {
-    return opencv_write_image(image, path, error);
+    return gonio_opencv_write_image(image, path, error);
 }
 
 static gonio_status move(gonio_image *image, const int shift[2], gonio_error *error) {
@@ -58,7 +58,7 @@ gonio_status gonio_images_align(int n, gonio_image *images, const double *exposu
     for (int j = 0; status == GONIO_OK && j < n; j++) {
         int shift[2] = {0, 0};
         if (j != middle) {
-            status = opencv_shift(&images[middle], &images[j], shift, error);
+            status = gonio_opencv_shift(&images[middle], &images[j], shift, error);
         }
         if (status == GONIO_OK && (shift[0] != 0 || shift[1] != 0)) {
             status = move(&images[j], shift, error);

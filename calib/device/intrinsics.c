@@ -40,7 +40,7 @@ gonio_status gonio_board_draw(const gonio_board *board, int square_px, gonio_ima
     if (status == GONIO_OK && (square_px < 8 || square_px > 1000)) {
         status = gonio_fail(error, GONIO_E_USAGE, "squares of %d px; 8 to 1000 are possible", square_px);
     }
-    return status == GONIO_OK ? opencv_draw_board(board, square_px, image, error) : status;
+    return status == GONIO_OK ? gonio_opencv_draw_board(board, square_px, image, error) : status;
 }
 
 gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board, int half_window,
@@ -50,7 +50,7 @@ gonio_status gonio_board_find(const gonio_image *image, const gonio_board *board
     if (status == GONIO_OK && (half_window < 1 || half_window > 50)) {
         status = gonio_fail(error, GONIO_E_USAGE, "a sub-pixel window of +-%d px; 1 to 50 are possible", half_window);
     }
-    return status == GONIO_OK ? opencv_find_board(image, board, half_window, corners, error) : status;
+    return status == GONIO_OK ? gonio_opencv_find_board(image, board, half_window, corners, error) : status;
 }
 
 static double median_rms(int n, const gonio_view *views) {
@@ -122,7 +122,7 @@ static gonio_status hold_k3(int n, const gonio_corners *corners, gonio_view *vie
     }
     memcpy(kept, views, (size_t)n * sizeof *kept);
     gonio_camera_calibration fewer = *out;
-    const gonio_status status = opencv_calibrate(n, corners, RADIAL_MAX - 1, views, &fewer, error);
+    const gonio_status status = gonio_opencv_calibrate(n, corners, RADIAL_MAX - 1, views, &fewer, error);
     const double left = fmax(coordinates - 6 * out->views_used - 9, 1);
     if (status == GONIO_OK &&
         fewer.rms * fewer.rms - out->rms * out->rms < log(fmax(coordinates, 3)) * out->rms * out->rms / left) {
@@ -154,7 +154,7 @@ gonio_status gonio_camera_calibrate(int n, const gonio_corners *corners, int wid
             return gonio_fail(error, GONIO_E_INPUT, "%d usable views of the board; at least %d are needed", used,
                               VIEWS_MIN);
         }
-        status = opencv_calibrate(n, corners, RADIAL_MAX, views, out, error);
+        status = gonio_opencv_calibrate(n, corners, RADIAL_MAX, views, out, error);
         out->views_used = used--;
     } while (status == GONIO_OK && reject_worst(n, views));
     if (status == GONIO_OK) {
@@ -180,5 +180,5 @@ void gonio_camera_apply(const gonio_camera_calibration *calibration, gonio_camer
 }
 
 gonio_status gonio_camera_undistortion_map(const gonio_camera_info *camera, float *map, gonio_error *error) {
-    return opencv_undistortion_map(camera, map, error);
+    return gonio_opencv_undistortion_map(camera, map, error);
 }

@@ -12,9 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
 #include "base/order_statistic.h"
 #include "base/statistics.h"
-#include "base/number.h"
 #include "calib/device/curve.h"
 #include "calib/opencv.h"
 #include "gonio/output.h"
@@ -191,7 +191,7 @@ static int residuals(void *context, int m, int n, const double *p, double *out, 
     (void)flag;
     const problem *q = context;
     double ln_exposure[CURVE_POINTS], tau[GONIO_RESPONSE_FRAMES], penalty[CURVE_PENALTIES];
-    curve_make(&q->family, p, ln_exposure, penalty);
+    gonio_curve_make(&q->family, p, ln_exposure, penalty);
     unpack_times(q, p, tau);
     int k = data_residuals(q, ln_exposure, tau, out);
     memcpy(out + k, penalty, sizeof penalty);
@@ -271,10 +271,10 @@ static gonio_status fit_family(problem *q, gonio_response_curve *curve, gonio_er
     double p[CURVE_PARAMETERS_MAX + GONIO_RESPONSE_FRAMES] = {0}, ln_exposure[CURVE_POINTS], penalty[CURVE_PENALTIES];
     double tau[GONIO_RESPONSE_FRAMES], rms = 1;
     gonio_status status = GONIO_OK;
-    curve_start(&q->family, p);
+    gonio_curve_start(&q->family, p);
     q->scale = 1;
     for (int round = 0; status == GONIO_OK && round < ROUNDS; round++) {
-        curve_make(&q->family, p, ln_exposure, penalty);
+        gonio_curve_make(&q->family, p, ln_exposure, penalty);
         unpack_times(q, p, tau);
         set_weights(q, ln_exposure);
         status = round > 0 ? downweight_outliers(q, ln_exposure, tau, error) : GONIO_OK;
@@ -283,7 +283,7 @@ static gonio_status fit_family(problem *q, gonio_response_curve *curve, gonio_er
         }
         q->scale = fmax(rms, 0.1); // the data's real noise, not one step of 8 bits, is what the prior competes with
     }
-    curve_make(&q->family, p, ln_exposure, penalty);
+    gonio_curve_make(&q->family, p, ln_exposure, penalty);
     unpack_times(q, p, tau);
     for (int j = 0; j < CURVE_POINTS; j++) {
         curve->exposure[j] = j == 0 ? 0 : exp(ln_exposure[j] - ln_exposure[CURVE_POINTS - 1]);
@@ -300,8 +300,8 @@ static gonio_status fit_opencv(const gonio_response_options *options, int n, con
     if (images[0].bits != 8) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "OpenCV's response fits take 8-bit images; use spline or emor");
     }
-    const gonio_status status =
-        opencv_response(options->method == GONIO_RESPONSE_ROBERTSON, n, images, channel, exposure_s, found, error);
+    const gonio_status status = gonio_opencv_response(options->method == GONIO_RESPONSE_ROBERTSON, n, images, channel,
+                                                      exposure_s, found, error);
     double last = 0;
     for (int j = 0; status == GONIO_OK && j < CURVE_POINTS; j++) {
         const double v = fmin(j * 255.0 / (CURVE_POINTS - 1), 254.999999);
@@ -448,7 +448,7 @@ gonio_status gonio_response_fit(int n, const gonio_image *images, int channel, c
         q->family.parameters = options->terms;
         status = options->terms < 1 || options->terms > 25
                      ? gonio_fail(error, GONIO_E_USAGE, "%d EMoR terms; 1 to 25 exist", options->terms)
-                     : emor_read(options->emor_path, options->terms, &basis, &q->family.samples, error);
+                     : gonio_emor_read(options->emor_path, options->terms, &basis, &q->family.samples, error);
         q->family.basis = basis;
     }
     if (status == GONIO_OK) {

@@ -167,7 +167,7 @@ static double black_level(const gonio_calib *calib, double exposure_s) {
     return sum / ((double)calib->pixels * n);
 }
 
-gonio_status dark_prepare(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_dark_prepare(gonio_calib *calib, gonio_error *error) {
     const double exposure_s = repeated_exposure(&calib->dark);
     if (exposure_s == 0) {
         return gonio_fail(error, GONIO_E_INPUT,
@@ -176,7 +176,7 @@ gonio_status dark_prepare(gonio_calib *calib, gonio_error *error) {
     }
     gonio_status status = check_level(calib, error);
     if (status == GONIO_OK && calib->response.points > 0) {
-        status = response_tabulate(&calib->response, black_level(calib, exposure_s), error);
+        status = gonio_response_tabulate(&calib->response, black_level(calib, exposure_s), error);
     }
     if (status != GONIO_OK) {
         return status;

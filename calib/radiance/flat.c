@@ -14,12 +14,12 @@
 static double panel_signal(const gonio_calib *calib, const geometry *g, size_t p) {
     geometry_hit hit;
     if (scale_by_irradiance(&calib->facts)) {
-        return white_signal(calib, NULL, calib->channel[p]);
+        return gonio_white_signal(calib, NULL, calib->channel[p]);
     }
-    if (!geometry_plate(g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL) || hit.irradiance <= 0) {
+    if (!gonio_geometry_plate(g, calib->ray[2 * p], calib->ray[2 * p + 1], &hit, NULL) || hit.irradiance <= 0) {
         return 0;
     }
-    return white_signal(calib, &hit, calib->channel[p]);
+    return gonio_white_signal(calib, &hit, calib->channel[p]);
 }
 
 static double square(double x) { return x * x; }
@@ -41,7 +41,7 @@ static void merge_panel(gonio_calib *calib, flat_work *work, size_t p) {
         terms[j] = term_of(calib, p, f->pixels[p], f->exposure_s, lit_s, known * scale);
         terms[j].clipped = terms[j].clipped || known == 0;
     }
-    merge_pixel(&calib->noise, n, terms, &merged);
+    gonio_merge_pixel(&calib->noise, n, terms, &merged);
     if (merged.used == 0 || !(merged.value > 0)) {
         work->failed += merged.saturated;
         calib->defect[p] = 3;
@@ -101,7 +101,7 @@ static void describe_reference(gonio_calib *calib, const flat_work *work) {
         const stored_frame *f = &frames->items[j];
         const double share = work->share[j] / (double)work->n;
         clock += share * f->stamp.clock_s;
-        theta += share * geometry_pair(&calib->facts, &f->pose).theta_i;
+        theta += share * gonio_geometry_pair(&calib->facts, &f->pose).theta_i;
         variance += panel_monitored ? share * share * f->monitor_sigma * f->monitor_sigma : 0;
         poses += j == 0 || f->stamp.pose != frames->items[j - 1].stamp.pose;
     }
@@ -111,7 +111,7 @@ static void describe_reference(gonio_calib *calib, const flat_work *work) {
     calib->reference_poses = poses;
 }
 
-void flat_means(const gonio_calib *calib, double mean[3]) {
+void gonio_flat_means(const gonio_calib *calib, double mean[3]) {
     double sum[3] = {0};
     size_t n[3] = {0};
     for (size_t p = 0; p < calib->pixels; p++) {
@@ -192,7 +192,7 @@ static gonio_status use_known(gonio_calib *calib, gonio_error *error) {
     return GONIO_OK;
 }
 
-gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_flat_prepare(gonio_calib *calib, gonio_error *error) {
     const int n = calib->reference.n;
     flat_work work = {.poses = calloc((size_t)n, sizeof *work.poses), .share = calloc((size_t)n, sizeof *work.share)};
     gonio_status status = GONIO_OK;
@@ -201,7 +201,7 @@ gonio_status flat_prepare(gonio_calib *calib, gonio_error *error) {
         goto done;
     }
     for (int j = 0; j < n; j++) {
-        work.poses[j] = geometry_of_pose(&calib->facts, &calib->reference.items[j].pose);
+        work.poses[j] = gonio_geometry_of_pose(&calib->facts, &calib->reference.items[j].pose);
     }
     for (size_t p = 0; p < calib->pixels; p++) {
         if (!calib->defect[p]) {

@@ -49,7 +49,7 @@ gonio_status gonio_calib_flat_save(const gonio_calib *calib, const char *path, g
         return status;
     }
     double mean[3];
-    flat_means(calib, mean);
+    gonio_flat_means(calib, mean);
     for (size_t p = 0; p < calib->pixels; p++) {
         maps[p] = calib->defect[p] ? NAN : (float)(calib->flat[p] / mean[calib->channel[p]]);
         maps[calib->pixels + p] = calib->defect[p] ? NAN : calib->flat_variance[p];
@@ -113,7 +113,7 @@ static gonio_status take_maps(gonio_calib *calib, const header *h, const float *
     return GONIO_OK;
 }
 
-gonio_status flat_open(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_flat_open(gonio_calib *calib, gonio_error *error) {
     const char *path = calib->facts.flat_path;
     FILE *file = fopen(path, "rb");
     header h;

@@ -55,7 +55,7 @@ static void finish(const merge_noise *noise, int n, const merge_term *terms, con
     }
 }
 
-void merge_pixel(const merge_noise *noise, int n, const merge_term *terms, merge_result *result) {
+void gonio_merge_pixel(const merge_noise *noise, int n, const merge_term *terms, merge_result *result) {
     bool use[MERGE_MAX];
     int longest = -1;
     result->value = result->photon_variance = result->read_variance = 0;

@@ -30,6 +30,6 @@ typedef struct merge_result {
     bool saturated;                        // with used == 0: every exposure was too bright
 } merge_result;
 
-void merge_pixel(const merge_noise *noise, int n, const merge_term *terms, merge_result *result);
+void gonio_merge_pixel(const merge_noise *noise, int n, const merge_term *terms, merge_result *result);
 
 #endif

@@ -154,7 +154,7 @@ static gonio_status check_light(const gonio_calib *calib, gonio_error *error) {
     return GONIO_OK;
 }
 
-gonio_status transfer_prepare(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_transfer_prepare(gonio_calib *calib, gonio_error *error) {
     if (calib->reference.n == 0) {
         return gonio_fail(error, GONIO_E_INPUT, "no reference frames");
     }

@@ -70,7 +70,7 @@ gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure
     if (!calib->prepared) {
         return gonio_fail(error, GONIO_E_USAGE, "the calibration is not prepared");
     }
-    const gonio_status status = exposure_check(calib, exposure, error);
+    const gonio_status status = gonio_exposure_check(calib, exposure, error);
     if (status != GONIO_OK) {
         return status;
     }

@@ -16,7 +16,7 @@ static double shape_at(const gonio_calib *calib, gonio_vec3 wi, gonio_vec3 wo, i
     return gonio_model_eval_channel(calib->white, wi, wo, channel < calib->white->channels ? channel : 0);
 }
 
-gonio_status white_open(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_white_open(gonio_calib *calib, gonio_error *error) {
     const char *path = calib->facts.reference_brdf;
     gonio_status status = gonio_model_resolve(path, &calib->white, error);
     const gonio_vec3 wi = gonio_direction(gonio_radians(GONIO_REFERENCE_THETA_I_DEG), 0), wo = {0, 0, 1};
@@ -31,7 +31,7 @@ gonio_status white_open(gonio_calib *calib, gonio_error *error) {
     return status;
 }
 
-double white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel) {
+double gonio_white_signal(const gonio_calib *calib, const geometry_hit *hit, int channel) {
     if (scale_by_irradiance(&calib->facts)) {
         return calib->facts.reference_radiance / calib->facts.irradiance;
     }

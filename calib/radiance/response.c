@@ -56,7 +56,7 @@ static gonio_status read_rows(response *c, FILE *stream, const char *path, gonio
     return status;
 }
 
-gonio_status response_load(const char *path, int bits, response *out, gonio_error *error) {
+gonio_status gonio_response_load(const char *path, int bits, response *out, gonio_error *error) {
     *out = (response){.levels = 1 << bits};
     FILE *stream = fopen(path, "r");
     if (stream == NULL) {
@@ -72,14 +72,14 @@ gonio_status response_load(const char *path, int bits, response *out, gonio_erro
     }
     fclose(stream);
     if (status != GONIO_OK) {
-        response_free(out);
+        gonio_response_free(out);
     }
     return status;
 }
 
 // Invert by linear interpolation between the points; outside them the end pieces go on, so that noise about black stays
 // symmetric.
-gonio_status response_tabulate(response *r, double black, gonio_error *error) {
+gonio_status gonio_response_tabulate(response *r, double black, gonio_error *error) {
     r->linear = malloc((size_t)r->levels * sizeof *r->linear);
     r->slope = malloc((size_t)r->levels * sizeof *r->slope);
     if (r->linear == NULL || r->slope == NULL) {
@@ -99,7 +99,7 @@ gonio_status response_tabulate(response *r, double black, gonio_error *error) {
     return GONIO_OK;
 }
 
-void response_free(response *r) {
+void gonio_response_free(response *r) {
     free(r->exposure);
     free(r->value);
     free(r->linear);

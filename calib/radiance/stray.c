@@ -46,7 +46,7 @@ static bool merge_trap(gonio_calib *calib, size_t p, double *variance, double *b
         const double lit_s = exposure_scale(calib, f->exposure_s, f->monitor);
         terms[j] = term_of(calib, p, f->pixels[p], f->exposure_s, 0, lit_s);
     }
-    merge_pixel(&calib->noise, n, terms, &merged);
+    gonio_merge_pixel(&calib->noise, n, terms, &merged);
     if (merged.used == 0) {
         return false;
     }
@@ -89,7 +89,7 @@ static gonio_status check_trap(const gonio_calib *calib, double trap_rate, gonio
                             100 * trap_rate / white);
 }
 
-gonio_status stray_prepare(gonio_calib *calib, gonio_error *error) {
+gonio_status gonio_stray_prepare(gonio_calib *calib, gonio_error *error) {
     use_monitor(calib);
     const stored_frame *first = &calib->trap.items[0];
     if (calib->trap.n > MERGE_MAX) {
@@ -119,7 +119,7 @@ gonio_status stray_prepare(gonio_calib *calib, gonio_error *error) {
     return check_trap(calib, sum / (double)sound, error);
 }
 
-void stray_describe(gonio_calib *calib) {
+void gonio_stray_describe(gonio_calib *calib) {
     double sum = 0;
     size_t n = 0;
     for (size_t p = 0; p < calib->pixels && calib->trap.n > 0; p++) {
@@ -133,8 +133,8 @@ void stray_describe(gonio_calib *calib) {
 
 // The dark maps act directly and, with the opposite sign, through the stray light that they were taken off: where trap
 // and pose have like exposures they cancel.
-sensitivity sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
-                           const merge_result *merged) {
+sensitivity gonio_sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                                 const merge_result *merged) {
     sensitivity s = {0};
     for (int j = 0; j < n; j++) {
         const double w = merged->weight[j];
@@ -145,7 +145,7 @@ sensitivity sensitivity_of(const gonio_calib *calib, int n, const gonio_exposure
     return s;
 }
 
-double dark_variance(const gonio_calib *calib, const sensitivity *s) {
+double gonio_dark_variance(const gonio_calib *calib, const sensitivity *s) {
     const double *c = calib->dark_covariance;
     return s->bias * s->bias * c[0] + 2 * s->bias * s->rate * c[1] + s->rate * s->rate * c[2];
 }
@@ -154,8 +154,8 @@ double dark_variance(const gonio_calib *calib, const sensitivity *s) {
 // exposures are too bright the shortest one's reading is a lower bound.
 #define QUAD_STEP 8
 
-void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
-                        double mean[3]) {
+void gonio_stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *exposures, const double *scale,
+                              double mean[3]) {
     size_t count[3] = {0};
     int shortest = 0;
     for (int j = 1; j < n; j++) {
@@ -168,7 +168,7 @@ void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *e
             continue;
         }
         merge_result merged;
-        pixel_merge(calib, p, n, exposures, scale, &merged);
+        gonio_pixel_merge(calib, p, n, exposures, scale, &merged);
         if (merged.used == 0) {
             const merge_term t = term_of(calib, p, exposures[shortest].frame.pixels[p],
                                          exposures[shortest].frame.exposure_s, scale[shortest], 1);
@@ -182,7 +182,7 @@ void stray_surroundings(const gonio_calib *calib, int n, const gonio_exposure *e
     }
 }
 
-double glare_variance(const gonio_calib *calib, double seen, double surroundings) {
+double gonio_glare_variance(const gonio_calib *calib, double seen, double surroundings) {
     const double frame = (double)calib->camera.width * calib->camera.height, cover = (double)calib->pixels / frame;
     const double middle = surroundings * (1 + cover) / 2 - seen, half = surroundings * (1 - cover) / 2;
     return calib->facts.glare_sigma * calib->facts.glare_sigma * (middle * middle + half * half / 3);

@@ -18,7 +18,7 @@ static const double object_sigma[6] = {20, 20, 20, 0.02, 0.02, 5};
 
 // ---- the model ----
 
-gonio_camera_info bundle_camera(const bundle *q, const double *p) {
+gonio_camera_info gonio_bundle_camera(const bundle *q, const double *p) {
     gonio_camera_info camera = *q->camera;
     double *const members[BUNDLE_INTRINSICS] = {&camera.fx, &camera.fy, &camera.cx, &camera.cy, &camera.k1,
                                                 &camera.k2, &camera.p1, &camera.p2, &camera.k3};
@@ -28,7 +28,7 @@ gonio_camera_info bundle_camera(const bundle *q, const double *p) {
     return camera;
 }
 
-geometry bundle_geometry(const double *value, const gonio_pair *axes) {
+geometry gonio_bundle_geometry(const double *value, const gonio_pair *axes) {
     geometry g = {.light = gonio_alignment_light(value, axes->theta_i, axes->phi_i)};
     gonio_alignment_camera(value, axes->theta_o, axes->phi_o, &g.camera, &g.right, &g.up, &g.forward);
     return g;
@@ -55,18 +55,18 @@ static gonio_vec3 mirrored(const double m[3], gonio_vec3 point) {
 // Where a frame's points should be seen; false: behind the camera.
 static bool predict(const bundle *q, const double *p, const gonio_camera_info *camera, const bundle_frame *f,
                     const gonio_pair *axes, double (*pixel)[2]) {
-    const geometry g = bundle_geometry(p, axes);
+    const geometry g = gonio_bundle_geometry(p, axes);
     if (f->view->object == GONIO_RIG_MIRROR) {
-        return geometry_project(&g, camera, mirrored(p + q->mirror, g.light), pixel[0]);
+        return gonio_geometry_project(&g, camera, mirrored(p + q->mirror, g.light), pixel[0]);
     }
     if (f->view->object == GONIO_RIG_BALL) {
         const double *c = p + q->ball;
         const gonio_vec3 at =
             highlight_on((gonio_vec3){c[0], c[1], c[2]}, q->options->ball_radius_mm, g.light, g.camera);
-        return geometry_project(&g, camera, at, pixel[0]);
+        return gonio_geometry_project(&g, camera, at, pixel[0]);
     }
     for (int k = 0; k < f->points; k++) {
-        if (!geometry_project(&g, camera, (gonio_vec3){f->at[k][0], f->at[k][1], 0}, pixel[k])) {
+        if (!gonio_geometry_project(&g, camera, (gonio_vec3){f->at[k][0], f->at[k][1], 0}, pixel[k])) {
             return false;
         }
     }
@@ -75,14 +75,14 @@ static bool predict(const bundle *q, const double *p, const gonio_camera_info *c
 
 bool gonio_rig_project(const gonio_camera_info *camera, const gonio_alignment *alignment, const gonio_pair *axes,
                        gonio_vec3 point, double pixel[2]) {
-    const geometry g = bundle_geometry(alignment->value, axes);
-    return geometry_project(&g, camera, point, pixel) && pixel[0] >= 0 && pixel[1] >= 0 &&
+    const geometry g = gonio_bundle_geometry(alignment->value, axes);
+    return gonio_geometry_project(&g, camera, point, pixel) && pixel[0] >= 0 && pixel[1] >= 0 &&
            pixel[0] <= camera->width - 1 && pixel[1] <= camera->height - 1;
 }
 
 // ---- residuals ----
 
-void bundle_whiten(const bundle_frame *f, double noise, double *r) {
+void gonio_bundle_whiten(const bundle_frame *f, double noise, double *r) {
     const int m = 2 * f->points;
     for (int d = 0; d < f->directions; d++) {
         double along = 0;
@@ -106,8 +106,8 @@ static double prior_residual(const bundle *q, const double *p, int k) {
     return k < q->ball ? p[k] : p[k] / object_sigma[k - q->ball];
 }
 
-void bundle_evaluate(const bundle *q, const double *p, double *r) {
-    const gonio_camera_info camera = bundle_camera(q, p);
+void gonio_bundle_evaluate(const bundle *q, const double *p, double *r) {
+    const gonio_camera_info camera = gonio_bundle_camera(q, p);
     double pixel[GONIO_CORNERS_MAX][2];
     int row = 0;
     for (int i = 0; i < q->n; i++) {
@@ -121,7 +121,7 @@ void bundle_evaluate(const bundle *q, const double *p, double *r) {
                 r[row + 2 * k + c] = seen ? f->pixel[k][c] - pixel[k][c] : 1e6;
             }
         }
-        bundle_whiten(f, bundle_noise(q, f), r + row);
+        gonio_bundle_whiten(f, bundle_noise(q, f), r + row);
         row += 2 * f->points;
     }
     for (int k = 0; k < q->parameters; k++) {
@@ -132,15 +132,15 @@ void bundle_evaluate(const bundle *q, const double *p, double *r) {
 // Central differences; lengths, angles and sigmas all bear this step: 1e-5 rad moves a corner by a tenth of a pixel.
 #define STEP 1e-5
 
-void bundle_jacobian(const bundle *q, const double *p, double *j, double *work) {
+void gonio_bundle_jacobian(const bundle *q, const double *p, double *j, double *work) {
     const size_t m = (size_t)q->residuals;
     double moved[BUNDLE_PARAMETERS_MAX], *high = work, *low = work + m;
     memcpy(moved, p, (size_t)q->parameters * sizeof *p);
     for (int k = 0; k < q->parameters; k++) {
         moved[k] = p[k] + STEP;
-        bundle_evaluate(q, moved, high);
+        gonio_bundle_evaluate(q, moved, high);
         moved[k] = p[k] - STEP;
-        bundle_evaluate(q, moved, low);
+        gonio_bundle_evaluate(q, moved, low);
         moved[k] = p[k];
         for (size_t i = 0; i < m; i++) {
             j[(size_t)k * m + i] = (high[i] - low[i]) / (2 * STEP);
@@ -148,8 +148,8 @@ void bundle_jacobian(const bundle *q, const double *p, double *j, double *work) 
     }
 }
 
-bool bundle_residuals(const bundle *q, const double *p, const gonio_camera_info *camera, const bundle_frame *f,
-                      double *r) {
+bool gonio_bundle_residuals(const bundle *q, const double *p, const gonio_camera_info *camera, const bundle_frame *f,
+                            double *r) {
     double pixel[GONIO_CORNERS_MAX][2];
     if (!predict(q, p, camera, f, &f->view->axes, pixel)) {
         return false;
@@ -162,8 +162,8 @@ bool bundle_residuals(const bundle *q, const double *p, const gonio_camera_info 
 
 // The directions in which a frame's points move together when its axes are off by their repeatability: the principal
 // ones of U, found from the eigenvectors of U^T U.
-void bundle_common_motion(const bundle *q, const double *p, bundle_frame *f) {
-    const gonio_camera_info camera = bundle_camera(q, p);
+void gonio_bundle_common_motion(const bundle *q, const double *p, bundle_frame *f) {
+    const gonio_camera_info camera = gonio_bundle_camera(q, p);
     const double sigma = gonio_radians(q->options->pointing_random_deg), step = 1e-5;
     const int m = 2 * f->points, axes = bundle_is_board(f) ? 2 : 4;
     double high[GONIO_CORNERS_MAX][2], low[GONIO_CORNERS_MAX][2];

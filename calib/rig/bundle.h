@@ -37,34 +37,34 @@ typedef struct bundle {
 static inline bool bundle_is_board(const bundle_frame *f) { return f->view->object == GONIO_RIG_BOARD; }
 
 // Where light and camera stand at these counters.
-geometry bundle_geometry(const double *value, const gonio_pair *axes);
+geometry gonio_bundle_geometry(const double *value, const gonio_pair *axes);
 // The camera with p's intrinsics.
-gonio_camera_info bundle_camera(const bundle *q, const double *p);
+gonio_camera_info gonio_bundle_camera(const bundle *q, const double *p);
 // Raw residuals of one frame, px, 2 a point. false: it cannot be seen at all.
-bool bundle_residuals(const bundle *q, const double *p, const gonio_camera_info *camera, const bundle_frame *f,
-                      double *r);
+bool gonio_bundle_residuals(const bundle *q, const double *p, const gonio_camera_info *camera, const bundle_frame *f,
+                            double *r);
 // Residuals in units of their standard deviation, the frame's common motion taken for what it is.
-void bundle_whiten(const bundle_frame *f, double noise, double *r);
+void gonio_bundle_whiten(const bundle_frame *f, double noise, double *r);
 static inline double bundle_noise(const bundle *q, const bundle_frame *f) {
     return q->noise_px[f->view->object][f->band];
 }
 // The band of a view, from its counters.
-int bundle_band(const gonio_rig_view *view);
+int gonio_bundle_band(const gonio_rig_view *view);
 // Set the noise of every object and band from the residuals where p stands.
-void bundle_measure_noise(bundle *q, const double *p);
+void gonio_bundle_measure_noise(bundle *q, const double *p);
 // An object's root mean square over its coordinates; where it has none, what is assumed of it.
-void bundle_mean_noise(const bundle *q, double noise_px[GONIO_RIG_OBJECTS]);
+void gonio_bundle_mean_noise(const bundle *q, double noise_px[GONIO_RIG_OBJECTS]);
 // Find that common motion where p stands.
-void bundle_common_motion(const bundle *q, const double *p, bundle_frame *f);
+void gonio_bundle_common_motion(const bundle *q, const double *p, bundle_frame *f);
 // All residuals: the used frames', then the priors'; and their derivatives, column-major, residuals x parameters.
 // work: two rows of residuals.
-void bundle_evaluate(const bundle *q, const double *p, double *r);
-void bundle_jacobian(const bundle *q, const double *p, double *j, double *work);
+void gonio_bundle_evaluate(const bundle *q, const double *p, double *r);
+void gonio_bundle_jacobian(const bundle *q, const double *p, double *j, double *work);
 
 // Frames from views, their origin in the middle of the board, which is at `centre` from its first corner. GONIO_E_INPUT
 // where the board lies otherwise than stated.
-gonio_status bundle_frames_make(bundle *q, int n, gonio_rig_view *views, double centre[2], gonio_error *error);
-void bundle_frames_free(bundle *q);
-void bundle_move_origin(bundle *q, const double by[2]);
+gonio_status gonio_bundle_frames_make(bundle *q, int n, gonio_rig_view *views, double centre[2], gonio_error *error);
+void gonio_bundle_frames_free(bundle *q);
+void gonio_bundle_move_origin(bundle *q, const double by[2]);
 
 #endif

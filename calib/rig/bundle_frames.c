@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-void bundle_frames_free(bundle *q) {
+void gonio_bundle_frames_free(bundle *q) {
     for (int i = 0; q->frames != NULL && i < q->n; i++) {
         free(q->frames[i].at);
         free(q->frames[i].pixel);
@@ -16,7 +16,7 @@ void bundle_frames_free(bundle *q) {
 
 static gonio_status make_frame(bundle_frame *f, gonio_rig_view *view, double azimuth, gonio_error *error) {
     f->view = view;
-    f->band = bundle_band(view);
+    f->band = gonio_bundle_band(view);
     view->rms = 0;
     const bool board = bundle_is_board(f);
     if (board) {
@@ -62,7 +62,7 @@ static void centre_boards(bundle *q, double centre[2]) {
     }
 }
 
-void bundle_move_origin(bundle *q, const double by[2]) {
+void gonio_bundle_move_origin(bundle *q, const double by[2]) {
     for (int i = 0; i < q->n; i++) {
         for (int k = 0; k < q->frames[i].points && bundle_is_board(&q->frames[i]); k++) {
             q->frames[i].at[k][0] -= by[0];
@@ -76,10 +76,10 @@ void bundle_move_origin(bundle *q, const double by[2]) {
 static double misfit(const bundle *q, const bundle_frame *f, double azimuth) {
     double pixel[GONIO_CORNERS_MAX][2], mean[2] = {0, 0}, total = 0;
     const double c = cos(azimuth), s = sin(azimuth);
-    const geometry g = bundle_geometry(q->nominal, &f->view->axes);
+    const geometry g = gonio_bundle_geometry(q->nominal, &f->view->axes);
     for (int k = 0; k < f->points; k++) {
         const double x = f->at[k][0], y = f->at[k][1];
-        if (!geometry_project(&g, q->camera, (gonio_vec3){c * x - s * y, s * x + c * y, 0}, pixel[k])) {
+        if (!gonio_geometry_project(&g, q->camera, (gonio_vec3){c * x - s * y, s * x + c * y, 0}, pixel[k])) {
             return INFINITY;
         }
         for (int i = 0; i < 2; i++) {
@@ -130,7 +130,7 @@ static gonio_status check_azimuth(bundle *q, gonio_error *error) {
                       q->options->board_azimuth_deg + found, q->options->board_azimuth_deg);
 }
 
-gonio_status bundle_frames_make(bundle *q, int n, gonio_rig_view *views, double centre[2], gonio_error *error) {
+gonio_status gonio_bundle_frames_make(bundle *q, int n, gonio_rig_view *views, double centre[2], gonio_error *error) {
     q->frames = calloc((size_t)n, sizeof *q->frames);
     if (q->frames == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d views", n);
@@ -144,7 +144,7 @@ gonio_status bundle_frames_make(bundle *q, int n, gonio_rig_view *views, double 
         return status;
     }
     centre_boards(q, centre);
-    bundle_move_origin(q, centre);
+    gonio_bundle_move_origin(q, centre);
     for (int i = 0; i < n && q->options->reversible; i++) {
         if (bundle_is_board(&q->frames[i]) && views[i].used) {
             reverse_if_better(q, &q->frames[i]);

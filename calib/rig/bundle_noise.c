@@ -17,7 +17,7 @@ typedef struct counts {
     int of[GONIO_RIG_OBJECTS][BUNDLE_BANDS], all[GONIO_RIG_OBJECTS];
 } counts;
 
-int bundle_band(const gonio_rig_view *view) {
+int gonio_bundle_band(const gonio_rig_view *view) {
     double angle = view->axes.theta_o;
     if (view->object == GONIO_RIG_BALL) { // its surface's normal halves the directions
         const gonio_vec3 i = gonio_direction(view->axes.theta_i, view->axes.phi_i);
@@ -42,13 +42,13 @@ static counts count(const bundle *q) {
 
 // Sum of squares of the residuals of an object's band, whitened with this noise.
 static double chi_square(const bundle *q, const double *p, int object, int band, double noise) {
-    const gonio_camera_info camera = bundle_camera(q, p);
+    const gonio_camera_info camera = gonio_bundle_camera(q, p);
     double r[2 * GONIO_CORNERS_MAX], total = 0;
     for (int i = 0; i < q->n; i++) {
         const bundle_frame *f = &q->frames[i];
         if (f->view->used && (int)f->view->object == object && f->band == band &&
-            bundle_residuals(q, p, &camera, f, r)) {
-            bundle_whiten(f, noise, r);
+            gonio_bundle_residuals(q, p, &camera, f, r)) {
+            gonio_bundle_whiten(f, noise, r);
             for (int k = 0; k < 2 * f->points; k++) {
                 total += r[k] * r[k];
             }
@@ -82,7 +82,7 @@ static void measure_object(bundle *q, const double *p, int object, int all, cons
     }
 }
 
-void bundle_measure_noise(bundle *q, const double *p) {
+void gonio_bundle_measure_noise(bundle *q, const double *p) {
     // The camera's arm is told by the corners; the light's by the mirror where there is one, else by the ball.
     const int light = A - GONIO_LIGHT_AZIMUTH_AXIS;
     const counts n = count(q);
@@ -95,7 +95,7 @@ void bundle_measure_noise(bundle *q, const double *p) {
     }
 }
 
-void bundle_mean_noise(const bundle *q, double noise_px[GONIO_RIG_OBJECTS]) {
+void gonio_bundle_mean_noise(const bundle *q, double noise_px[GONIO_RIG_OBJECTS]) {
     const counts n = count(q);
     for (int o = 0; o < GONIO_RIG_OBJECTS; o++) {
         double total = 0;

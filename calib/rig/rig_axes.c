@@ -48,9 +48,9 @@ static int callback(void *context, int m, int n, const double *p, double *r, dou
     (void)n;
     (void)ldj; // equals the residuals' number
     if (iflag == 1) {
-        bundle_evaluate(w->q, p, r);
+        gonio_bundle_evaluate(w->q, p, r);
     } else {
-        bundle_jacobian(w->q, p, j, w->work);
+        gonio_bundle_jacobian(w->q, p, j, w->work);
     }
     return 0;
 }
@@ -95,12 +95,12 @@ static gonio_status minimise(bundle *q, double *p, gonio_error *error) {
 }
 
 static void measure_views(const bundle *q, const double *p) {
-    const gonio_camera_info camera = bundle_camera(q, p);
+    const gonio_camera_info camera = gonio_bundle_camera(q, p);
     double r[2 * GONIO_CORNERS_MAX];
     for (int i = 0; i < q->n; i++) {
         const bundle_frame *f = &q->frames[i];
         double total = 0;
-        if (f->points > 0 && bundle_residuals(q, p, &camera, f, r)) {
+        if (f->points > 0 && gonio_bundle_residuals(q, p, &camera, f, r)) {
             for (int k = 0; k < 2 * f->points; k++) {
                 total += r[k] * r[k];
             }
@@ -158,14 +158,14 @@ static gonio_status fit_round(bundle *q, double *p, gonio_error *error) {
     do {
         again = false;
         for (int i = 0; i < q->n; i++) {
-            bundle_common_motion(q, p, &q->frames[i]);
+            gonio_bundle_common_motion(q, p, &q->frames[i]);
         }
         status = count_views(q, error);
         if (status == GONIO_OK) {
             status = minimise(q, p, error);
         }
         if (status == GONIO_OK) {
-            bundle_measure_noise(q, p);
+            gonio_bundle_measure_noise(q, p);
             measure_views(q, p);
             status = reject_worst(q, &again, error);
         }
@@ -176,7 +176,7 @@ static gonio_status fit_round(bundle *q, double *p, gonio_error *error) {
 // The sample's origin: where the camera's azimuth axis meets the board.
 static void take_origin(bundle *q, double *p, double origin[2]) {
     const double by[2] = {p[GONIO_CAMERA_AZIMUTH_AXIS + 2], p[GONIO_CAMERA_AZIMUTH_AXIS + 3]};
-    bundle_move_origin(q, by);
+    gonio_bundle_move_origin(q, by);
     for (int arm = 0; arm < 2; arm++) {
         double *azimuth = p + (arm == 0 ? GONIO_CAMERA_AZIMUTH_AXIS : GONIO_LIGHT_AZIMUTH_AXIS);
         double *tilt = p + (arm == 0 ? GONIO_CAMERA_TILT_AXIS : GONIO_LIGHT_TILT_AXIS);
@@ -204,7 +204,7 @@ static gonio_status find_covariance(bundle *q, const double *p, double *out, gon
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the covariance");
     }
     double *normal = j + m * (n + 2), scale[BUNDLE_PARAMETERS_MAX];
-    bundle_jacobian(q, p, j, j + m * n);
+    gonio_bundle_jacobian(q, p, j, j + m * n);
     for (size_t a = 0; a < n; a++) {
         scale[a] = 0;
         for (size_t i = 0; i < m; i++) {
@@ -243,7 +243,7 @@ static const int first_of_axis[4] = {GONIO_LIGHT_TILT_AXIS, GONIO_LIGHT_AZIMUTH_
 
 static void describe(const bundle *q, const gonio_alignment *a, const double origin[2], gonio_rig_report *report) {
     *report = (gonio_rig_report){0};
-    bundle_mean_noise(q, report->noise_px);
+    gonio_bundle_mean_noise(q, report->noise_px);
     for (int axis = 0; axis < 4; axis++) {
         const int k = first_of_axis[axis];
         report->tilt_deg[axis] = gonio_degrees(atan(hypot(a->value[k], a->value[k + 1])));
@@ -299,7 +299,7 @@ gonio_status gonio_rig_calibrate(const gonio_camera_info *camera, const gonio_ri
         return gonio_fail(error, GONIO_E_USAGE, "%d views, a ball of %g mm radius", n, options->ball_radius_mm);
     }
     start(&q, camera, options, p);
-    gonio_status status = bundle_frames_make(&q, n, views, origin, error);
+    gonio_status status = gonio_bundle_frames_make(&q, n, views, origin, error);
     for (int round = 0; status == GONIO_OK && round < ROUNDS; round++) {
         status = fit_round(&q, p, error);
         if (status == GONIO_OK && round + 1 < ROUNDS) {
@@ -315,6 +315,6 @@ gonio_status gonio_rig_calibrate(const gonio_camera_info *camera, const gonio_ri
         out->known = true;
         describe(&q, out, origin, report);
     }
-    bundle_frames_free(&q);
+    gonio_bundle_frames_free(&q);
     return status;
 }

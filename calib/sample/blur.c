@@ -90,11 +90,11 @@ static blur_bias mean_over(const probe *p, double centre) {
     return (blur_bias){(here + there) / 2 / centre, hypot(higher, (here - there) / sqrt(2)) / centre};
 }
 
-blur_terms blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                   double centre) {
-    const geometry g = geometry_of_directions(facts, pair);
+blur_terms gonio_blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                         double centre) {
+    const geometry g = gonio_geometry_of_directions(facts, pair);
     const gonio_pair swapped = {pair->theta_o, pair->phi_o, pair->theta_i, pair->phi_i};
-    const geometry turned = geometry_of_directions(facts, &swapped); // its right and up are the light arm's
+    const geometry turned = gonio_geometry_of_directions(facts, &swapped); // its right and up are the light arm's
     blur_terms terms = {0};
     probe p = {.g = &g, .model = model, .channel = channel};
     if (!facts->sphere && facts->region_radius_mm > 0) {
@@ -133,9 +133,9 @@ static double correct(const blur_bias *b, double misfit, double *factor) {
     return u * u + kept * kept;
 }
 
-void blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                  double centre, double measured, slope_terms *terms) {
-    const blur_terms b = blur_of(facts, model, channel, pair, centre);
+void gonio_blur_correct(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+                        double centre, double measured, slope_terms *terms) {
+    const blur_terms b = gonio_blur_of(facts, model, channel, pair, centre);
     const double expected = centre * (1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias);
     const double misfit = fmin(fabs(measured / expected - 1), 1);
     double area = 1, blur = 1;
@@ -163,7 +163,7 @@ static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, 
         const double value = gonio_model_eval_channel(model, gonio_direction(p->theta_i, p->phi_i),
                                                       gonio_direction(p->theta_o, p->phi_o), 0);
         if (value > 0) {
-            const blur_terms b = blur_of(facts, model, 0, p, value);
+            const blur_terms b = gonio_blur_of(facts, model, 0, p, value);
             bias[n++] = fabs((1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias) - 1);
         }
     }

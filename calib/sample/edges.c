@@ -37,7 +37,7 @@ static bool beyond(const gonio_rig_facts *facts, const double half[2]) {
 
 int gonio_calib_edges(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_pair *pose,
                       char text[256]) {
-    const gonio_pair pair = geometry_pair(facts, pose);
+    const gonio_pair pair = gonio_geometry_pair(facts, pose);
     double region[2], spot[2];
     int flags = 0;
     text[0] = '\0';

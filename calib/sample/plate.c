@@ -27,7 +27,7 @@ typedef struct disc_sums {
 static void add_pixel(const gonio_calib *calib, size_t p, int n, const gonio_exposure *exposures, const double *scale,
                       const geometry_hit *hit, double area, disc_sums *sums) {
     merge_result merged;
-    pixel_merge(calib, p, n, exposures, scale, &merged);
+    gonio_pixel_merge(calib, p, n, exposures, scale, &merged);
     if (merged.used == 0) {
         sums->invalid++;
         sums->saturated += merged.saturated;
@@ -43,8 +43,8 @@ static void add_pixel(const gonio_calib *calib, size_t p, int n, const gonio_exp
     for (int j = 0; j < n; j++) {
         sums->frame[j] += a * merged.weight[j] * calib->flat[p] * scale[j] * merged.value;
     }
-    const sensitivity s = sensitivity_of(calib, n, exposures, scale, &merged);
-    sums->dark += a2 * dark_variance(calib, &s);
+    const sensitivity s = gonio_sensitivity_of(calib, n, exposures, scale, &merged);
+    sums->dark += a2 * gonio_dark_variance(calib, &s);
     sums->stray += a2 * s.stray * s.stray * calib->stray_variance;
     sums->removed += a * s.stray * calib->stray[p];
     sums->irradiance += area * hit->irradiance;
@@ -64,8 +64,8 @@ static void disc_estimate(const gonio_calib *calib, int n, const gonio_exposure 
     const double irradiance = sums->irradiance / sums->area;
     u->stray_random = removed * removed;
     u->stray = sums->stray / a2 + removed * removed +
-               glare_variance(calib, *value * irradiance, surroundings) / (irradiance * irradiance);
-    uncertainty_common(calib, n, exposures, *value, u);
+               gonio_glare_variance(calib, *value * irradiance, surroundings) / (irradiance * irradiance);
+    gonio_uncertainty_common(calib, n, exposures, *value, u);
 }
 
 static gonio_status check_disc(const gonio_calib *calib, const gonio_exposure *first, const disc_sums *sums,
@@ -126,9 +126,10 @@ static gonio_status check_edges(const gonio_calib *calib, const gonio_pair *pose
     return gonio_fail_frame(error, GONIO_E_RANGE, first->frame.stamp.pose, first->frame.stamp.frame, "%s", text);
 }
 
-gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                            estimate_sink sink, void *context, gonio_error *error) {
-    const gonio_pair pair = geometry_pair(&calib->facts, pose);
+gonio_status gonio_plate_estimate(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                  const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                  gonio_error *error) {
+    const gonio_pair pair = gonio_geometry_pair(&calib->facts, pose);
     gonio_status status = check_incidence(calib, &pair, &exposures[0], error);
     if (status != GONIO_OK) {
         return status;
@@ -137,7 +138,7 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
     if (status != GONIO_OK) {
         return status;
     }
-    const geometry g = geometry_of_pose(&calib->facts, pose);
+    const geometry g = gonio_geometry_of_pose(&calib->facts, pose);
     disc_sums sums[3] = {0};
     double scale[MERGE_MAX];
     for (int j = 0; j < n; j++) {
@@ -146,7 +147,7 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
     for (size_t p = 0; p < calib->pixels; p++) {
         geometry_hit hit;
         double footprint;
-        if (pixel_used(calib, &g, p, &hit, &footprint)) {
+        if (gonio_pixel_used(calib, &g, p, &hit, &footprint)) {
             add_pixel(calib, p, n, exposures, scale, &hit, footprint, &sums[calib->channel[p]]);
         }
     }
@@ -156,7 +157,7 @@ gonio_status plate_estimate(const gonio_calib *calib, const gonio_pair *pose, in
     }
     estimate e = {.pair = pair};
     double surroundings[3];
-    stray_surroundings(calib, n, exposures, scale, surroundings);
+    gonio_stray_surroundings(calib, n, exposures, scale, surroundings);
     for (int k = 0; k < calib->channels; k++) {
         disc_estimate(calib, n, exposures, &sums[k], surroundings[k], &e.value[k], &e.variance[k]);
     }

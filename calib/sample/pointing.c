@@ -47,8 +47,8 @@ static double alignment_variance(const gonio_rig_facts *facts, const gonio_pair 
     return fmax(variance, 0);
 }
 
-slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
-                           double measured) {
+slope_terms gonio_slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel,
+                                 const gonio_pair *pair, double measured) {
     const double value = model_at(model, gonio_direction(pair->theta_i, pair->phi_i),
                                   gonio_direction(pair->theta_o, pair->phi_o), channel);
     const double floor = fmax(value, VALUE_MIN);
@@ -64,7 +64,7 @@ slope_terms slope_terms_of(const gonio_rig_facts *facts, const gonio_model *mode
                  with_reference = own + reference_slope(facts, gonio_radians(GONIO_REFERENCE_THETA_I_DEG));
     slope_terms terms = {.factor = 1};
     if (value > VALUE_MIN) {
-        blur_correct(facts, model, channel, pair, value, measured, &terms);
+        gonio_blur_correct(facts, model, channel, pair, value, measured, &terms);
     }
     if (facts->sphere) {
         const double s = sin(pair->theta_i), across = s > 1e-3 ? d[1] / s : d[0];
@@ -91,7 +91,8 @@ gonio_status gonio_calib_pointing(const gonio_rig_facts *facts, const gonio_mode
     const size_t c = (size_t)samples->channels;
     for (size_t i = 0; i < samples->n; i++) {
         for (size_t k = 0; k < c; k++) {
-            const slope_terms s = slope_terms_of(facts, model, (int)k, &samples->pairs[i], samples->values[i * c + k]);
+            const slope_terms s =
+                gonio_slope_terms_of(facts, model, (int)k, &samples->pairs[i], samples->values[i * c + k]);
             const double value = fabs(samples->values[i * c + k]);
             samples->values[i * c + k] *= s.factor;
             double *random = &samples->sigma_random[i * c + k], *systematic = &samples->sigma_systematic[i * c + k];

@@ -22,11 +22,11 @@ typedef struct pixel_sums {
 static bool add_pixel(const sphere_frame *f, size_t p, uncertainty *u, pixel_sums *sums) {
     const gonio_calib *calib = f->calib;
     geometry_hit hit;
-    if (!pixel_used(calib, &f->g, p, &hit, NULL)) {
+    if (!gonio_pixel_used(calib, &f->g, p, &hit, NULL)) {
         return false;
     }
     merge_result merged;
-    pixel_merge(calib, p, f->n, f->exposures, f->scale, &merged);
+    gonio_pixel_merge(calib, p, f->n, f->exposures, f->scale, &merged);
     if (merged.used == 0) {
         return false;
     }
@@ -34,13 +34,13 @@ static bool add_pixel(const sphere_frame *f, size_t p, uncertainty *u, pixel_sum
     for (int j = 0; j < f->n; j++) {
         sums->frame[j] += merged.weight[j] * calib->flat[p] * f->scale[j] * v;
     }
-    const sensitivity s = sensitivity_of(calib, f->n, f->exposures, f->scale, &merged);
+    const sensitivity s = gonio_sensitivity_of(calib, f->n, f->exposures, f->scale, &merged);
     sums->value += v;
     sums->removed += a * s.stray * calib->stray[p];
     sums->irradiance += hit.irradiance;
     u->photon += a * a * merged.photon_variance;
     // The maps' errors vary from pixel to pixel, hence from sample to sample: with the read noise, not systematic.
-    u->read += a * a * (merged.read_variance + dark_variance(calib, &s)) + v * v * calib->flat_variance[p];
+    u->read += a * a * (merged.read_variance + gonio_dark_variance(calib, &s)) + v * v * calib->flat_variance[p];
     u->stray_random += a * a * s.stray * s.stray * calib->stray_variance;
     return true;
 }
@@ -64,10 +64,10 @@ static bool block_estimate(const sphere_frame *f, int column, int row, int side,
         y += calib->ray[2 * p + 1] / (double)(side * side);
     }
     geometry_hit hit;
-    if (!geometry_sphere(&f->g, x, y, calib->facts.sphere_radius_mm, &hit)) {
+    if (!gonio_geometry_sphere(&f->g, x, y, calib->facts.sphere_radius_mm, &hit)) {
         return false;
     }
-    e->pair = geometry_isotropic_pair(&hit);
+    e->pair = gonio_geometry_isotropic_pair(&hit);
     for (int k = 0; k < calib->channels; k++) {
         const double m = count[k];
         e->value[k] = sums[k].value / m;
@@ -80,20 +80,21 @@ static bool block_estimate(const sphere_frame *f, int column, int row, int side,
         }
         const double removed = calib->facts.stray_variation * sums[k].removed / m, irradiance = sums[k].irradiance / m;
         u->stray_random = u->stray_random / (m * m) + removed * removed;
-        u->stray = removed * removed +
-                   glare_variance(calib, e->value[k] * irradiance, f->surroundings[k]) / (irradiance * irradiance);
-        uncertainty_common(calib, f->n, f->exposures, e->value[k], u);
+        u->stray = removed * removed + gonio_glare_variance(calib, e->value[k] * irradiance, f->surroundings[k]) /
+                                           (irradiance * irradiance);
+        gonio_uncertainty_common(calib, f->n, f->exposures, e->value[k], u);
     }
     return true;
 }
 
-gonio_status sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n, const gonio_exposure *exposures,
-                             estimate_sink sink, void *context, gonio_error *error) {
-    sphere_frame f = {.calib = calib, .g = geometry_of_pose(&calib->facts, pose), .n = n, .exposures = exposures};
+gonio_status gonio_sphere_estimate(const gonio_calib *calib, const gonio_pair *pose, int n,
+                                   const gonio_exposure *exposures, estimate_sink sink, void *context,
+                                   gonio_error *error) {
+    sphere_frame f = {.calib = calib, .g = gonio_geometry_of_pose(&calib->facts, pose), .n = n, .exposures = exposures};
     for (int j = 0; j < n; j++) {
         f.scale[j] = exposure_scale(calib, exposures[j].frame.exposure_s, exposures[j].monitor);
     }
-    stray_surroundings(calib, n, exposures, f.scale, f.surroundings);
+    gonio_stray_surroundings(calib, n, exposures, f.scale, f.surroundings);
     const int side = calib->channels == 1 ? 1 : 2;
     size_t made = 0;
     for (int row = 0; row + side <= calib->window.height; row += side) {

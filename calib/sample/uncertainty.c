@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value,
-                        uncertainty *u) {
+void gonio_uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *exposures, double value,
+                              uncertainty *u) {
     const gonio_rig_facts *facts = &calib->facts;
     const double v2 = value * value;
     const double random = gonio_radians(facts->pointing_random_deg) * reference_slope(facts, calib->reference_theta_i);
@@ -21,8 +21,10 @@ void uncertainty_common(const gonio_calib *calib, int n, const gonio_exposure *e
     u->drift = v2 * (measured ? calib->monitor_reference_variance : bound * bound);
 }
 
-double uncertainty_random(const uncertainty *u) { return sqrt(u->photon + u->read + u->monitor + u->stray_random); }
+double gonio_uncertainty_random(const uncertainty *u) {
+    return sqrt(u->photon + u->read + u->monitor + u->stray_random);
+}
 
-double uncertainty_systematic(const uncertainty *u) {
+double gonio_uncertainty_systematic(const uncertainty *u) {
     return sqrt(u->dark + u->flat + u->reference + u->drift + u->stray + u->alignment);
 }

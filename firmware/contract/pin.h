@@ -9,21 +9,21 @@
 struct fw_core;
 
 // Stop the step timer and take all step outputs low. Any.
-void fw_board_halt_steps(struct fw_core *core);
+void gonio_fw_board_halt_steps(struct fw_core *core);
 // Direction outputs, bit n: level of axis n. Main loop, between moves.
-void fw_board_directions(struct fw_core *core, uint8_t levels);
+void gonio_fw_board_directions(struct fw_core *core, uint8_t levels);
 // Motor enables, bit n: axis n energised. Any.
-void fw_board_motors(struct fw_core *core, uint8_t axes);
+void gonio_fw_board_motors(struct fw_core *core, uint8_t axes);
 // Raw levels of the contacts, bit n as regmap.def numbers them. Any.
-uint16_t fw_board_inputs(struct fw_core *core);
-// Have the input interrupt, which calls fw_interlock_input with fw_board_inputs, run as if a contact had changed.
-// Main loop. The interrupt also comes at every change of a contact, and nothing preempts it.
-void fw_board_inputs_pend(struct fw_core *core);
+uint16_t gonio_fw_board_inputs(struct fw_core *core);
+// Have the input interrupt, which calls gonio_fw_interlock_input with gonio_fw_board_inputs, run as if a contact had
+// changed. Main loop. The interrupt also comes at every change of a contact, and nothing preempts it.
+void gonio_fw_board_inputs_pend(struct fw_core *core);
 // Shutter. Any.
-void fw_board_shutter(struct fw_core *core, bool open);
+void gonio_fw_board_shutter(struct fw_core *core, bool open);
 // Lamp drive in 0.01 %. Any.
-void fw_board_lamp(struct fw_core *core, uint16_t level);
+void gonio_fw_board_lamp(struct fw_core *core, uint16_t level);
 // Camera trigger output. Main loop.
-void fw_board_trigger(struct fw_core *core, bool high);
+void gonio_fw_board_trigger(struct fw_core *core, bool high);
 
 #endif

@@ -11,10 +11,10 @@ struct fw_core;
 enum { FW_STORE_SLOTS = 2, FW_STORE_WORDS = 256 };
 
 // The 256 words of a page; valid for ever.
-const uint32_t *fw_board_store_page(struct fw_core *core, unsigned slot);
+const uint32_t *gonio_fw_board_store_page(struct fw_core *core, unsigned slot);
 // Set all words of the page to 0xFFFFFFFF; false: it did not work.
-bool fw_board_store_erase(struct fw_core *core, unsigned slot);
+bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot);
 // Program one word; false: it did not work.
-bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word);
+bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word);
 
 #endif

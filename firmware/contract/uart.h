@@ -1,5 +1,5 @@
-// What a board provides to the core: the line. The receiver's interrupt hands each byte to fw_modbus_receive with the
-// tick at which its stop bit ended.
+// What a board provides to the core: the line. The receiver's interrupt hands each byte to gonio_fw_modbus_receive with
+// the tick at which its stop bit ended.
 #ifndef FW_CONTRACT_UART_H
 #define FW_CONTRACT_UART_H
 
@@ -9,12 +9,12 @@
 struct fw_core;
 
 // 8 data bits, no parity, 1 stop bit. Main loop, at start.
-void fw_board_uart_setup(struct fw_core *core, uint32_t baud);
+void gonio_fw_board_uart_setup(struct fw_core *core, uint32_t baud);
 // Give one byte to the transmitter; false: it is full, try later. Main loop.
-bool fw_board_uart_send(struct fw_core *core, uint8_t byte);
+bool gonio_fw_board_uart_send(struct fw_core *core, uint8_t byte);
 // Whether the last stop bit has left. Main loop.
-bool fw_board_uart_sent(struct fw_core *core);
+bool gonio_fw_board_uart_sent(struct fw_core *core);
 // RS-485: drive the line (true) or listen. Main loop.
-void fw_board_uart_drive(struct fw_core *core, bool on);
+void gonio_fw_board_uart_drive(struct fw_core *core, bool on);
 
 #endif

@@ -33,11 +33,11 @@ static uint32_t energise(struct fw_core *core, uint8_t axes) {
     core->axis.energised = before | axes;
     if (core->axis.energised == before)
         return 0;
-    fw_board_motors(core, core->axis.energised);
+    gonio_fw_board_motors(core, core->axis.energised);
     return core->registers.energise[0] * 1000u;
 }
 
-bool fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]) {
+bool gonio_fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]) {
     const uint32_t lead = 200; // ticks: directions must stand before the first step, and the timer be armed
     uint32_t distance[FW_AXES];
     uint8_t up = 0, down = 0;
@@ -51,24 +51,24 @@ bool fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint3
     struct fw_ramp *ramp = &core->axis.ramp[core->axis.current];
     if ((up | down) != 0) {
         const struct fw_ramp_limits limits = limits_of(core, distance, speed);
-        if (!fw_ramp_plan(ramp, &limits))
+        if (!gonio_fw_ramp_plan(ramp, &limits))
             return false;
     }
     core->axis.under_way = true;
     if ((up | down) == 0)
         return true; // comes to rest with the next poll
     const uint32_t wait = energise(core, up | down);
-    fw_board_directions(core, (uint8_t)(up ^ core->registers.direction_invert[0]));
-    fw_board_lock(core);
-    fw_stepgen_prepare(&core->step, ramp, distance, down, (uint8_t)core->registers.pulse[0]);
+    gonio_fw_board_directions(core, (uint8_t)(up ^ core->registers.direction_invert[0]));
+    gonio_fw_board_lock(core);
+    gonio_fw_stepgen_prepare(&core->step, ramp, distance, down, (uint8_t)core->registers.pulse[0]);
     core->axis.up = up;
     core->axis.down = down;
-    fw_stepgen_start(&core->step, fw_board_now(core) + wait + lead);
-    fw_board_step_arm(core);
-    fw_board_unlock(core);
+    gonio_fw_stepgen_start(&core->step, gonio_fw_board_now(core) + wait + lead);
+    gonio_fw_board_step_arm(core);
+    gonio_fw_board_unlock(core);
     if (core->interlock.estop) // pressed, and perhaps let go, since the command was checked
-        fw_axis_halt(core, true);
-    fw_board_inputs_pend(core); // a limit switch may be active already
+        gonio_fw_axis_halt(core, true);
+    gonio_fw_board_inputs_pend(core); // a limit switch may be active already
     return true;
 }
 
@@ -87,7 +87,7 @@ static int64_t approach_point(const struct fw_core *core, unsigned axis, int64_t
     return target;
 }
 
-double fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]) {
+double gonio_fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]) {
     double seconds = 0.0;
     uint32_t approach[FW_AXES], rest[FW_AXES];
     uint32_t moved = 0, left = 0;
@@ -98,11 +98,11 @@ double fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], 
     }
     if (moved != 0) {
         const struct fw_ramp_limits limits = limits_of(core, approach, core->registers.speed_max);
-        seconds = fw_ramp_least_seconds(&limits);
+        seconds = gonio_fw_ramp_least_seconds(&limits);
     }
     if (left != 0) {
         const struct fw_ramp_limits limits = limits_of(core, rest, core->registers.speed_max);
-        seconds += fw_ramp_least_seconds(&limits);
+        seconds += gonio_fw_ramp_least_seconds(&limits);
     }
     return seconds;
 }
@@ -128,7 +128,7 @@ static enum fw_refusal check(const struct fw_core *core, unsigned axis, int64_t 
 static bool begin_leg(struct fw_core *core, bool final) {
     int64_t position[FW_AXES], way[FW_AXES] = {0};
     uint32_t speed[FW_AXES];
-    fw_axis_positions(core, position);
+    gonio_fw_axis_positions(core, position);
     bool overshoots = false;
     for (unsigned i = 0; i < FW_AXES; i++) {
         speed[i] = (uint32_t)(((uint64_t)core->registers.speed_max[i] * core->axis.permille + 999) / 1000);
@@ -140,12 +140,12 @@ static bool begin_leg(struct fw_core *core, bool final) {
         way[i] = to - position[i];
     }
     core->axis.final_leg = final || !overshoots;
-    return fw_axis_begin(core, way, speed);
+    return gonio_fw_axis_begin(core, way, speed);
 }
 
-enum fw_refusal fw_axis_move(struct fw_core *core) {
+enum fw_refusal gonio_fw_axis_move(struct fw_core *core) {
     int64_t position[FW_AXES];
-    fw_axis_positions(core, position);
+    gonio_fw_axis_positions(core, position);
     const unsigned axes = core->registers.command_axes[0];
     if (axes == 0)
         return FW_REFUSAL_NO_AXIS;
@@ -165,7 +165,7 @@ enum fw_refusal fw_axis_move(struct fw_core *core) {
     return FW_REFUSAL_NONE;
 }
 
-void fw_axis_continue(struct fw_core *core, bool came_to_rest) {
+void gonio_fw_axis_continue(struct fw_core *core, bool came_to_rest) {
     if (came_to_rest) {
         if (!core->axis.final_leg) {
             begin_leg(core, true); // no further than the leg before: it cannot take too long
@@ -180,10 +180,10 @@ void fw_axis_continue(struct fw_core *core, bool came_to_rest) {
     core->state = FW_STATE_IDLE;
     core->registers.finished_id[0] = core->registers.accepted_id[0];
     if (core->registers.trigger_auto[0] != 0)
-        fw_lamp_trigger(core);
+        gonio_fw_lamp_trigger(core);
 }
 
-void fw_axis_stop(struct fw_core *core) {
+void gonio_fw_axis_stop(struct fw_core *core) {
     struct fw_axis *axis = &core->axis;
     struct fw_stepgen *g = &core->step;
     if (!g->running)
@@ -192,60 +192,60 @@ void fw_axis_stop(struct fw_core *core) {
     // Planning takes a while, in which the producer goes on: aim some segments ahead, further if that was too few.
     for (uint32_t ahead = 4;; ahead *= 2) {
         const uint32_t cut = (g->time + ahead) & ~1u;
-        fw_ramp_cut(spare, &axis->ramp[axis->current], cut);
-        fw_board_lock(core);
+        gonio_fw_ramp_cut(spare, &axis->ramp[axis->current], cut);
+        gonio_fw_board_lock(core);
         const bool in_time = g->time <= cut;
         if (in_time)
             g->ramp = spare;
-        fw_board_unlock(core);
+        gonio_fw_board_unlock(core);
         if (in_time)
             break;
     }
     axis->current ^= 1;
 }
 
-void fw_axis_halt(struct fw_core *core, bool lost) {
+void gonio_fw_axis_halt(struct fw_core *core, bool lost) {
     if (!core->step.running)
         return;
     core->step.running = false;
-    fw_board_halt_steps(core);
+    gonio_fw_board_halt_steps(core);
     core->axis.lost = core->axis.lost || lost;
     core->axis.halted = true;
 }
 
-bool fw_axis_poll(struct fw_core *core) {
+bool gonio_fw_axis_poll(struct fw_core *core) {
     struct fw_axis *axis = &core->axis;
     if (!axis->under_way || core->step.running)
         return false;
     if (core->step.underrun) {
         core->step.underrun = false;
         axis->halted = axis->lost = true;
-        fw_interlock_alarm(core, FW_ALARM_UNDERRUN, FW_NO_AXIS, true);
+        gonio_fw_interlock_alarm(core, FW_ALARM_UNDERRUN, FW_NO_AXIS, true);
     }
-    fw_board_lock(core);
+    gonio_fw_board_lock(core);
     if (axis->halted) {
-        fw_board_halt_steps(core); // the step interrupt may have been in the middle of it
-        fw_stepgen_abort(&core->step);
+        gonio_fw_board_halt_steps(core); // the step interrupt may have been in the middle of it
+        gonio_fw_stepgen_abort(&core->step);
         if (axis->lost)
             core->known &= (uint16_t) ~(unsigned)(axis->up | axis->down);
     }
-    fw_stepgen_book(&core->step);
-    fw_board_unlock(core);
+    gonio_fw_stepgen_book(&core->step);
+    gonio_fw_board_unlock(core);
     axis->halted = axis->lost = false;
     axis->up = axis->down = 0;
     axis->under_way = false;
     return true;
 }
 
-void fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]) {
-    fw_board_lock(core);
+void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]) {
+    gonio_fw_board_lock(core);
     for (unsigned i = 0; i < FW_AXES; i++)
         position[i] = core->step.position[i];
-    fw_board_unlock(core);
+    gonio_fw_board_unlock(core);
 }
 
-void fw_axis_release(struct fw_core *core, uint8_t axes) {
+void gonio_fw_axis_release(struct fw_core *core, uint8_t axes) {
     core->axis.energised &= (uint8_t)~axes;
     core->known &= (uint16_t) ~(unsigned)axes;
-    fw_board_motors(core, core->axis.energised);
+    gonio_fw_board_motors(core, core->axis.energised);
 }

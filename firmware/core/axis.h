@@ -15,9 +15,9 @@ struct fw_axis {
     struct fw_ramp ramp[2];    // the one followed, and the one that cuts it short
     uint8_t current;           // of ramp
     uint8_t energised;         // axis bits
-    bool under_way;            // between fw_axis_begin and the end seen by fw_axis_poll
+    bool under_way;            // between gonio_fw_axis_begin and the end seen by gonio_fw_axis_poll
     volatile uint8_t up, down; // axes that move, by direction; for the input interrupt
-    volatile bool halted;      // by fw_axis_halt, not yet accounted for
+    volatile bool halted;      // by gonio_fw_axis_halt, not yet accounted for
     volatile bool lost;        // that halt leaves positions unknown
     int64_t target[FW_AXES];   // of the standing MOVE, as it was when accepted
     uint16_t axes, permille;   // of it
@@ -28,24 +28,24 @@ struct fw_axis {
 
 // Begin a straight move by `way` steps at the given speeds (steps/s); at rest only. Ways must be below 2^31.
 // False: it would take more than 38 hours; nothing happens.
-bool fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]);
+bool gonio_fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]);
 // The MOVE command, checked; begins it.
-enum fw_refusal fw_axis_move(struct fw_core *core);
+enum fw_refusal gonio_fw_axis_move(struct fw_core *core);
 // Decelerate to rest; nothing when at rest.
-void fw_axis_stop(struct fw_core *core);
+void gonio_fw_axis_stop(struct fw_core *core);
 // Stop at once. lost: the motors may have slipped, so that the positions of the moving axes become unknown. Callable
 // in interrupts.
-void fw_axis_halt(struct fw_core *core, bool lost);
+void gonio_fw_axis_halt(struct fw_core *core, bool lost);
 // Bookkeeping after moves and halts; main loop. Returns true when a movement just came to rest.
-bool fw_axis_poll(struct fw_core *core);
+bool gonio_fw_axis_poll(struct fw_core *core);
 // Go on with a MOVE that came to rest: second leg, settling, done. Main loop, in state MOVING.
-void fw_axis_continue(struct fw_core *core, bool came_to_rest);
+void gonio_fw_axis_continue(struct fw_core *core, bool came_to_rest);
 // Current positions, booked up to the last segment left. Main loop.
-void fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
+void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
 // Seconds that a MOVE of all axes at full speed takes from rest at `from`, by the limits alone: what rounding to
 // segments and waiting add is left out. For simulators; ways below 2^31.
-double fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]);
+double gonio_fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]);
 // Switch motors off; their positions become unknown. Callable in interrupts.
-void fw_axis_release(struct fw_core *core, uint8_t axes);
+void gonio_fw_axis_release(struct fw_core *core, uint8_t axes);
 
 #endif

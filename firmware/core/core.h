@@ -1,9 +1,10 @@
 // The controller: all its state, and how a board, a test or a simulator runs it.
 //
-// A board has one struct fw_core in static memory (zeroed). It calls fw_core_init once, fw_core_poll for ever, and from
-// its interrupts fw_interlock_input, the step interrupt of contract/tick.h, fw_modbus_receive and fw_stepgen_produce. A
-// simulator does the same with a clock of its own: board/posix/machine.h runs the core from event to event in simulated
-// time. Nothing here allocates, blocks, or uses floating point in what interrupts call.
+// A board has one struct fw_core in static memory (zeroed). It calls gonio_fw_core_init once, gonio_fw_core_poll for
+// ever, and from its interrupts gonio_fw_interlock_input, the step interrupt of contract/tick.h,
+// gonio_fw_modbus_receive and gonio_fw_stepgen_produce. A simulator does the same with a clock of its own:
+// board/posix/machine.h runs the core from event to event in simulated time. Nothing here allocates, blocks, or uses
+// floating point in what interrupts call.
 #ifndef FW_CORE_H
 #define FW_CORE_H
 
@@ -41,20 +42,20 @@ enum { FW_WATCHDOG_MS = 500 };
 
 // board: value of register board. cause: why it starts. Loads the parameters, makes the outputs safe, starts the
 // watchdog.
-void fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause cause);
+void gonio_fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause cause);
 // One turn of the main loop; at least every millisecond. Never blocks.
-void fw_core_poll(struct fw_core *core);
+void gonio_fw_core_poll(struct fw_core *core);
 
 // ---- for the modules ----
-enum fw_refusal fw_core_command(struct fw_core *core, uint16_t command);
-enum fw_refusal fw_core_self_test(struct fw_core *core, uint16_t key);
+enum fw_refusal gonio_fw_core_command(struct fw_core *core, uint16_t command);
+enum fw_refusal gonio_fw_core_self_test(struct fw_core *core, uint16_t key);
 // Bring the read-only registers up to date.
-void fw_core_refresh(struct fw_core *core);
+void gonio_fw_core_refresh(struct fw_core *core);
 // Parameters were written or loaded.
-void fw_core_parameters_changed(struct fw_core *core);
+void gonio_fw_core_parameters_changed(struct fw_core *core);
 // Whether nothing moves and no homing is under way: parameters may change.
-bool fw_core_at_rest(const struct fw_core *core);
+bool gonio_fw_core_at_rest(const struct fw_core *core);
 // Why a command that starts something must not, as far as the state goes.
-enum fw_refusal fw_core_ready(const struct fw_core *core);
+enum fw_refusal gonio_fw_core_ready(const struct fw_core *core);
 
 #endif

@@ -3,7 +3,7 @@
 #include "firmware/core/core.h"
 
 static void fail(struct fw_core *core, enum fw_alarm alarm) {
-    fw_interlock_alarm(core, alarm, core->homing.axis, false);
+    gonio_fw_interlock_alarm(core, alarm, core->homing.axis, false);
 }
 
 static bool pressed(const struct fw_core *core) { return (core->interlock.active >> core->homing.axis & 1) != 0; }
@@ -16,7 +16,7 @@ static void go(struct fw_core *core, int64_t steps, uint32_t speed, enum fw_homi
     way[axis] = core->registers.home_up[axis] != 0 ? steps : -steps;
     speeds[axis] = speed;
     core->homing.phase = (uint8_t)phase;
-    if (!fw_axis_begin(core, way, speeds)) // home_travel at home_fast would take days
+    if (!gonio_fw_axis_begin(core, way, speeds)) // home_travel at home_fast would take days
         fail(core, FW_ALARM_HOME_MISSING);
 }
 
@@ -67,7 +67,7 @@ static void next_axis(struct fw_core *core) {
     }
 }
 
-enum fw_refusal fw_homing_begin(struct fw_core *core) {
+enum fw_refusal gonio_fw_homing_begin(struct fw_core *core) {
     const uint8_t axes = (uint8_t)core->registers.command_axes[0];
     if (axes == 0)
         return FW_REFUSAL_NO_AXIS;
@@ -78,7 +78,7 @@ enum fw_refusal fw_homing_begin(struct fw_core *core) {
     return FW_REFUSAL_NONE;
 }
 
-void fw_homing_abandon(struct fw_core *core) {
+void gonio_fw_homing_abandon(struct fw_core *core) {
     core->homing.left = 0;
     core->homing.armed = 0;
     core->homing.phase = FW_HOMING_NONE;
@@ -162,7 +162,7 @@ static void arrived(struct fw_core *core) {
     }
 }
 
-void fw_homing_poll(struct fw_core *core, bool came_to_rest) {
+void gonio_fw_homing_poll(struct fw_core *core, bool came_to_rest) {
     if (came_to_rest) {
         arrived(core);
         return;
@@ -174,16 +174,16 @@ void fw_homing_poll(struct fw_core *core, bool came_to_rest) {
     case FW_HOMING_RELEASE:
         if (!pressed(core)) {
             core->homing.phase = FW_HOMING_RELEASED;
-            fw_axis_stop(core);
+            gonio_fw_axis_stop(core);
         }
         break;
     case FW_HOMING_FAST:
         if (pressed(core)) {
             int64_t position[FW_AXES];
-            fw_axis_positions(core, position);
+            gonio_fw_axis_positions(core, position);
             core->homing.seen = position[core->homing.axis];
             core->homing.phase = FW_HOMING_OVERSHOOT;
-            fw_axis_stop(core);
+            gonio_fw_axis_stop(core);
         }
         break;
     case FW_HOMING_HOLD:

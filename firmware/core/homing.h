@@ -33,10 +33,10 @@ struct fw_homing {
 };
 
 // The HOME command, checked; begins it.
-enum fw_refusal fw_homing_begin(struct fw_core *core);
+enum fw_refusal gonio_fw_homing_begin(struct fw_core *core);
 // Main loop, in state HOMING. came_to_rest: a movement just ended.
-void fw_homing_poll(struct fw_core *core, bool came_to_rest);
+void gonio_fw_homing_poll(struct fw_core *core, bool came_to_rest);
 // Forget it; the axes keep what they had reached.
-void fw_homing_abandon(struct fw_core *core);
+void gonio_fw_homing_abandon(struct fw_core *core);
 
 #endif

@@ -8,50 +8,50 @@ static bool active(const struct fw_core *core, enum fw_contact contact) {
     return (core->interlock.active >> contact & 1) != 0;
 }
 
-void fw_interlock_safe(struct fw_core *core) {
-    fw_lamp_safe(core);
-    fw_axis_release(core, (uint8_t)(core->axis.energised & ~(unsigned)core->registers.safe_motors[0]));
+void gonio_fw_interlock_safe(struct fw_core *core) {
+    gonio_fw_lamp_safe(core);
+    gonio_fw_axis_release(core, (uint8_t)(core->axis.energised & ~(unsigned)core->registers.safe_motors[0]));
 }
 
 static uint16_t active_of(const struct fw_core *core, uint16_t raw) {
     return (uint16_t)((raw ^ core->registers.input_invert[0]) & core->registers.input_enable[0]);
 }
 
-bool fw_interlock_differs(struct fw_core *core) {
-    return active_of(core, fw_board_inputs(core)) != core->interlock.active;
+bool gonio_fw_interlock_differs(struct fw_core *core) {
+    return active_of(core, gonio_fw_board_inputs(core)) != core->interlock.active;
 }
 
-void fw_interlock_input(struct fw_core *core, uint16_t raw) {
+void gonio_fw_interlock_input(struct fw_core *core, uint16_t raw) {
     struct fw_interlock *interlock = &core->interlock;
     const uint16_t now = active_of(core, raw);
     const uint16_t changed = now ^ interlock->active;
     interlock->active = now;
     if ((now >> FW_CONTACT_estop & 1) != 0) {
-        fw_axis_halt(core, true);
+        gonio_fw_axis_halt(core, true);
         if (!interlock->estop)
-            fw_interlock_safe(core);
+            gonio_fw_interlock_safe(core);
         interlock->estop = true;
     }
     const unsigned onto =
         now & ((unsigned)core->axis.down << FW_CONTACT_limit_min_0 | (unsigned)core->axis.up << FW_CONTACT_limit_max_0);
     if (onto != 0) {
-        fw_axis_halt(core, true);
+        gonio_fw_axis_halt(core, true);
         interlock->limit = (uint16_t)(interlock->limit | onto);
     }
     if ((changed & core->homing.armed) != 0) {
         core->homing.edges++;
         if ((now & core->homing.armed) != 0)
-            fw_axis_halt(core, false);
+            gonio_fw_axis_halt(core, false);
     }
 }
 
-void fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigned axis, bool halt) {
+void gonio_fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigned axis, bool halt) {
     if (halt)
-        fw_axis_halt(core, true);
+        gonio_fw_axis_halt(core, true);
     else
-        fw_axis_stop(core);
-    fw_homing_abandon(core);
-    fw_lamp_safe(core); // the motors follow when they stand
+        gonio_fw_axis_stop(core);
+    gonio_fw_homing_abandon(core);
+    gonio_fw_lamp_safe(core); // the motors follow when they stand
     core->axis.settling = false;
     if (core->state != FW_STATE_ALARM && core->state != FW_STATE_ESTOP) {
         core->registers.alarm[0] = (uint16_t)alarm;
@@ -69,14 +69,14 @@ static void poll_limits(struct fw_core *core) {
     core->interlock.limit = 0;
     const unsigned bit = (unsigned)__builtin_ctz(limit);
     const bool low = bit < FW_CONTACT_limit_max_0;
-    fw_interlock_alarm(core, low ? FW_ALARM_LIMIT_MIN : FW_ALARM_LIMIT_MAX,
-                       bit - (low ? FW_CONTACT_limit_min_0 : FW_CONTACT_limit_max_0), true);
+    gonio_fw_interlock_alarm(core, low ? FW_ALARM_LIMIT_MIN : FW_ALARM_LIMIT_MAX,
+                             bit - (low ? FW_CONTACT_limit_min_0 : FW_CONTACT_limit_max_0), true);
 }
 
 static void poll_deadman(struct fw_core *core) {
     const uint32_t limit = core->registers.deadman[0];
     if (limit != 0 && core->interlock.listening && core->ms - core->interlock.heard > limit)
-        fw_interlock_alarm(core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
+        gonio_fw_interlock_alarm(core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
 }
 
 static void poll_lamp_temperature(struct fw_core *core) {
@@ -84,28 +84,28 @@ static void poll_lamp_temperature(struct fw_core *core) {
         return;
     const int32_t temperature = core->registers.temperature[0];
     if (temperature == FW_NO_TEMPERATURE)
-        fw_interlock_alarm(core, FW_ALARM_SENSOR, FW_NO_AXIS, false);
+        gonio_fw_interlock_alarm(core, FW_ALARM_SENSOR, FW_NO_AXIS, false);
     else if (temperature > core->registers.temperature_max[0])
-        fw_interlock_alarm(core, FW_ALARM_OVERHEAT, FW_NO_AXIS, false);
+        gonio_fw_interlock_alarm(core, FW_ALARM_OVERHEAT, FW_NO_AXIS, false);
 }
 
-void fw_interlock_poll(struct fw_core *core) {
+void gonio_fw_interlock_poll(struct fw_core *core) {
     if (core->interlock.estop) {
-        fw_interlock_alarm(core, FW_ALARM_EMERGENCY, FW_NO_AXIS, true);
-        fw_interlock_safe(core); // again: the interrupt may have come in the middle of switching something on
+        gonio_fw_interlock_alarm(core, FW_ALARM_EMERGENCY, FW_NO_AXIS, true);
+        gonio_fw_interlock_safe(core); // again: the interrupt may have come in the middle of switching something on
         core->interlock.estop = active(core, FW_CONTACT_estop);
     }
     poll_limits(core);
     if (core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP) {
         if (!core->axis.under_way && (core->axis.energised & ~(unsigned)core->registers.safe_motors[0]) != 0)
-            fw_interlock_safe(core);
+            gonio_fw_interlock_safe(core);
         return;
     }
     poll_deadman(core);
     poll_lamp_temperature(core);
     const bool exposed = core->state != FW_STATE_IDLE || core->lamp.on || core->lamp.open;
     if (active(core, FW_CONTACT_door) && exposed)
-        fw_interlock_alarm(core, FW_ALARM_DOOR, FW_NO_AXIS, false);
+        gonio_fw_interlock_alarm(core, FW_ALARM_DOOR, FW_NO_AXIS, false);
 }
 
 // Whether what raised the alarm is still so.
@@ -123,10 +123,10 @@ static bool persists(const struct fw_core *core) {
     }
 }
 
-enum fw_refusal fw_interlock_clear(struct fw_core *core) {
+enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core) {
     if (core->state == FW_STATE_IDLE)
         return FW_REFUSAL_NONE;
-    if (!fw_core_at_rest(core))
+    if (!gonio_fw_core_at_rest(core))
         return FW_REFUSAL_BUSY;
     if (active(core, FW_CONTACT_estop) || core->interlock.estop || persists(core))
         return FW_REFUSAL_ACTIVE;
@@ -136,9 +136,9 @@ enum fw_refusal fw_interlock_clear(struct fw_core *core) {
     return FW_REFUSAL_NONE;
 }
 
-void fw_interlock_fault(struct fw_core *core) {
-    fw_board_halt_steps(core);
-    fw_board_lamp(core, 0);
-    fw_board_shutter(core, false);
-    fw_board_motors(core, 0);
+void gonio_fw_interlock_fault(struct fw_core *core) {
+    gonio_fw_board_halt_steps(core);
+    gonio_fw_board_lamp(core, 0);
+    gonio_fw_board_shutter(core, false);
+    gonio_fw_board_motors(core, 0);
 }

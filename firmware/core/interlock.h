@@ -20,19 +20,19 @@ struct fw_interlock {
 };
 
 // From the input interrupt: react to the contacts' raw levels, in the interrupt, before anything else.
-void fw_interlock_input(struct fw_core *core, uint16_t raw);
+void gonio_fw_interlock_input(struct fw_core *core, uint16_t raw);
 // Whether the contacts are otherwise than the last interrupt found them. Main loop.
-bool fw_interlock_differs(struct fw_core *core);
+bool gonio_fw_interlock_differs(struct fw_core *core);
 // Main loop.
-void fw_interlock_poll(struct fw_core *core);
+void gonio_fw_interlock_poll(struct fw_core *core);
 // Stop (decelerating, or at once), make safe and latch the alarm. Main loop.
-void fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigned axis, bool halt);
+void gonio_fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigned axis, bool halt);
 // Lamp, shutter and motors to their configured safe state. Any.
-void fw_interlock_safe(struct fw_core *core);
+void gonio_fw_interlock_safe(struct fw_core *core);
 // The CLEAR command.
-enum fw_refusal fw_interlock_clear(struct fw_core *core);
+enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core);
 // For the processor fault handler: step outputs, lamp, shutter and all motors off, whatever is configured, trusting
 // nothing in memory.
-void fw_interlock_fault(struct fw_core *core);
+void gonio_fw_interlock_fault(struct fw_core *core);
 
 #endif

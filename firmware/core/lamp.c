@@ -14,11 +14,11 @@ static bool alarmed(const struct fw_core *core) {
 static void put(struct fw_core *core, uint32_t drive) {
     core->lamp.drive = drive;
     core->lamp.output = (uint16_t)(drive >> DRIVE_BITS);
-    fw_board_lamp(core, core->lamp.output);
+    gonio_fw_board_lamp(core, core->lamp.output);
 }
 
-bool fw_lamp_switch(struct fw_core *core, bool on) {
-    if (on && fw_core_ready(core) != FW_REFUSAL_NONE && fw_core_ready(core) != FW_REFUSAL_BUSY)
+bool gonio_fw_lamp_switch(struct fw_core *core, bool on) {
+    if (on && gonio_fw_core_ready(core) != FW_REFUSAL_NONE && gonio_fw_core_ready(core) != FW_REFUSAL_BUSY)
         return false;
     if (on && !core->lamp.on)
         core->lamp.state = FW_LAMP_RISING;
@@ -26,34 +26,34 @@ bool fw_lamp_switch(struct fw_core *core, bool on) {
     return true;
 }
 
-bool fw_lamp_shutter(struct fw_core *core, bool open) {
-    if (open && fw_core_ready(core) != FW_REFUSAL_NONE && fw_core_ready(core) != FW_REFUSAL_BUSY)
+bool gonio_fw_lamp_shutter(struct fw_core *core, bool open) {
+    if (open && gonio_fw_core_ready(core) != FW_REFUSAL_NONE && gonio_fw_core_ready(core) != FW_REFUSAL_BUSY)
         return false;
     core->lamp.open = open;
-    fw_board_shutter(core, open);
+    gonio_fw_board_shutter(core, open);
     return true;
 }
 
-void fw_lamp_safe(struct fw_core *core) {
+void gonio_fw_lamp_safe(struct fw_core *core) {
     struct fw_lamp *lamp = &core->lamp;
     const uint32_t most = (uint32_t)core->registers.safe_lamp[0] << DRIVE_BITS;
     lamp->on = lamp->open = false;
     lamp->state = FW_LAMP_SAFE;
-    fw_board_shutter(core, false);
+    gonio_fw_board_shutter(core, false);
     put(core, lamp->drive < most ? lamp->drive : most);
 }
 
-void fw_lamp_trigger(struct fw_core *core) {
+void gonio_fw_lamp_trigger(struct fw_core *core) {
     core->lamp.pulsing = true;
     core->lamp.pulse_since = core->ms;
     core->registers.trigger_count[0]++;
-    fw_board_trigger(core, true);
+    gonio_fw_board_trigger(core, true);
 }
 
 static void poll_drive(struct fw_core *core) {
     struct fw_lamp *lamp = &core->lamp;
     if (alarmed(core))
-        return; // as fw_lamp_safe left it
+        return; // as gonio_fw_lamp_safe left it
     if (!lamp->on) {
         lamp->state = FW_LAMP_OFF;
         if (lamp->drive != 0)
@@ -80,7 +80,7 @@ static void poll_monitor(struct fw_core *core) {
     struct fw_lamp *lamp = &core->lamp;
     if (lamp->readings == 0)
         lamp->first_us = core->time_us;
-    lamp->sum += fw_board_photodiode(core);
+    lamp->sum += gonio_fw_board_photodiode(core);
     lamp->readings++;
     if (lamp->readings < core->registers.monitor_average[0])
         return;
@@ -90,13 +90,13 @@ static void poll_monitor(struct fw_core *core) {
     lamp->readings = 0;
 }
 
-void fw_lamp_poll(struct fw_core *core) {
+void gonio_fw_lamp_poll(struct fw_core *core) {
     struct fw_lamp *lamp = &core->lamp;
-    core->registers.temperature[0] = fw_board_temperature(core);
+    core->registers.temperature[0] = gonio_fw_board_temperature(core);
     poll_drive(core);
     poll_monitor(core);
     if (lamp->pulsing && core->ms - lamp->pulse_since >= core->registers.trigger_pulse[0]) {
         lamp->pulsing = false;
-        fw_board_trigger(core, false);
+        gonio_fw_board_trigger(core, false);
     }
 }

@@ -21,13 +21,13 @@ struct fw_lamp {
 };
 
 // Switch on or off; refused (false) unless the machine is free of alarms. Off is never refused.
-bool fw_lamp_switch(struct fw_core *core, bool on);
-bool fw_lamp_shutter(struct fw_core *core, bool open);
+bool gonio_fw_lamp_switch(struct fw_core *core, bool on);
+bool gonio_fw_lamp_shutter(struct fw_core *core, bool open);
 // Begin a camera trigger pulse.
-void fw_lamp_trigger(struct fw_core *core);
+void gonio_fw_lamp_trigger(struct fw_core *core);
 // Drive to safe_lamp, shutter closed. Any.
-void fw_lamp_safe(struct fw_core *core);
+void gonio_fw_lamp_safe(struct fw_core *core);
 // Once a millisecond, from the main loop.
-void fw_lamp_poll(struct fw_core *core);
+void gonio_fw_lamp_poll(struct fw_core *core);
 
 #endif

@@ -52,8 +52,8 @@ static unsigned coils(const struct fw_core *core) {
 }
 
 static enum fw_exception set_coil(struct fw_core *core, unsigned coil, bool on) {
-    const bool done = coil == FW_COIL_lamp ? fw_lamp_switch(core, on) : fw_lamp_shutter(core, on);
-    core->registers.refusal[0] = (uint16_t)(done ? FW_REFUSAL_NONE : fw_core_ready(core));
+    const bool done = coil == FW_COIL_lamp ? gonio_fw_lamp_switch(core, on) : gonio_fw_lamp_shutter(core, on);
+    core->registers.refusal[0] = (uint16_t)(done ? FW_REFUSAL_NONE : gonio_fw_core_ready(core));
     return done ? FW_EXCEPTION_NONE : FW_EXCEPTION_FAILURE;
 }
 
@@ -105,7 +105,7 @@ static enum fw_exception write_coils(struct request *r) {
 
 static enum fw_exception read_registers(struct request *r, unsigned address, unsigned count) {
     uint16_t *words = r->core->modbus.words;
-    const enum fw_exception exception = fw_registers_read(r->core, (uint16_t)address, (uint16_t)count, words);
+    const enum fw_exception exception = gonio_fw_registers_read(r->core, (uint16_t)address, (uint16_t)count, words);
     if (exception != FW_EXCEPTION_NONE)
         return exception;
     r->reply[0] = (uint8_t)(2 * count);
@@ -119,7 +119,7 @@ static enum fw_exception write_registers(struct request *r, unsigned address, un
     uint16_t *words = r->core->modbus.words;
     for (unsigned i = 0; i < count; i++)
         words[i] = (uint16_t)word_at(bytes + 2 * i);
-    return fw_registers_write(r->core, (uint16_t)address, (uint16_t)count, words);
+    return gonio_fw_registers_write(r->core, (uint16_t)address, (uint16_t)count, words);
 }
 
 static enum fw_exception read_holding(struct request *r) {
@@ -153,12 +153,12 @@ static enum fw_exception mask_write(struct request *r) {
         return FW_EXCEPTION_VALUE;
     const unsigned address = word_at(r->data), and_mask = word_at(r->data + 2), or_mask = word_at(r->data + 4);
     uint16_t word;
-    const enum fw_exception exception = fw_registers_read(r->core, (uint16_t)address, 1, &word);
+    const enum fw_exception exception = gonio_fw_registers_read(r->core, (uint16_t)address, 1, &word);
     if (exception != FW_EXCEPTION_NONE)
         return exception;
     word = (uint16_t)((word & and_mask) | (or_mask & ~and_mask)); // AP 6.16
     echo(r, 6);
-    return fw_registers_write(r->core, (uint16_t)address, 1, &word);
+    return gonio_fw_registers_write(r->core, (uint16_t)address, 1, &word);
 }
 
 static enum fw_exception read_write(struct request *r) {
@@ -169,7 +169,7 @@ static enum fw_exception read_write(struct request *r) {
     if (wanted == 0 || wanted > READ_MAX || count == 0 || count > READ_WRITE_MAX || bytes != 2 * count ||
         r->length != 9 + bytes)
         return FW_EXCEPTION_VALUE;
-    enum fw_exception exception = fw_registers_readable(r->core, (uint16_t)from, (uint16_t)wanted);
+    enum fw_exception exception = gonio_fw_registers_readable(r->core, (uint16_t)from, (uint16_t)wanted);
     if (exception == FW_EXCEPTION_NONE)
         exception = write_registers(r, to, count, r->data + 9);
     return exception != FW_EXCEPTION_NONE ? exception : read_registers(r, from, wanted);
@@ -293,7 +293,7 @@ static enum fw_exception serve(struct request *r, unsigned function) {
     }
 }
 
-size_t fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply) {
+size_t gonio_fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply) {
     struct fw_modbus *modbus = &core->modbus;
     if (length == 0 || length > FW_PDU_MAX)
         return 0;
@@ -325,7 +325,7 @@ size_t fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length
 
 // ---- RTU framing (SL 2.5.1) ----
 
-uint16_t fw_modbus_crc(const uint8_t *bytes, size_t length) { // SL 6.2.2
+uint16_t gonio_fw_modbus_crc(const uint8_t *bytes, size_t length) { // SL 6.2.2
     unsigned crc = 0xFFFF;
     for (; length > 0; length--) {
         crc ^= *bytes++;
@@ -335,19 +335,19 @@ uint16_t fw_modbus_crc(const uint8_t *bytes, size_t length) { // SL 6.2.2
     return (uint16_t)crc;
 }
 
-void fw_modbus_setup(struct fw_core *core, uint32_t baud) {
+void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud) {
     struct fw_modbus *modbus = &core->modbus;
     const uint32_t half = 11 * (FW_TICK_HZ / 2); // a character is 11 bits long (SL 2.5.1); here in half bits
     modbus->character = (2 * half + baud - 1) / baud;
     // SL 2.5.1.1: fixed above 19200 baud.
     modbus->gap = baud > 19200 ? 750 : (3 * half + baud - 1) / baud;
     modbus->silence = baud > 19200 ? 1750 : (7 * half + baud - 1) / baud;
-    modbus->last = fw_board_now(core);
-    fw_board_uart_setup(core, baud);
-    fw_board_uart_drive(core, false);
+    modbus->last = gonio_fw_board_now(core);
+    gonio_fw_board_uart_setup(core, baud);
+    gonio_fw_board_uart_drive(core, false);
 }
 
-void fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now) {
+void gonio_fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now) {
     struct fw_modbus *modbus = &core->modbus;
     // From stop bit to start bit; the byte that just ended took a character itself.
     const uint32_t since = now - modbus->last, idle = since > modbus->character ? since - modbus->character : 0;
@@ -374,7 +374,7 @@ static void serve_frame(struct fw_core *core) {
     const size_t length = modbus->length;
     const uint8_t *frame = modbus->frame, unit = frame[0];
     if (modbus->bad || length < SHORTEST ||
-        fw_modbus_crc(frame, length - CRC_BYTES) != (frame[length - 2] | (unsigned)frame[length - 1] << 8)) {
+        gonio_fw_modbus_crc(frame, length - CRC_BYTES) != (frame[length - 2] | (unsigned)frame[length - 1] << 8)) {
         modbus->counter[FW_COUNT_ERRORS]++;
         return;
     }
@@ -382,35 +382,35 @@ static void serve_frame(struct fw_core *core) {
     if (unit != BROADCAST && unit != core->registers.slave_address[0])
         return;
     modbus->counter[FW_COUNT_OWN]++;
-    const size_t reply = fw_modbus_pdu(core, frame + 1, length - 1 - CRC_BYTES, modbus->reply + 1);
+    const size_t reply = gonio_fw_modbus_pdu(core, frame + 1, length - 1 - CRC_BYTES, modbus->reply + 1);
     if (unit == BROADCAST && reply != 0)
         modbus->counter[FW_COUNT_SILENT]++;
     if (unit == BROADCAST || reply == 0)
         return;
     modbus->reply[0] = unit;
-    const uint16_t crc = fw_modbus_crc(modbus->reply, reply + 1);
+    const uint16_t crc = gonio_fw_modbus_crc(modbus->reply, reply + 1);
     modbus->reply[reply + 1] = (uint8_t)crc;
     modbus->reply[reply + 2] = (uint8_t)(crc >> 8);
     modbus->reply_length = (uint16_t)(reply + 3);
     modbus->reply_sent = 0;
     modbus->sending = true;
-    fw_board_uart_drive(core, true);
+    gonio_fw_board_uart_drive(core, true);
 }
 
 static void send(struct fw_core *core) {
     struct fw_modbus *modbus = &core->modbus;
     while (modbus->reply_sent < modbus->reply_length) {
-        if (!fw_board_uart_send(core, modbus->reply[modbus->reply_sent]))
+        if (!gonio_fw_board_uart_send(core, modbus->reply[modbus->reply_sent]))
             return;
         modbus->reply_sent++;
     }
-    if (!fw_board_uart_sent(core))
+    if (!gonio_fw_board_uart_sent(core))
         return;
-    fw_board_uart_drive(core, false);
+    gonio_fw_board_uart_drive(core, false);
     modbus->sending = false;
 }
 
-void fw_modbus_poll(struct fw_core *core) {
+void gonio_fw_modbus_poll(struct fw_core *core) {
     struct fw_modbus *modbus = &core->modbus;
     if (modbus->sending) {
         send(core);
@@ -420,7 +420,7 @@ void fw_modbus_poll(struct fw_core *core) {
         return;
     // The last byte's time before the clock: a byte between the two then counts as no silence, not as a long one.
     const uint32_t last = modbus->last;
-    if (!modbus->taken && fw_board_now(core) - last < modbus->silence)
+    if (!modbus->taken && gonio_fw_board_now(core) - last < modbus->silence)
         return;
     modbus->taken = true;
     serve_frame(core);

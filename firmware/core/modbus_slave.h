@@ -43,14 +43,14 @@ struct fw_modbus {
     uint16_t words[125];
 };
 
-void fw_modbus_setup(struct fw_core *core, uint32_t baud);
+void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud);
 // A byte has come; `now` is the tick at which its stop bit ended. From the receiver's interrupt.
-void fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now);
+void gonio_fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now);
 // Main loop.
-void fw_modbus_poll(struct fw_core *core);
+void gonio_fw_modbus_poll(struct fw_core *core);
 // Carry out one PDU (function code and data) and write the reply's PDU; returns its length, 0: no reply. For boards
 // that have a framing of their own (Modbus TCP). reply has room for FW_PDU_MAX bytes.
-size_t fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply);
-uint16_t fw_modbus_crc(const uint8_t *bytes, size_t length);
+size_t gonio_fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply);
+uint16_t gonio_fw_modbus_crc(const uint8_t *bytes, size_t length);
 
 #endif

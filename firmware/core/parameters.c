@@ -33,7 +33,7 @@ static bool valid(const uint32_t *page) {
 
 // The slot that counts; FW_STORE_SLOTS: none. Sequence numbers wrap.
 static unsigned newest(struct fw_core *core) {
-    const uint32_t *a = fw_board_store_page(core, 0), *b = fw_board_store_page(core, 1);
+    const uint32_t *a = gonio_fw_board_store_page(core, 0), *b = gonio_fw_board_store_page(core, 1);
     const bool a_valid = valid(a), b_valid = valid(b);
     if (a_valid && b_valid)
         return (int32_t)(a[SEQUENCE_AT] - b[SEQUENCE_AT]) > 0 ? 0 : 1;
@@ -60,7 +60,7 @@ static bool read_word(void *context, uint16_t *word) {
 }
 
 static bool put(struct cursor *c, unsigned index, uint32_t word) {
-    return fw_board_store_program(c->core, c->slot, index, word) && c->page[index] == word;
+    return gonio_fw_board_store_program(c->core, c->slot, index, word) && c->page[index] == word;
 }
 
 static bool write_word(void *context, uint16_t *word) {
@@ -73,28 +73,28 @@ static bool write_word(void *context, uint16_t *word) {
     return put(c, PAYLOAD_AT + at / 2, c->pair | (uint32_t)*word << 16);
 }
 
-bool fw_parameters_load(struct fw_core *core) {
+bool gonio_fw_parameters_load(struct fw_core *core) {
     const unsigned slot = newest(core);
     core->registers.store_slot[0] = 0;
     if (slot == FW_STORE_SLOTS)
         return false;
-    struct cursor c = {.core = core, .page = fw_board_store_page(core, slot), .slot = slot};
+    struct cursor c = {.core = core, .page = gonio_fw_board_store_page(core, slot), .slot = slot};
     // A table with more parameters than the slot holds: the rest keep their initial values.
-    fw_registers_initialise(core, true);
-    fw_registers_walk(core, read_word, &c);
-    if (!fw_registers_valid(core)) { // of another table
-        fw_registers_initialise(core, true);
+    gonio_fw_registers_initialise(core, true);
+    gonio_fw_registers_walk(core, read_word, &c);
+    if (!gonio_fw_registers_valid(core)) { // of another table
+        gonio_fw_registers_initialise(core, true);
         return false;
     }
     core->registers.store_slot[0] = (uint16_t)(slot + 1);
     return true;
 }
 
-bool fw_parameters_save(struct fw_core *core) {
+bool gonio_fw_parameters_save(struct fw_core *core) {
     const unsigned old = newest(core), slot = old == 0 ? 1 : 0;
-    const uint32_t sequence = old == FW_STORE_SLOTS ? 1 : fw_board_store_page(core, old)[SEQUENCE_AT] + 1;
-    struct cursor c = {.core = core, .page = fw_board_store_page(core, slot), .slot = slot};
-    if (!fw_board_store_erase(core, slot) || !fw_registers_walk(core, write_word, &c))
+    const uint32_t sequence = old == FW_STORE_SLOTS ? 1 : gonio_fw_board_store_page(core, old)[SEQUENCE_AT] + 1;
+    struct cursor c = {.core = core, .page = gonio_fw_board_store_page(core, slot), .slot = slot};
+    if (!gonio_fw_board_store_erase(core, slot) || !gonio_fw_registers_walk(core, write_word, &c))
         return false;
     if (c.words % 2 != 0 && !put(&c, PAYLOAD_AT + c.words / 2, c.pair | 0xFFFF0000u))
         return false;

@@ -7,8 +7,8 @@
 struct fw_core;
 
 // Take the newest valid slot; false: none is, nothing changed.
-bool fw_parameters_load(struct fw_core *core);
+bool gonio_fw_parameters_load(struct fw_core *core);
 // Write the other slot; false: flash did not take it, the older slot stands.
-bool fw_parameters_save(struct fw_core *core);
+bool gonio_fw_parameters_save(struct fw_core *core);
 
 #endif

@@ -91,11 +91,11 @@ static struct shape shape_of(const struct fw_ramp_limits *limits) {
 
 static double length_of(struct shape shape) { return 4.0 * shape.tj + 2.0 * shape.ta + shape.tv; }
 
-double fw_ramp_least_seconds(const struct fw_ramp_limits *limits) {
+double gonio_fw_ramp_least_seconds(const struct fw_ramp_limits *limits) {
     return length_of(shape_of(limits)) * ((double)FW_SEGMENT_TICKS / FW_TICK_HZ);
 }
 
-bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
+bool gonio_fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
     const double longest = 536870912.0; // 2^29, so that half segments, twice as many, fit well into 32 bits
     const struct shape shape = shape_of(limits);
     if (length_of(shape) > longest)
@@ -110,7 +110,7 @@ bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits) {
     return true;
 }
 
-void fw_ramp_cut(struct fw_ramp *result, const struct fw_ramp *ramp, uint32_t time) {
+void gonio_fw_ramp_cut(struct fw_ramp *result, const struct fw_ramp *ramp, uint32_t time) {
     const uint32_t at = time / 2, tj = ramp->jerk_segments, ta = ramp->acceleration_segments;
     *result = *ramp;
     if (at >= 2 * tj + ta + ramp->cruise_segments)
@@ -155,7 +155,7 @@ static uint64_t rising(const struct fw_ramp *ramp, uint32_t time) {
     return (multiply_high(sum, x) << 1) + phase->start;
 }
 
-uint64_t fw_ramp_at(const struct fw_ramp *ramp, uint32_t time) {
+uint64_t gonio_fw_ramp_at(const struct fw_ramp *ramp, uint32_t time) {
     if (time >= ramp->duration)
         return ramp->end;
     const uint32_t mirrored = ramp->duration - time;
@@ -164,6 +164,6 @@ uint64_t fw_ramp_at(const struct fw_ramp *ramp, uint32_t time) {
     return rising(ramp, time);
 }
 
-double fw_ramp_seconds(const struct fw_ramp *ramp) {
+double gonio_fw_ramp_seconds(const struct fw_ramp *ramp) {
     return (double)ramp->duration * (0.5 * FW_SEGMENT_TICKS / FW_TICK_HZ);
 }

@@ -41,15 +41,15 @@ struct fw_ramp_limits {
 };
 
 // Plan the fastest ramp within the limits (all > 0 but jerk >= 0). False: it would take more than 38 hours.
-bool fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits);
+bool gonio_fw_ramp_plan(struct fw_ramp *ramp, const struct fw_ramp_limits *limits);
 // Plan the earliest end within the same limits for a ramp that is followed up to `time` (half segments, even). The
 // result equals `ramp` up to that time at least.
-void fw_ramp_cut(struct fw_ramp *result, const struct fw_ramp *ramp, uint32_t time);
+void gonio_fw_ramp_cut(struct fw_ramp *result, const struct fw_ramp *ramp, uint32_t time);
 // s at a time in half segments, 62 fraction bits; `end` from the duration on. Callable in interrupts.
-uint64_t fw_ramp_at(const struct fw_ramp *ramp, uint32_t time);
+uint64_t gonio_fw_ramp_at(const struct fw_ramp *ramp, uint32_t time);
 // Seconds from start to end.
-double fw_ramp_seconds(const struct fw_ramp *ramp);
+double gonio_fw_ramp_seconds(const struct fw_ramp *ramp);
 // Seconds that the limits alone would take, phases not rounded up.
-double fw_ramp_least_seconds(const struct fw_ramp_limits *limits);
+double gonio_fw_ramp_least_seconds(const struct fw_ramp_limits *limits);
 
 #endif

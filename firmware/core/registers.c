@@ -87,14 +87,14 @@ static int64_t words_to_value(const struct descriptor *d, const uint16_t *words)
     return d->type == TYPE_i32 ? (int32_t)(uint32_t)value : (int64_t)value;
 }
 
-void fw_registers_initialise(struct fw_core *core, bool parameters_only) {
+void gonio_fw_registers_initialise(struct fw_core *core, bool parameters_only) {
     for (const struct descriptor *d = table; d < table + TABLE; d++)
         for (unsigned i = 0; i < d->count; i++)
             if (!parameters_only || d->access == ACCESS_P)
                 store(core, d, i, d->initial);
 }
 
-enum fw_exception fw_registers_readable(const struct fw_core *core, uint16_t address, uint16_t count) {
+enum fw_exception gonio_fw_registers_readable(const struct fw_core *core, uint16_t address, uint16_t count) {
     (void)core;
     for (unsigned at = address, end = (unsigned)address + count; at < end;) {
         const struct descriptor *d = find(at);
@@ -105,11 +105,11 @@ enum fw_exception fw_registers_readable(const struct fw_core *core, uint16_t add
     return FW_EXCEPTION_NONE;
 }
 
-enum fw_exception fw_registers_read(struct fw_core *core, uint16_t address, uint16_t count, uint16_t *words) {
-    const enum fw_exception exception = fw_registers_readable(core, address, count);
+enum fw_exception gonio_fw_registers_read(struct fw_core *core, uint16_t address, uint16_t count, uint16_t *words) {
+    const enum fw_exception exception = gonio_fw_registers_readable(core, address, count);
     if (exception != FW_EXCEPTION_NONE)
         return exception;
-    fw_core_refresh(core);
+    gonio_fw_core_refresh(core);
     for (unsigned at = address, end = (unsigned)address + count; at < end;) {
         const struct descriptor *d = find(at);
         value_to_words((uint64_t)load(core, d, (at - d->address) / words_of(d)), words_of(d), words);
@@ -126,7 +126,7 @@ static enum fw_exception writable(struct fw_core *core, unsigned address, unsign
             return FW_EXCEPTION_ADDRESS;
         if (!in_range(d, words_to_value(d, words)))
             return FW_EXCEPTION_VALUE;
-        if (d->access == ACCESS_P && !fw_core_at_rest(core)) {
+        if (d->access == ACCESS_P && !gonio_fw_core_at_rest(core)) {
             core->registers.refusal[0] = FW_REFUSAL_BUSY;
             return FW_EXCEPTION_BUSY;
         }
@@ -138,7 +138,7 @@ static enum fw_exception writable(struct fw_core *core, unsigned address, unsign
 
 static enum fw_exception act(struct fw_core *core, const struct descriptor *d, uint16_t value) {
     const enum fw_refusal refusal =
-        d->address == FW_REGISTER_command ? fw_core_command(core, value) : fw_core_self_test(core, value);
+        d->address == FW_REGISTER_command ? gonio_fw_core_command(core, value) : gonio_fw_core_self_test(core, value);
     core->registers.refusal[0] = (uint16_t)refusal;
     if (refusal == FW_REFUSAL_NONE)
         return FW_EXCEPTION_NONE;
@@ -147,7 +147,8 @@ static enum fw_exception act(struct fw_core *core, const struct descriptor *d, u
     return refusal == FW_REFUSAL_BUSY ? FW_EXCEPTION_BUSY : FW_EXCEPTION_FAILURE;
 }
 
-enum fw_exception fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count, const uint16_t *words) {
+enum fw_exception gonio_fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count,
+                                           const uint16_t *words) {
     const unsigned end = (unsigned)address + count;
     enum fw_exception exception = writable(core, address, end, words);
     if (exception != FW_EXCEPTION_NONE)
@@ -163,11 +164,11 @@ enum fw_exception fw_registers_write(struct fw_core *core, uint16_t address, uin
         words += words_of(d);
     }
     if (parameters)
-        fw_core_parameters_changed(core);
+        gonio_fw_core_parameters_changed(core);
     return exception;
 }
 
-bool fw_registers_walk(struct fw_core *core, bool (*visit)(void *context, uint16_t *word), void *context) {
+bool gonio_fw_registers_walk(struct fw_core *core, bool (*visit)(void *context, uint16_t *word), void *context) {
     for (const struct descriptor *d = table; d < table + TABLE; d++)
         for (unsigned i = 0; d->access == ACCESS_P && i < d->count; i++) {
             uint16_t words[4];
@@ -180,7 +181,7 @@ bool fw_registers_walk(struct fw_core *core, bool (*visit)(void *context, uint16
     return true;
 }
 
-bool fw_registers_valid(const struct fw_core *core) {
+bool gonio_fw_registers_valid(const struct fw_core *core) {
     for (const struct descriptor *d = table; d < table + TABLE; d++)
         for (unsigned i = 0; d->access == ACCESS_P && i < d->count; i++)
             if (!in_range(d, load((struct fw_core *)(uintptr_t)core, d, i)))

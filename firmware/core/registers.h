@@ -27,16 +27,17 @@ enum fw_exception {
 };
 
 // Every register to its initial value; parameters only, or all.
-void fw_registers_initialise(struct fw_core *core, bool parameters_only);
+void gonio_fw_registers_initialise(struct fw_core *core, bool parameters_only);
 // Read `count` words from `address`; values in a gap of the table, or half a value at an end, are an address error.
-enum fw_exception fw_registers_read(struct fw_core *core, uint16_t address, uint16_t count, uint16_t *words);
+enum fw_exception gonio_fw_registers_read(struct fw_core *core, uint16_t address, uint16_t count, uint16_t *words);
 // Whether such a read would succeed.
-enum fw_exception fw_registers_readable(const struct fw_core *core, uint16_t address, uint16_t count);
+enum fw_exception gonio_fw_registers_readable(const struct fw_core *core, uint16_t address, uint16_t count);
 // Check the whole write, then carry it out: nothing is changed unless all of it is right. A command acts last.
-enum fw_exception fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count, const uint16_t *words);
+enum fw_exception gonio_fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count,
+                                           const uint16_t *words);
 // Call `visit` for each word of each parameter, in address order; false from it ends the walk and is returned.
-bool fw_registers_walk(struct fw_core *core, bool (*visit)(void *context, uint16_t *word), void *context);
+bool gonio_fw_registers_walk(struct fw_core *core, bool (*visit)(void *context, uint16_t *word), void *context);
 // Whether every parameter is within its range.
-bool fw_registers_valid(const struct fw_core *core);
+bool gonio_fw_registers_valid(const struct fw_core *core);
 
 #endif

@@ -204,7 +204,7 @@ static void produce_segment(struct fw_stepgen *g) {
         g->producing = false;
     } else {
         const struct fw_ramp *ramp = g->ramp;
-        const uint64_t middle_s = fw_ramp_at(ramp, g->time + 1), end_s = fw_ramp_at(ramp, g->time + 2);
+        const uint64_t middle_s = gonio_fw_ramp_at(ramp, g->time + 1), end_s = gonio_fw_ramp_at(ramp, g->time + 2);
         g->time += 2;
         for (unsigned axis = 0; axis < FW_AXES; axis++)
             if (g->distance[axis] != 0)
@@ -222,13 +222,13 @@ static void book_segment(struct fw_stepgen *g, struct fw_segment *segment) {
     }
 }
 
-void fw_stepgen_book(struct fw_stepgen *g) {
+void gonio_fw_stepgen_book(struct fw_stepgen *g) {
     for (unsigned i = 0; i < FW_SEGMENTS; i++)
         if (!g->segment[i].ready)
             book_segment(g, &g->segment[i]);
 }
 
-void fw_stepgen_produce(struct fw_stepgen *g) {
+void gonio_fw_stepgen_produce(struct fw_stepgen *g) {
     while (g->producing && !g->writing->ready) {
         book_segment(g, g->writing);
         produce_segment(g);
@@ -237,9 +237,9 @@ void fw_stepgen_produce(struct fw_stepgen *g) {
     }
 }
 
-void fw_stepgen_prepare(struct fw_stepgen *g, const struct fw_ramp *ramp, const uint32_t distance[FW_AXES],
-                        uint8_t down, uint8_t pulse) {
-    fw_stepgen_book(g); // in the old directions
+void gonio_fw_stepgen_prepare(struct fw_stepgen *g, const struct fw_ramp *ramp, const uint32_t distance[FW_AXES],
+                              uint8_t down, uint8_t pulse) {
+    gonio_fw_stepgen_book(g); // in the old directions
     g->ramp = ramp;
     g->down = down;
     g->pulse = pulse;
@@ -256,10 +256,10 @@ void fw_stepgen_prepare(struct fw_stepgen *g, const struct fw_ramp *ramp, const 
     g->underrun = g->draining = false;
     g->up.axes = g->later.axes = 0;
     g->producing = true;
-    fw_stepgen_produce(g);
+    gonio_fw_stepgen_produce(g);
 }
 
-void fw_stepgen_start(struct fw_stepgen *g, uint32_t start) {
+void gonio_fw_stepgen_start(struct fw_stepgen *g, uint32_t start) {
     // As if the other segment had just been left.
     g->due = start;
     g->reading = g->segment[0].other;
@@ -277,7 +277,7 @@ static void forget(struct fw_segment *segment, unsigned edges) {
             segment->steps[axis]--;
 }
 
-void fw_stepgen_abort(struct fw_stepgen *g) {
+void gonio_fw_stepgen_abort(struct fw_stepgen *g) {
     g->running = g->producing = false;
     forget(g->reading, g->edges); // found, not yet put out
     g->edges = 0;
@@ -289,5 +289,5 @@ void fw_stepgen_abort(struct fw_stepgen *g) {
         segment->ready = false;
     }
     g->up.axes = g->later.axes = 0;
-    fw_stepgen_book(g);
+    gonio_fw_stepgen_book(g);
 }

@@ -1,9 +1,9 @@
 // Step generator: from a ramp to the edges on the step outputs, each at its own tick.
 //
-// Two interrupts share the work. The producer (fw_stepgen_produce, low priority) works out a segment of 256 ticks ahead
-// in which tick each axis passes the middle between two steps, brings the edges of all axes into one order and writes
-// them down as a list of events. The consumer (fw_stepgen_next, in the board's step timer interrupt) only puts a byte
-// on the pins and takes the next event from the list: so edges one tick apart are still on time, however many axes
+// Two interrupts share the work. The producer (gonio_fw_stepgen_produce, low priority) works out a segment of 256 ticks
+// ahead in which tick each axis passes the middle between two steps, brings the edges of all axes into one order and
+// writes them down as a list of events. The consumer (fw_stepgen_next, in the board's step timer interrupt) only puts a
+// byte on the pins and takes the next event from the list: so edges one tick apart are still on time, however many axes
 // step. Per-axis interval queues would cost an interrupt an axis and delay each other.
 #ifndef FW_STEPGEN_H
 #define FW_STEPGEN_H
@@ -72,19 +72,19 @@ struct fw_stepgen {
 
 // Prepare a move of `distance` steps (absolute values) along `ramp`, axes in `down` counting down, pulses of at least
 // `pulse` (1 to 7) ticks. Two segments are worked out at once; the caller then sets the directions and calls
-// fw_stepgen_start. Not while running.
-void fw_stepgen_prepare(struct fw_stepgen *g, const struct fw_ramp *ramp, const uint32_t distance[FW_AXES],
-                        uint8_t down, uint8_t pulse);
+// gonio_fw_stepgen_start. Not while running.
+void gonio_fw_stepgen_prepare(struct fw_stepgen *g, const struct fw_ramp *ramp, const uint32_t distance[FW_AXES],
+                              uint8_t down, uint8_t pulse);
 // Let the prepared move begin at tick `start`; the first event is then due at g->due.
-void fw_stepgen_start(struct fw_stepgen *g, uint32_t start);
+void gonio_fw_stepgen_start(struct fw_stepgen *g, uint32_t start);
 // Work out the segments that are free; the board calls it from a low priority interrupt after fw_stepgen_next asked for
 // it.
-void fw_stepgen_produce(struct fw_stepgen *g);
+void gonio_fw_stepgen_produce(struct fw_stepgen *g);
 // Add the steps of segments that were left to the positions. Caller keeps the producer out.
-void fw_stepgen_book(struct fw_stepgen *g);
+void gonio_fw_stepgen_book(struct fw_stepgen *g);
 // After the board stopped the step timer: forget the edges that did not happen and book those that did. Caller keeps
 // the producer out.
-void fw_stepgen_abort(struct fw_stepgen *g);
+void gonio_fw_stepgen_abort(struct fw_stepgen *g);
 
 // What a caller of fw_stepgen_next has to do.
 enum fw_step_action {

@@ -13,8 +13,8 @@ import sys
 LEVELS = [["input_interrupt", "cortex_m_wrap", "supply_interrupt"], ["step_interrupt"], ["uart_interrupt"],
           ["cortex_m_produce"]]
 FRAME = 36
-# fw_registers_walk calls back one of two functions of its own choice.
-INDIRECT = {"fw_registers_walk": ["read_word", "write_word"]}
+# gonio_fw_registers_walk calls back one of two functions of its own choice.
+INDIRECT = {"gonio_fw_registers_walk": ["read_word", "write_word"]}
 # libgcc's, written in assembler: no usage is given; none pushes more than this.
 LIBRARY = 64
 

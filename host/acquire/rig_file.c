@@ -29,7 +29,7 @@ static gonio_status set_key(builder *b, const char *section, const char *key, co
         return GONIO_OK;
     }
     bool known, shared;
-    gonio_status status = rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
+    gonio_status status = gonio_rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
     if (known) {
         return status;
     }
@@ -54,7 +54,7 @@ static gonio_status set_key(builder *b, const char *section, const char *key, co
         gonio_sim_keys(section, list + used, sizeof list - used);
         used = strlen(list);
     }
-    rig_keys_list(b->sim != NULL, section, list + used, sizeof list - used);
+    gonio_rig_keys_list(b->sim != NULL, section, list + used, sizeof list - used);
     return list[0] != 0 ? gonio_fail(error, GONIO_E_INPUT, "unknown key [%.60s] %.60s; there are%s", section, key, list)
                         : gonio_fail(error, GONIO_E_INPUT, "unknown section [%.60s]", section);
 }
@@ -136,7 +136,7 @@ static gonio_status new_hardware(builder *b, gonio_rig_file *rig, gonio_error *e
 static gonio_status build(builder *b, const char *text, const char *name, const gonio_rig_file_options *options,
                           gonio_error *error) {
     const char *sample = options->sample;
-    rig_keys_default(&b->keys);
+    gonio_rig_keys_default(&b->keys);
     gonio_status status = check_lines(text, name, error);
     b->driver_pass = true;
     if (status == GONIO_OK) {
@@ -396,7 +396,7 @@ static gonio_status reopen_hardware(gonio_session *session, const char *extra, g
                                     gonio_error *error) {
     char *text = NULL;
     builder b = {.sim = rig->sim};
-    rig_keys_default(&b.keys);
+    gonio_rig_keys_default(&b.keys);
     gonio_status status = new_hardware(&b, rig, error);
     if (status == GONIO_OK) {
         status = gonio_session_get(session, "rig.ini", &text, error);

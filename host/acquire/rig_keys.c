@@ -64,7 +64,7 @@ static const entry entries[] = {
 };
 #define COUNT (sizeof entries / sizeof *entries)
 
-void rig_keys_default(rig_keys *keys) {
+void gonio_rig_keys_default(rig_keys *keys) {
     *keys = (rig_keys){.driver = "sim",
                        .facts = {.light_distance_mm = 1000,
                                  .camera_distance_mm = 1000,
@@ -181,8 +181,8 @@ static gonio_status set_entry(const entry *e, rig_keys *keys, const char *value,
     return GONIO_E_FAILED;
 }
 
-gonio_status rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
-                          bool *known, gonio_error *error) {
+gonio_status gonio_rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
+                                bool *known, gonio_error *error) {
     *known = false;
     for (size_t i = 0; i < COUNT; i++) {
         const entry *e = &entries[i];
@@ -194,7 +194,7 @@ gonio_status rig_keys_set(rig_keys *keys, bool stated, const char *section, cons
     return GONIO_OK;
 }
 
-void rig_keys_list(bool stated, const char *section, char *text, size_t size) {
+void gonio_rig_keys_list(bool stated, const char *section, char *text, size_t size) {
     size_t at = 0;
     for (size_t i = 0; i < COUNT && at < size; i++) {
         if ((entries[i].always || !stated) && strcmp(entries[i].section, section) == 0) {

@@ -13,12 +13,12 @@ typedef struct rig_keys {
     gonio_rig_facts facts; // texts always; numbers where the rig does not state its own
 } rig_keys;
 
-void rig_keys_default(rig_keys *keys);
+void gonio_rig_keys_default(rig_keys *keys);
 // *known: whether the host has this key; stated: the driver states the rig's numbers itself (the simulator), so that
 // only the host's own keys are taken here. GONIO_E_INPUT where the value is impossible.
-gonio_status rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
-                          bool *known, gonio_error *error);
+gonio_status gonio_rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
+                                bool *known, gonio_error *error);
 // " key" of every key of the section that would be taken, for messages.
-void rig_keys_list(bool stated, const char *section, char *text, size_t size);
+void gonio_rig_keys_list(bool stated, const char *section, char *text, size_t size);
 
 #endif

@@ -37,7 +37,7 @@ int64_t gonio_controller_unpack(const uint16_t *words, int n) {
     return (int64_t)value;
 }
 
-void controller_pause(const gonio_controller *c, int ms) {
+void gonio_controller_pause(const gonio_controller *c, int ms) {
     if (c->config.mode != GONIO_TAPE_REPLAY) {
         gonio_clock_sleep_ms(ms);
     }
@@ -70,7 +70,7 @@ static gonio_status reopen(gonio_controller *c, gonio_error *error) {
         if (status == GONIO_OK || gonio_deadline_left_ms(deadline) == 0 || status == GONIO_E_MISMATCH) {
             return status; // a replay that leaves its tape has nothing to wait for
         }
-        controller_pause(c, 100);
+        gonio_controller_pause(c, 100);
     }
 }
 
@@ -121,7 +121,7 @@ static gonio_status repeat_request(gonio_controller *c, const char *what, contro
                 return status;
             }
         } else {
-            controller_pause(c, 5 << (attempt < 5 ? attempt : 5)); // noise comes in bursts
+            gonio_controller_pause(c, 5 << (attempt < 5 ? attempt : 5)); // noise comes in bursts
         }
     }
     return gonio_fail(error, fault == GONIO_MODBUS_SILENT ? GONIO_E_TIMEOUT : GONIO_E_DEVICE,
@@ -130,8 +130,8 @@ static gonio_status repeat_request(gonio_controller *c, const char *what, contro
 }
 
 // A line that made a request be repeated may have carried another one to the controller: the position is read back.
-gonio_status controller_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
-                                int *exception, gonio_error *error) {
+gonio_status gonio_controller_request(gonio_controller *c, const char *what, controller_exchange once, void *request,
+                                      int *exception, gonio_error *error) {
     int repeats = 0;
     const gonio_status status = repeat_request(c, what, once, request, &repeats, exception, error);
     if (repeats > 0 && status == GONIO_OK) {
@@ -160,7 +160,7 @@ static gonio_modbus_fault once_write(gonio_controller *c, void *request) {
 }
 
 gonio_status gonio_controller_read(gonio_controller *c, int address, int n, uint16_t *words, gonio_error *error) {
-    return controller_request(c, "reading", once_read, &(words_request){address, n, words, NULL}, NULL, error);
+    return gonio_controller_request(c, "reading", once_read, &(words_request){address, n, words, NULL}, NULL, error);
 }
 
 gonio_status gonio_controller_write(gonio_controller *c, int address, int n, const uint16_t *words,
@@ -172,7 +172,8 @@ gonio_status gonio_controller_write(gonio_controller *c, int address, int n, con
     gonio_status status = gonio_controller_read(c, address, n, held, error);
     const size_t size = (size_t)n * sizeof *words;
     for (int attempt = 0; attempt < 3 && status == GONIO_OK && memcmp(held, words, size) != 0; attempt++) {
-        status = controller_request(c, "writing", once_write, &(words_request){address, n, NULL, words}, NULL, error);
+        status =
+            gonio_controller_request(c, "writing", once_write, &(words_request){address, n, NULL, words}, NULL, error);
         if (status == GONIO_OK) {
             status = gonio_controller_read(c, address, n, held, error);
         }
@@ -197,7 +198,7 @@ static gonio_modbus_fault once_coil(gonio_controller *c, void *request) {
 gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio_error *error) {
     int exception = 0;
     const gonio_status status =
-        controller_request(c, "switching", once_coil, &(coil_request){coil, on}, &exception, error);
+        gonio_controller_request(c, "switching", once_coil, &(coil_request){coil, on}, &exception, error);
     gonio_controller_status now;
     if (status != GONIO_OK && exception != 0 && gonio_controller_read_status(c, &now, NULL) == GONIO_OK) {
         const gonio_status alarm = gonio_controller_alarm(&now, error); // it says more than "refused"
@@ -221,7 +222,7 @@ static gonio_modbus_fault once_status(gonio_controller *c, void *request) {
     return fault;
 }
 
-gonio_modbus_fault controller_feed(gonio_controller *c) {
+gonio_modbus_fault gonio_controller_feed(gonio_controller *c) {
     uint16_t words[STATUS_WORDS];
     return once_status(c, words);
 }
@@ -272,7 +273,7 @@ static gonio_status check_rest(gonio_controller *c, const gonio_controller_statu
 
 gonio_status gonio_controller_read_status(gonio_controller *c, gonio_controller_status *status, gonio_error *error) {
     uint16_t words[STATUS_WORDS];
-    const gonio_status result = controller_request(c, "status", once_status, words, NULL, error);
+    const gonio_status result = gonio_controller_request(c, "status", once_status, words, NULL, error);
     if (result != GONIO_OK) {
         return result;
     }
@@ -308,7 +309,7 @@ void gonio_controller_rest(gonio_controller *c, const int64_t position[GONIO_CON
 
 // ---- connection ----
 
-gonio_status controller_identify(gonio_controller *c, gonio_error *error) {
+gonio_status gonio_controller_greet(gonio_controller *c, gonio_error *error) {
     enum { N = CONTROLLER_step_rate_max + CONTROLLER_SIZE_step_rate_max - CONTROLLER_magic };
     uint16_t words[N];
     gonio_status status = gonio_controller_read(c, CONTROLLER_magic, N, words, error);

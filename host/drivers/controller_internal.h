@@ -32,12 +32,12 @@ struct gonio_controller {
 // One request, repeated within bounds; the lock must not be held. `once` does one exchange. Exceptions end the repeats,
 // except BUSY; *exception (may be NULL) then tells the code.
 typedef gonio_modbus_fault (*controller_exchange)(gonio_controller *controller, void *request);
-gonio_status controller_request(gonio_controller *controller, const char *what, controller_exchange once, void *request,
-                                int *exception, gonio_error *error);
+gonio_status gonio_controller_request(gonio_controller *controller, const char *what, controller_exchange once,
+                                      void *request, int *exception, gonio_error *error);
 // Who answers: the identity registers. Called when a line was opened; also within a request, after a replug.
-gonio_status controller_identify(gonio_controller *controller, gonio_error *error);
+gonio_status gonio_controller_greet(gonio_controller *controller, gonio_error *error);
 // One exchange, repeated by nobody, with the lock held: what feeds the dead-man. The answer is thrown away.
-gonio_modbus_fault controller_feed(gonio_controller *controller);
-void controller_pause(const gonio_controller *controller, int ms); // not in a replay
+gonio_modbus_fault gonio_controller_feed(gonio_controller *controller);
+void gonio_controller_pause(const gonio_controller *controller, int ms); // not in a replay
 
 #endif

@@ -47,7 +47,7 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
     c->resting = c->resting && command != CONTROLLER_COMMAND_MOVE && command != CONTROLLER_COMMAND_HOME;
     for (int attempt = 0; attempt <= c->config.retries; attempt++) {
         int exception = 0;
-        gonio_status status = controller_request(c, "command", once_command, &block, &exception, error);
+        gonio_status status = gonio_controller_request(c, "command", once_command, &block, &exception, error);
         if (status != GONIO_OK && exception == 0) {
             return status;
         }
@@ -70,7 +70,7 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
         if (exception != 0 && now.refusal != CONTROLLER_REFUSAL_NONE) {
             return fail_refused(&now, error);
         }
-        controller_pause(c, POLL_MS);
+        gonio_controller_pause(c, POLL_MS);
     }
     return gonio_fail(error, GONIO_E_DEVICE, "controller %s does not take command %d", c->config.modbus.port, command);
 }
@@ -95,7 +95,7 @@ static void stop_axes(gonio_controller *c) {
         if (gonio_controller_read_status(c, &status, NULL) != GONIO_OK || status.moving == 0) {
             return;
         }
-        controller_pause(c, POLL_MS);
+        gonio_controller_pause(c, POLL_MS);
     }
 }
 
@@ -145,6 +145,6 @@ gonio_status gonio_controller_wait(gonio_controller *c, uint32_t id, double time
             stop_axes(c);
             return result;
         }
-        controller_pause(c, POLL_MS);
+        gonio_controller_pause(c, POLL_MS);
     }
 }

@@ -36,7 +36,7 @@ static void *feed(void *argument) {
             continue;
         }
         gonio_modbus_mute(c->modbus, true); // not on the tape: its moment is chance
-        const gonio_modbus_fault fault = controller_feed(c);
+        const gonio_modbus_fault fault = gonio_controller_feed(c);
         if (fault == GONIO_MODBUS_SILENT || fault == GONIO_MODBUS_NOISE) {
             gonio_modbus_drain(c->modbus, c->config.modbus.timeout_ms);
         }
@@ -91,7 +91,7 @@ static gonio_status settle_in(gonio_controller *c, gonio_error *error) {
         result = gonio_controller_command(c, CONTROLLER_COMMAND_STOP, 0, NULL, NULL, error);
         gonio_controller_tell(c, "stopped", "an earlier host had left the axes moving");
         for (int i = 0; i < 500 && result == GONIO_OK && status.state != CONTROLLER_STATE_IDLE; i++) {
-            controller_pause(c, 20);
+            gonio_controller_pause(c, 20);
             result = gonio_controller_read_status(c, &status, error);
         }
     }
@@ -120,7 +120,7 @@ gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_
     gonio_status status = gonio_modbus_open(&config->modbus, config->tape, config->mode, &c->modbus, error);
     if (status == GONIO_OK) {
         gonio_modbus_drain(c->modbus, 20);
-        status = controller_identify(c, error);
+        status = gonio_controller_greet(c, error);
     }
     if (status == GONIO_OK) {
         status = settle_in(c, error);

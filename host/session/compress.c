@@ -15,15 +15,15 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     struct stat before;
     session_png png;
     session_file file;
-    session_frame_name(frame->stamp.pose, frame->stamp.frame, name);
+    gonio_session_frame_name(frame->stamp.pose, frame->stamp.frame, name);
     if (fstatat(session->frames_fd, name, &before, 0) != 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "frames/%s cannot be found", name);
     }
-    gonio_status status = session_png_encode(frame, bits, false, &png, error);
+    gonio_status status = gonio_session_png_encode(frame, bits, false, &png, error);
     if (status == GONIO_OK && (int64_t)png.size < before.st_size) {
-        status = session_file_write(session, name, &png, &file, error);
+        status = gonio_session_file_write(session, name, &png, &file, error);
         if (status == GONIO_OK) {
-            status = session_files_keep(session, &file, 1, error);
+            status = gonio_session_files_keep(session, &file, 1, error);
         }
         *saved = status == GONIO_OK ? before.st_size - (int64_t)png.size : 0;
     }
@@ -63,7 +63,7 @@ static gonio_status compress_step(gonio_session *session, const gonio_step *step
 
 gonio_status gonio_session_compress(gonio_session *session, int threads, int64_t *saved_bytes, gonio_error *error) {
     compression c = {.session = session, .threads = threads};
-    const gonio_status status = session_for_done(session, compress_step, &c, NULL, error);
+    const gonio_status status = gonio_session_for_done(session, compress_step, &c, NULL, error);
     *saved_bytes = c.saved;
     return status;
 }

@@ -5,7 +5,7 @@
 
 // Angles stand in degrees, for people with an SQL shell. step: the running number of gonio_stamp. rows are
 // little-endian doubles, see docs/formats.md.
-const char session_schema[] =
+const char gonio_session_schema[] =
     "CREATE TABLE settings(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
     "CREATE TABLE steps(step INTEGER PRIMARY KEY, kind TEXT NOT NULL, theta_i_deg REAL NOT NULL,"
     " phi_i_deg REAL NOT NULL, theta_o_deg REAL NOT NULL, phi_o_deg REAL NOT NULL, done INTEGER NOT NULL DEFAULT 0,"
@@ -21,7 +21,7 @@ const char session_schema[] =
     "CREATE TABLE flagged(step INTEGER PRIMARY KEY REFERENCES steps(step));"
     "CREATE TABLE events(event INTEGER PRIMARY KEY, utc TEXT NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL);";
 
-gonio_status session_db_fail(gonio_session *session, gonio_error *error, const char *what) {
+gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, const char *what) {
     const int code = sqlite3_errcode(session->db);
     const char *text = sqlite3_errmsg(session->db);
     switch (code & 0xff) {
@@ -40,49 +40,50 @@ gonio_status session_db_fail(gonio_session *session, gonio_error *error, const c
     }
 }
 
-gonio_status session_exec(gonio_session *session, const char *sql, gonio_error *error) {
+gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_error *error) {
     return sqlite3_exec(session->db, sql, NULL, NULL, NULL) == SQLITE_OK ? GONIO_OK
-                                                                         : session_db_fail(session, error, sql);
+                                                                         : gonio_session_db_fail(session, error, sql);
 }
 
-gonio_status session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error) {
-    return sqlite3_prepare_v2(session->db, sql, -1, out, NULL) == SQLITE_OK ? GONIO_OK
-                                                                            : session_db_fail(session, error, sql);
+gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error) {
+    return sqlite3_prepare_v2(session->db, sql, -1, out, NULL) == SQLITE_OK
+               ? GONIO_OK
+               : gonio_session_db_fail(session, error, sql);
 }
 
-gonio_status session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error) {
+gonio_status gonio_session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error) {
     const int code = sqlite3_step(statement);
     gonio_status status = GONIO_OK;
     if (code != SQLITE_DONE && code != SQLITE_ROW) {
-        status = session_db_fail(session, error, sqlite3_sql(statement));
+        status = gonio_session_db_fail(session, error, sqlite3_sql(statement));
     }
     sqlite3_finalize(statement);
     return status;
 }
 
-gonio_status session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error) {
+gonio_status gonio_session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error) {
     sqlite3_stmt *statement;
-    gonio_status status = session_prepare(session, sql, &statement, error);
+    gonio_status status = gonio_session_prepare(session, sql, &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
     if (sqlite3_step(statement) == SQLITE_ROW) {
         *value = sqlite3_column_int64(statement, 0);
     } else {
-        status = session_db_fail(session, error, sql);
+        status = gonio_session_db_fail(session, error, sql);
     }
     sqlite3_finalize(statement);
     return status;
 }
 
 gonio_status gonio_session_begin(gonio_session *session, gonio_error *error) {
-    const gonio_status status = session_exec(session, "BEGIN IMMEDIATE", error);
+    const gonio_status status = gonio_session_exec(session, "BEGIN IMMEDIATE", error);
     session->in_transaction = status == GONIO_OK;
     return status;
 }
 
 gonio_status gonio_session_commit(gonio_session *session, gonio_error *error) {
-    const gonio_status status = session_exec(session, "COMMIT", error);
+    const gonio_status status = gonio_session_exec(session, "COMMIT", error);
     if (status != GONIO_OK) {
         gonio_session_rollback(session);
     }
@@ -96,12 +97,12 @@ void gonio_session_rollback(gonio_session *session) {
     session->in_transaction = false;
 }
 
-gonio_status session_begin_own(gonio_session *session, bool *own, gonio_error *error) {
+gonio_status gonio_session_begin_own(gonio_session *session, bool *own, gonio_error *error) {
     *own = !session->in_transaction;
     return *own ? gonio_session_begin(session, error) : GONIO_OK;
 }
 
-gonio_status session_end_own(gonio_session *session, bool own, gonio_status status, gonio_error *error) {
+gonio_status gonio_session_end_own(gonio_session *session, bool own, gonio_status status, gonio_error *error) {
     if (!own) {
         return status;
     }

@@ -44,8 +44,8 @@ static gonio_status for_strays(gonio_session *session, stray_fn call, void *cont
     }
     // The step that owns a file is in its name, and the primary key finds it without an index on names.
     sqlite3_stmt *query;
-    gonio_status status =
-        session_prepare(session, "SELECT 1 FROM frames WHERE step = CAST(?1 AS INTEGER) AND file = ?1", &query, error);
+    gonio_status status = gonio_session_prepare(
+        session, "SELECT 1 FROM frames WHERE step = CAST(?1 AS INTEGER) AND file = ?1", &query, error);
     const struct dirent *entry;
     while (status == GONIO_OK && (entry = readdir(folder)) != NULL) {
         if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 && !owned(query, entry->d_name)) {
@@ -71,9 +71,9 @@ static gonio_status remove_stray(gonio_session *session, const char *name, void 
 gonio_status gonio_session_sweep(gonio_session *session, int *removed, gonio_error *error) {
     int count = 0;
     bool own;
-    gonio_status status = session_begin_own(session, &own, error);
+    gonio_status status = gonio_session_begin_own(session, &own, error);
     if (status == GONIO_OK) {
-        status = session_end_own(session, own, for_strays(session, remove_stray, &count, error), error);
+        status = gonio_session_end_own(session, own, for_strays(session, remove_stray, &count, error), error);
     }
     if (removed != NULL) {
         *removed = count;
@@ -94,7 +94,7 @@ static gonio_status count_stray(gonio_session *session, const char *name, void *
 static bool integrity(gonio_session *session, gonio_doctor_report *report) {
     sqlite3_stmt *rows;
     gonio_error why = {0};
-    if (session_prepare(session, "PRAGMA integrity_check(8)", &rows, &why) != GONIO_OK) {
+    if (gonio_session_prepare(session, "PRAGMA integrity_check(8)", &rows, &why) != GONIO_OK) {
         note(report, "%s", why.message);
         return false;
     }
@@ -119,7 +119,7 @@ static bool integrity(gonio_session *session, gonio_doctor_report *report) {
 static gonio_status check_frames(gonio_session *session, const gonio_step *step, int bits, gonio_doctor_report *report,
                                  int *bad, gonio_error *error) {
     sqlite3_stmt *rows;
-    gonio_status status = session_prepare(
+    gonio_status status = gonio_session_prepare(
         session, "SELECT file, sha256, width, height FROM frames WHERE step = ? ORDER BY frame", &rows, error);
     if (status != GONIO_OK) {
         return status;
@@ -133,7 +133,7 @@ static gonio_status check_frames(gonio_session *session, const gonio_step *step,
         gonio_error why = {0};
         found++;
         if (name == NULL || hash == NULL || frame.window.width < 1 || frame.window.height < 1 ||
-            session_frame_read(session, name, hash, bits, &frame, &why) != GONIO_OK) {
+            gonio_session_frame_read(session, name, hash, bits, &frame, &why) != GONIO_OK) {
             ++*bad;
             note(report, "step %lld: %s%s%s", (long long)step->index, why.file[0] != 0 ? why.file : "",
                  why.file[0] != 0 ? ": " : "", why.message);
@@ -170,7 +170,7 @@ static gonio_status drop_samples(gonio_session *session, int64_t step, gonio_err
              "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%%';"
              "DELETE FROM samples%s%s",
              step >= 0 ? " WHERE step = " : "", number);
-    return session_exec(session, sql, error);
+    return gonio_session_exec(session, sql, error);
 }
 
 typedef struct check {
@@ -225,8 +225,8 @@ static gonio_status check_final(gonio_session *session, bool repair, gonio_docto
         report->results_ok = false;
     }
     return repair && !report->results_ok
-               ? session_exec(session, "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'",
-                              error)
+               ? gonio_session_exec(session,
+                                    "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'", error)
                : GONIO_OK;
 }
 
@@ -248,7 +248,7 @@ static void check_model(gonio_session *session, gonio_doctor_report *report) {
 
 static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_report *report, gonio_error *error) {
     check c = {repair, report};
-    gonio_status status = session_for_done(session, check_step, &c, &report->steps, error);
+    gonio_status status = gonio_session_for_done(session, check_step, &c, &report->steps, error);
     if (status == GONIO_OK) {
         report->results_ok = true;
         check_model(session, report);
@@ -282,7 +282,7 @@ gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_re
     }
     if (!report->database_ok && repair) {
         gonio_session_close(session);
-        status = session_salvage(path, error);
+        status = gonio_session_salvage(path, error);
         if (status == GONIO_OK) {
             status = gonio_session_open(path, repair, &session, error);
         }

@@ -9,11 +9,11 @@
 #include "base/number.h"
 #include "host/session/internal.h"
 
-void session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
+void gonio_session_frame_name(int64_t step, int frame, char name[SESSION_FRAME_NAME]) {
     snprintf(name, SESSION_FRAME_NAME, "%06lld-%02d.png", (long long)step, frame);
 }
 
-gonio_status session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error) {
+gonio_status gonio_session_frame_hash(const gonio_frame *frame, char hex[GONIO_SHA256_HEX], gonio_error *error) {
     const size_t pixels = (size_t)frame->window.width * (size_t)frame->window.height;
     return gonio_sha256(frame->pixels, pixels * sizeof *frame->pixels, hex, error);
 }
@@ -122,7 +122,8 @@ static void write_png(png_structp png, png_infop info, const gonio_frame *frame,
     png_write_end(png, info);
 }
 
-gonio_status session_png_encode(const gonio_frame *frame, int bits, bool plain, session_png *out, gonio_error *error) {
+gonio_status gonio_session_png_encode(const gonio_frame *frame, int bits, bool plain, session_png *out,
+                                      gonio_error *error) {
     *out = (session_png){0};
     png_context context = {.png = out, .plain = plain};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &context, on_error, on_warning);
@@ -168,8 +169,8 @@ static void read_png(png_structp png, png_infop info, int bits, gonio_frame *fra
     png_read_end(png, NULL);
 }
 
-gonio_status session_png_decode(const session_png *from, const char *file, int bits, gonio_frame *frame,
-                                gonio_error *error) {
+gonio_status gonio_session_png_decode(const session_png *from, const char *file, int bits, gonio_frame *frame,
+                                      gonio_error *error) {
     session_png whole = *from;
     png_context context = {.png = &whole};
     const size_t width = (size_t)frame->window.width;

@@ -10,7 +10,7 @@
 
 #include "host/session/internal.h"
 
-gonio_status session_frame_bits(gonio_session *session, int *bits, gonio_error *error) {
+gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_error *error) {
     char *text;
     *bits = 16;
     if (gonio_session_get(session, "camera.bits", &text, NULL) != GONIO_OK) {
@@ -29,7 +29,7 @@ static gonio_status enter_frame(gonio_session *session, sqlite3_stmt *insert, co
                                 int64_t step, int number, const char *hash, gonio_error *error) {
     const gonio_frame *frame = &exposure->frame;
     char name[SESSION_FRAME_NAME];
-    session_frame_name(step, number, name);
+    gonio_session_frame_name(step, number, name);
     sqlite3_reset(insert);
     sqlite3_bind_int64(insert, 1, step);
     sqlite3_bind_int(insert, 2, number);
@@ -44,15 +44,16 @@ static gonio_status enter_frame(gonio_session *session, sqlite3_stmt *insert, co
     sqlite3_bind_double(insert, 11, frame->stamp.clock_s);
     sqlite3_bind_double(insert, 12, exposure->monitor); // NaN becomes NULL
     sqlite3_bind_double(insert, 13, exposure->monitor_sigma);
-    return sqlite3_step(insert) == SQLITE_DONE ? GONIO_OK : session_db_fail(session, error, "enter a frame");
+    return sqlite3_step(insert) == SQLITE_DONE ? GONIO_OK : gonio_session_db_fail(session, error, "enter a frame");
 }
 
 static gonio_status mark_done(gonio_session *session, const gonio_step *step, int frames, gonio_error *error) {
     sqlite3_stmt *update;
-    gonio_status status = session_prepare(session,
-                                          "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ?"
-                                          " WHERE step = ? AND done = 0",
-                                          &update, error);
+    gonio_status status =
+        gonio_session_prepare(session,
+                              "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ?"
+                              " WHERE step = ? AND done = 0",
+                              &update, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -60,7 +61,7 @@ static gonio_status mark_done(gonio_session *session, const gonio_step *step, in
     sqlite3_bind_double(update, 2, step->clock_end_s);
     sqlite3_bind_double(update, 3, step->exposure_end_s);
     sqlite3_bind_int64(update, 4, step->index);
-    status = session_run(session, update, error);
+    status = gonio_session_run(session, update, error);
     if (status == GONIO_OK && sqlite3_changes(session->db) != 1) {
         status = gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1, "step %lld is done already, or unknown",
                                  (long long)step->index);
@@ -71,20 +72,20 @@ static gonio_status mark_done(gonio_session *session, const gonio_step *step, in
 static gonio_status flag(gonio_session *session, int64_t step, gonio_error *error) {
     char sql[80];
     snprintf(sql, sizeof sql, "INSERT OR IGNORE INTO flagged VALUES(%lld)", (long long)step);
-    return session_exec(session, sql, error);
+    return gonio_session_exec(session, sql, error);
 }
 
 static gonio_status enter(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures, int n,
                           char (*hashes)[GONIO_SHA256_HEX], const gonio_samples *samples, gonio_error *error) {
     sqlite3_stmt *insert;
     gonio_status status =
-        session_prepare(session, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", &insert, error);
+        gonio_session_prepare(session, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", &insert, error);
     for (int i = 0; status == GONIO_OK && i < n; i++) {
         status = enter_frame(session, insert, &exposures[i], step->index, i, hashes[i], error);
     }
     sqlite3_finalize(insert);
     if (status == GONIO_OK && samples != NULL) {
-        status = session_store_samples(session, step->index, samples, error);
+        status = gonio_session_store_samples(session, step->index, samples, error);
     }
     if (status == GONIO_OK && step->flagged) {
         status = flag(session, step->index, error);
@@ -95,7 +96,7 @@ static gonio_status enter(gonio_session *session, const gonio_step *step, const 
 gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
                                        int n, const gonio_samples *samples, gonio_error *error) {
     int bits;
-    gonio_status status = session_frame_bits(session, &bits, error);
+    gonio_status status = gonio_session_frame_bits(session, &bits, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -103,12 +104,13 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
     if (hashes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d checksums", n);
     }
-    status = session_store_frames(session, step->index, exposures, n, bits, hashes, error);
+    status = gonio_session_store_frames(session, step->index, exposures, n, bits, hashes, error);
     if (status == GONIO_OK) {
         bool own;
-        status = session_begin_own(session, &own, error);
+        status = gonio_session_begin_own(session, &own, error);
         if (status == GONIO_OK) {
-            status = session_end_own(session, own, enter(session, step, exposures, n, hashes, samples, error), error);
+            status =
+                gonio_session_end_own(session, own, enter(session, step, exposures, n, hashes, samples, error), error);
         }
     }
     free(hashes);
@@ -117,7 +119,7 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
 
 // ---- reading ----
 
-gonio_status session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
+gonio_status gonio_session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
     *png = (session_png){0};
     const int fd = openat(session->frames_fd, name, O_RDONLY | O_CLOEXEC);
     struct stat info;
@@ -139,18 +141,18 @@ gonio_status session_frame_file(gonio_session *session, const char *name, sessio
     return status;
 }
 
-gonio_status session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
-                                gonio_frame *frame, gonio_error *error) {
+gonio_status gonio_session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
+                                      gonio_frame *frame, gonio_error *error) {
     char file[SESSION_FRAME_NAME + 8], hash[GONIO_SHA256_HEX];
     snprintf(file, sizeof file, "frames/%s", name);
     session_png png;
-    gonio_status status = session_frame_file(session, name, &png, error);
+    gonio_status status = gonio_session_frame_file(session, name, &png, error);
     if (status == GONIO_OK) {
-        status = session_png_decode(&png, file, bits, frame, error);
+        status = gonio_session_png_decode(&png, file, bits, frame, error);
     }
     free(png.data);
     if (status == GONIO_OK) {
-        status = session_frame_hash(frame, hash, error);
+        status = gonio_session_frame_hash(frame, hash, error);
         if (status == GONIO_OK && strcmp(hash, sha256) != 0) {
             status = gonio_fail_line(error, GONIO_E_INPUT, file, -1,
                                      "its pixels have SHA-256 %.12s..., %.12s... was journalled", hash, sha256);
@@ -184,7 +186,7 @@ static gonio_status read_exposure(gonio_session *session, sqlite3_stmt *row, int
         .monitor = column_or_nan(row, 10),
         .monitor_sigma = column_or_nan(row, 11),
     };
-    return session_frame_read(session, name, hash, bits, &exposure->frame, error);
+    return gonio_session_frame_read(session, name, hash, bits, &exposure->frame, error);
 }
 
 static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, int64_t step, int bits,
@@ -200,7 +202,7 @@ static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, int64_
         status = code == SQLITE_DONE
                      ? gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
                                        "step %lld has %d frames; %d were stored", (long long)step, *n, count)
-                     : session_db_fail(session, error, "read a frame's row");
+                     : gonio_session_db_fail(session, error, "read a frame's row");
     }
     return status;
 }
@@ -213,16 +215,16 @@ gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio
     int64_t count = 0;
     char sql[96];
     snprintf(sql, sizeof sql, "SELECT frames FROM steps WHERE step = %lld", (long long)step);
-    gonio_status status = session_frame_bits(session, &bits, error);
+    gonio_status status = gonio_session_frame_bits(session, &bits, error);
     if (status == GONIO_OK) {
-        status = session_integer(session, sql, &count, error);
+        status = gonio_session_integer(session, sql, &count, error);
     }
     sqlite3_stmt *rows = NULL;
     if (status == GONIO_OK) {
-        status = session_prepare(session,
-                                 "SELECT frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
-                                 " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
-                                 &rows, error);
+        status = gonio_session_prepare(session,
+                                       "SELECT frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
+                                       " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
+                                       &rows, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -244,10 +246,10 @@ gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio
 gonio_status gonio_session_monitor(gonio_session *session, double *value, gonio_error *error) {
     sqlite3_stmt *row;
     *value = 0;
-    gonio_status status = session_prepare(session,
-                                          "SELECT monitor FROM frames WHERE monitor IS NOT NULL"
-                                          " ORDER BY step DESC, frame DESC LIMIT 1",
-                                          &row, error);
+    gonio_status status = gonio_session_prepare(session,
+                                                "SELECT monitor FROM frames WHERE monitor IS NOT NULL"
+                                                " ORDER BY step DESC, frame DESC LIMIT 1",
+                                                &row, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -255,7 +257,7 @@ gonio_status gonio_session_monitor(gonio_session *session, double *value, gonio_
     if (code == SQLITE_ROW) {
         *value = sqlite3_column_double(row, 0);
     } else if (code != SQLITE_DONE) {
-        status = session_db_fail(session, error, "read the monitor's last reading");
+        status = gonio_session_db_fail(session, error, "read the monitor's last reading");
     }
     sqlite3_finalize(row);
     return status;

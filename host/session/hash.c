@@ -12,7 +12,7 @@ static void to_hex(const unsigned char *digest, char hex[GONIO_SHA256_HEX]) {
     }
 }
 
-gonio_status session_hash_begin(EVP_MD_CTX **context, gonio_error *error) {
+gonio_status gonio_session_hash_begin(EVP_MD_CTX **context, gonio_error *error) {
     *context = EVP_MD_CTX_new();
     if (*context == NULL || EVP_DigestInit_ex(*context, EVP_sha256(), NULL) != 1) {
         EVP_MD_CTX_free(*context);
@@ -21,7 +21,7 @@ gonio_status session_hash_begin(EVP_MD_CTX **context, gonio_error *error) {
     return GONIO_OK;
 }
 
-void session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]) {
+void gonio_session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]) {
     unsigned char digest[EVP_MAX_MD_SIZE];
     unsigned size;
     EVP_DigestFinal_ex(context, digest, &size);
@@ -31,10 +31,10 @@ void session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]) {
 
 gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_HEX], gonio_error *error) {
     EVP_MD_CTX *context;
-    const gonio_status status = session_hash_begin(&context, error);
+    const gonio_status status = gonio_session_hash_begin(&context, error);
     if (status == GONIO_OK) {
         EVP_DigestUpdate(context, data, size);
-        session_hash_end(context, hex);
+        gonio_session_hash_end(context, hex);
     }
     return status;
 }
@@ -45,14 +45,14 @@ gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gon
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
     }
     EVP_MD_CTX *context;
-    gonio_status status = session_hash_begin(&context, error);
+    gonio_status status = gonio_session_hash_begin(&context, error);
     if (status == GONIO_OK) {
         unsigned char buffer[65536];
         size_t got;
         while ((got = fread(buffer, 1, sizeof buffer, file)) > 0) {
             EVP_DigestUpdate(context, buffer, got);
         }
-        session_hash_end(context, hex);
+        gonio_session_hash_end(context, hex);
         if (ferror(file)) {
             status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
         }

@@ -12,7 +12,7 @@ static ssize_t update(void *context, const char *data, size_t size) {
 // The CSV goes through the hash as it is written: sets of millions of samples need no buffer.
 gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error) {
     EVP_MD_CTX *context;
-    gonio_status status = session_hash_begin(&context, error);
+    gonio_status status = gonio_session_hash_begin(&context, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -25,6 +25,6 @@ gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_S
     if (fclose(stream) != 0 && status == GONIO_OK) {
         status = gonio_fail(error, GONIO_E_FAILED, "cannot hash the samples");
     }
-    session_hash_end(context, hex);
+    gonio_session_hash_end(context, hex);
     return status;
 }

@@ -80,7 +80,7 @@ static gonio_status fill(const char *damaged, const char *fresh, gonio_error *er
              GONIO_SESSION_VERSION);
     gonio_status status = GONIO_OK;
     if (sqlite3_open(fresh, &to) != SQLITE_OK || sqlite3_exec(to, versions, NULL, NULL, NULL) != SQLITE_OK ||
-        sqlite3_exec(to, session_schema, NULL, NULL, NULL) != SQLITE_OK) {
+        sqlite3_exec(to, gonio_session_schema, NULL, NULL, NULL) != SQLITE_OK) {
         status = gonio_fail_line(error, GONIO_E_IO, fresh, -1, "cannot make a new journal: %s", sqlite3_errmsg(to));
     } else if (sqlite3_open_v2(damaged, &from, SQLITE_OPEN_READWRITE, NULL) == SQLITE_OK) {
         copy_tables(from, to);
@@ -109,7 +109,7 @@ static int count_steps(const char *path) {
     return count;
 }
 
-gonio_status session_salvage(const char *path, gonio_error *error) {
+gonio_status gonio_session_salvage(const char *path, gonio_error *error) {
     char *damaged = NULL, *fresh = NULL, *kept = NULL;
     if (asprintf(&damaged, "%s/session.db", path) < 0 || asprintf(&fresh, "%s/session.db.new", path) < 0 ||
         asprintf(&kept, "%s/session.db.damaged", path) < 0) {

@@ -53,7 +53,7 @@ static gonio_status store(gonio_session *session, const char *table, int64_t ste
     char sql[80], hash[GONIO_SHA256_HEX];
     snprintf(sql, sizeof sql, "INSERT OR REPLACE INTO %s VALUES(?, ?, ?, ?, ?)", table);
     sqlite3_stmt *insert;
-    gonio_status status = session_prepare(session, sql, &insert, error);
+    gonio_status status = gonio_session_prepare(session, sql, &insert, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -71,11 +71,11 @@ static gonio_status store(gonio_session *session, const char *table, int64_t ste
     sqlite3_bind_int(insert, 3, samples->channels);
     sqlite3_bind_blob64(insert, 4, rows, size, free);
     sqlite3_bind_text(insert, 5, hash, -1, SQLITE_STATIC);
-    return session_run(session, insert, error);
+    return gonio_session_run(session, insert, error);
 }
 
-gonio_status session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
-                                   gonio_error *error) {
+gonio_status gonio_session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
+                                         gonio_error *error) {
     const gonio_status status = describe(session, samples, error);
     return status == GONIO_OK ? store(session, "samples", step, samples, 0, samples->n, error) : status;
 }
@@ -83,15 +83,15 @@ gonio_status session_store_samples(gonio_session *session, int64_t step, const g
 gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
                                             gonio_error *error) {
     if (samples != NULL) {
-        return session_store_samples(session, step, samples, error);
+        return gonio_session_store_samples(session, step, samples, error);
     }
     sqlite3_stmt *statement;
-    const gonio_status status = session_prepare(session, "DELETE FROM samples WHERE step = ?", &statement, error);
+    const gonio_status status = gonio_session_prepare(session, "DELETE FROM samples WHERE step = ?", &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
     sqlite3_bind_int64(statement, 1, step);
-    return session_run(session, statement, error);
+    return gonio_session_run(session, statement, error);
 }
 
 // ---- reading ----
@@ -162,7 +162,7 @@ static gonio_status unpack(gonio_session *session, sqlite3_stmt *row, gonio_samp
 static gonio_status collect(gonio_session *session, const char *sql, int64_t step, gonio_samples *samples, size_t *rows,
                             gonio_error *error) {
     sqlite3_stmt *statement;
-    gonio_status status = session_prepare(session, sql, &statement, error);
+    gonio_status status = gonio_session_prepare(session, sql, &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -172,7 +172,7 @@ static gonio_status collect(gonio_session *session, const char *sql, int64_t ste
         status = unpack(session, statement, samples, error);
     }
     if (status == GONIO_OK && code != SQLITE_DONE) {
-        status = session_db_fail(session, error, "read samples");
+        status = gonio_session_db_fail(session, error, "read samples");
     }
     sqlite3_finalize(statement);
     return status;
@@ -215,7 +215,7 @@ gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, go
 
 static gonio_status put_final_steps(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     sqlite3_stmt *rows;
-    gonio_status status = session_prepare(session, "SELECT step, n FROM samples ORDER BY step", &rows, error);
+    gonio_status status = gonio_session_prepare(session, "SELECT step, n FROM samples ORDER BY step", &rows, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -239,9 +239,9 @@ static gonio_status put_final_steps(gonio_session *session, const gonio_samples 
 
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     bool own;
-    gonio_status status = session_begin_own(session, &own, error);
+    gonio_status status = gonio_session_begin_own(session, &own, error);
     if (status == GONIO_OK) {
-        status = session_end_own(session, own, put_final_steps(session, samples, error), error);
+        status = gonio_session_end_own(session, own, put_final_steps(session, samples, error), error);
     }
     return status;
 }
@@ -249,11 +249,11 @@ gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error) {
     int64_t count = 0, lacking = 0;
     *out = NULL;
-    gonio_status status = session_integer(session, "SELECT count(*) FROM final_samples", &count, error);
+    gonio_status status = gonio_session_integer(session, "SELECT count(*) FROM final_samples", &count, error);
     if (status == GONIO_OK) {
-        status =
-            session_integer(session, "SELECT count(*) FROM samples WHERE step NOT IN (SELECT step FROM final_samples)",
-                            &lacking, error);
+        status = gonio_session_integer(
+            session, "SELECT count(*) FROM samples WHERE step NOT IN (SELECT step FROM final_samples)", &lacking,
+            error);
     }
     if (status != GONIO_OK) {
         return status;

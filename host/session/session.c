@@ -62,7 +62,7 @@ void gonio_session_close(gonio_session *session) {
     free(session);
 }
 
-gonio_status session_lock(int fd, const char *path, gonio_error *error) {
+gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error) {
     if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
         return GONIO_OK;
     }
@@ -78,7 +78,7 @@ static gonio_status open_folders(gonio_session *session, gonio_error *error) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open the session: %s", strerror(errno));
     }
     if (session->writable) {
-        const gonio_status status = session_lock(session->folder_fd, session->path, error);
+        const gonio_status status = gonio_session_lock(session->folder_fd, session->path, error);
         if (status != GONIO_OK) {
             return status;
         }
@@ -107,18 +107,18 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
              GONIO_SESSION_VERSION);
     gonio_status status = GONIO_OK;
     if (sqlite3_open(session->db_path, &session->db) != SQLITE_OK) {
-        status = session_db_fail(session, error, "create the journal");
+        status = gonio_session_db_fail(session, error, "create the journal");
     }
     if (status == GONIO_OK) {
-        status = session_exec(session, "PRAGMA synchronous = FULL", error);
+        status = gonio_session_exec(session, "PRAGMA synchronous = FULL", error);
     }
     if (status == GONIO_OK) {
         status = gonio_session_begin(session, error);
     }
     if (status == GONIO_OK) {
-        status = session_exec(session, versions, error);
-        status = status == GONIO_OK ? session_exec(session, session_schema, error) : status;
-        status = session_end_own(session, true, status, error);
+        status = gonio_session_exec(session, versions, error);
+        status = status == GONIO_OK ? gonio_session_exec(session, gonio_session_schema, error) : status;
+        status = gonio_session_end_own(session, true, status, error);
     }
     sqlite3_close(session->db);
     session->db = NULL;
@@ -135,9 +135,9 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
 
 static gonio_status check_version(gonio_session *session, gonio_error *error) {
     int64_t application = 0, version = 0;
-    gonio_status status = session_integer(session, "PRAGMA application_id", &application, error);
+    gonio_status status = gonio_session_integer(session, "PRAGMA application_id", &application, error);
     if (status == GONIO_OK) {
-        status = session_integer(session, "PRAGMA user_version", &version, error);
+        status = gonio_session_integer(session, "PRAGMA user_version", &version, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -192,17 +192,18 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
                                               SQLITE_OPEN_READWRITE | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK
                             : open_read_only(session);
     if (!opened) {
-        return session_db_fail(session, error, "open the journal");
+        return gonio_session_db_fail(session, error, "open the journal");
     }
     sqlite3_busy_timeout(session->db, 5000);
     gonio_status status = check_version(session, error);
     if (status == GONIO_OK && session->writable) {
         // FULL in WAL mode: a committed step survives a power cut.
-        status = session_exec(session,
-                              "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
-                              // Sessions of the first releases have no such table.
-                              "CREATE TABLE IF NOT EXISTS flagged(step INTEGER PRIMARY KEY REFERENCES steps(step))",
-                              error);
+        status =
+            gonio_session_exec(session,
+                               "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
+                               // Sessions of the first releases have no such table.
+                               "CREATE TABLE IF NOT EXISTS flagged(step INTEGER PRIMARY KEY REFERENCES steps(step))",
+                               error);
     }
     return status;
 }
@@ -236,7 +237,8 @@ static bool holds_nothing(const char *path) {
         return false;
     }
     int64_t steps = 1;
-    const bool nothing = session_integer(session, "SELECT count(*) FROM steps", &steps, NULL) == GONIO_OK && steps == 0;
+    const bool nothing =
+        gonio_session_integer(session, "SELECT count(*) FROM steps", &steps, NULL) == GONIO_OK && steps == 0;
     gonio_session_close(session); // which leaves no -wal behind
     return nothing;
 }

@@ -8,19 +8,19 @@
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error) {
     sqlite3_stmt *statement;
     const gonio_status status =
-        session_prepare(session, "INSERT OR REPLACE INTO settings(key, value) VALUES(?, ?)", &statement, error);
+        gonio_session_prepare(session, "INSERT OR REPLACE INTO settings(key, value) VALUES(?, ?)", &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
     sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
     sqlite3_bind_text(statement, 2, value, -1, SQLITE_STATIC);
-    return session_run(session, statement, error);
+    return gonio_session_run(session, statement, error);
 }
 
 gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error) {
     *value = NULL;
     sqlite3_stmt *statement;
-    gonio_status status = session_prepare(session, "SELECT value FROM settings WHERE key = ?", &statement, error);
+    gonio_status status = gonio_session_prepare(session, "SELECT value FROM settings WHERE key = ?", &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -32,7 +32,7 @@ gonio_status gonio_session_get(gonio_session *session, const char *key, char **v
     } else if (code == SQLITE_DONE) {
         status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "the session has no setting '%s'", key);
     } else {
-        status = session_db_fail(session, error, "read a setting");
+        status = gonio_session_db_fail(session, error, "read a setting");
     }
     sqlite3_finalize(statement);
     return status;
@@ -54,7 +54,7 @@ gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio
 
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error) {
     sqlite3_stmt *statement;
-    const gonio_status status = session_prepare(
+    const gonio_status status = gonio_session_prepare(
         session, "INSERT INTO events(utc, kind, text) VALUES(strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), ?, ?)", &statement,
         error);
     if (status != GONIO_OK) {
@@ -62,14 +62,14 @@ gonio_status gonio_session_event(gonio_session *session, const char *kind, const
     }
     sqlite3_bind_text(statement, 1, kind, -1, SQLITE_STATIC);
     sqlite3_bind_text(statement, 2, text, -1, SQLITE_STATIC);
-    return session_run(session, statement, error);
+    return gonio_session_run(session, statement, error);
 }
 
 gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error) {
     *text = NULL;
     sqlite3_stmt *statement;
     gonio_status status =
-        session_prepare(session, "SELECT utc, kind, text FROM events ORDER BY event", &statement, error);
+        gonio_session_prepare(session, "SELECT utc, kind, text FROM events ORDER BY event", &statement, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -86,7 +86,7 @@ gonio_status gonio_session_events(gonio_session *session, char **text, gonio_err
     }
     fclose(stream);
     if (code != SQLITE_DONE) {
-        status = session_db_fail(session, error, "read the events");
+        status = gonio_session_db_fail(session, error, "read the events");
         free(*text);
         *text = NULL;
     }

@@ -17,7 +17,7 @@ static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose
 
 static gonio_status put_all(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {
     sqlite3_stmt *statement;
-    gonio_status status = session_prepare(
+    gonio_status status = gonio_session_prepare(
         session, "INSERT INTO steps(step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg) VALUES(?,?,?,?,?,?)",
         &statement, error);
     for (size_t i = 0; status == GONIO_OK && i < n; i++) {
@@ -26,7 +26,7 @@ static gonio_status put_all(gonio_session *session, const gonio_step *steps, siz
         sqlite3_bind_text(statement, 2, kind_names[steps[i].kind], -1, SQLITE_STATIC);
         bind_pose(statement, 3, &steps[i].pose);
         if (sqlite3_step(statement) != SQLITE_DONE) {
-            status = session_db_fail(session, error, "enter a step");
+            status = gonio_session_db_fail(session, error, "enter a step");
         }
     }
     sqlite3_finalize(statement);
@@ -35,9 +35,9 @@ static gonio_status put_all(gonio_session *session, const gonio_step *steps, siz
 
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {
     bool own;
-    gonio_status status = session_begin_own(session, &own, error);
+    gonio_status status = gonio_session_begin_own(session, &own, error);
     if (status == GONIO_OK) {
-        status = session_end_own(session, own, put_all(session, steps, n, error), error);
+        status = gonio_session_end_own(session, own, put_all(session, steps, n, error), error);
     }
     return status;
 }
@@ -75,17 +75,19 @@ static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_
                                    (long long)sqlite3_column_int64(rows, 0));
         }
     }
-    return code == SQLITE_DONE || code == SQLITE_ROW ? GONIO_OK : session_db_fail(session, error, "read the steps");
+    return code == SQLITE_DONE || code == SQLITE_ROW ? GONIO_OK
+                                                     : gonio_session_db_fail(session, error, "read the steps");
 }
 
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n, gonio_error *error) {
     *steps = NULL;
     *n = 0;
     int64_t count, flags = 0;
-    gonio_status status = session_integer(session, "SELECT count(*) FROM steps", &count, error);
+    gonio_status status = gonio_session_integer(session, "SELECT count(*) FROM steps", &count, error);
     sqlite3_stmt *rows = NULL;
     if (status == GONIO_OK) { // a session of the first releases, opened to read, has no flags
-        status = session_integer(session, "SELECT count(*) FROM sqlite_master WHERE name = 'flagged'", &flags, error);
+        status =
+            gonio_session_integer(session, "SELECT count(*) FROM sqlite_master WHERE name = 'flagged'", &flags, error);
     }
     if (status == GONIO_OK) {
         char sql[256];
@@ -93,7 +95,7 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
                  "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames, clock_end_s,"
                  " exposure_end_s, %s FROM steps ORDER BY step",
                  flags > 0 ? "step IN (SELECT step FROM flagged)" : "0");
-        status = session_prepare(session, sql, &rows, error);
+        status = gonio_session_prepare(session, sql, &rows, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -111,12 +113,12 @@ gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, siz
     return GONIO_OK;
 }
 
-gonio_status session_for_done(gonio_session *session, session_step_fn call, void *context, int64_t *steps,
-                              gonio_error *error) {
+gonio_status gonio_session_for_done(gonio_session *session, session_step_fn call, void *context, int64_t *steps,
+                                    gonio_error *error) {
     gonio_step *list = NULL;
     size_t n = 0;
     int bits;
-    gonio_status status = session_frame_bits(session, &bits, error);
+    gonio_status status = gonio_session_frame_bits(session, &bits, error);
     if (status == GONIO_OK) {
         status = gonio_session_steps(session, &list, &n, error);
     }
@@ -139,22 +141,23 @@ static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio
         "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL WHERE step = ?"};
     for (size_t i = 0; i < sizeof deletions / sizeof *deletions; i++) {
         sqlite3_stmt *statement;
-        gonio_status status = session_prepare(session, deletions[i], &statement, error);
+        gonio_status status = gonio_session_prepare(session, deletions[i], &statement, error);
         if (status != GONIO_OK) {
             return status;
         }
         sqlite3_bind_int64(statement, 1, step);
-        status = session_run(session, statement, error);
+        status = gonio_session_run(session, statement, error);
         if (status != GONIO_OK) {
             return status;
         }
     }
-    return session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_samples", error);
+    return gonio_session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_samples",
+                              error);
 }
 
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error) {
     bool own;
-    gonio_status status = session_begin_own(session, &own, error);
+    gonio_status status = gonio_session_begin_own(session, &own, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -164,9 +167,9 @@ gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const
         snprintf(text, sizeof text, "step %lld is to be measured again: %s", (long long)step, why);
         status = gonio_session_event(session, "undone", text, error);
     }
-    return session_end_own(session, own, status, error);
+    return gonio_session_end_own(session, own, status, error);
 }
 
 gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error) {
-    return session_exec(session, "DELETE FROM flagged", error);
+    return gonio_session_exec(session, "DELETE FROM flagged", error);
 }

@@ -40,8 +40,8 @@ static void discard(gonio_session *session, session_file *file) {
     }
 }
 
-gonio_status session_file_write(gonio_session *session, const char *name, const session_png *png, session_file *file,
-                                gonio_error *error) {
+gonio_status gonio_session_file_write(gonio_session *session, const char *name, const session_png *png,
+                                      session_file *file, gonio_error *error) {
     char temporary[SESSION_FRAME_NAME + 8];
     *file = (session_file){.fd = -1};
     snprintf(file->name, sizeof file->name, "%s", name);
@@ -74,7 +74,7 @@ static bool keep(gonio_session *session, session_file *file, int *why) {
     return *why == 0;
 }
 
-gonio_status session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error) {
+gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error) {
     int at = 0, why = 0;
     while (at < n && fsync(files[at].fd) == 0) {
         at++;
@@ -101,13 +101,13 @@ static gonio_status store_one(gonio_session *session, int64_t step, int number, 
                               char hash[GONIO_SHA256_HEX], session_file *file, gonio_error *error) {
     session_png png = {0};
     char name[SESSION_FRAME_NAME];
-    session_frame_name(step, number, name);
-    gonio_status status = session_frame_hash(frame, hash, error);
+    gonio_session_frame_name(step, number, name);
+    gonio_status status = gonio_session_frame_hash(frame, hash, error);
     if (status == GONIO_OK) {
-        status = session_png_encode(frame, bits, session->plain, &png, error);
+        status = gonio_session_png_encode(frame, bits, session->plain, &png, error);
     }
     if (status == GONIO_OK) {
-        status = session_file_write(session, name, &png, file, error);
+        status = gonio_session_file_write(session, name, &png, file, error);
     }
     free(png.data);
     return status;
@@ -127,8 +127,8 @@ static gonio_status store_frame(void *context, size_t i, gonio_error *error) {
     return store_one(s->session, s->step, (int)i, &s->exposures[i].frame, s->bits, s->hashes[i], &s->files[i], error);
 }
 
-gonio_status session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
-                                  int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
+gonio_status gonio_session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
+                                        int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
     session_file *files = calloc((size_t)n + 1, sizeof *files);
     if (files == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", n);
@@ -140,7 +140,7 @@ gonio_status session_store_frames(gonio_session *session, int64_t step, const go
     gonio_status status = gonio_pool_try(session->plain ? 0 : 1, (size_t)n, store_frame,
                                          &(storing){session, step, exposures, bits, hashes, files}, error);
     if (status == GONIO_OK) {
-        status = session_files_keep(session, files, n, error);
+        status = gonio_session_files_keep(session, files, n, error);
     } else {
         for (int i = 0; i < n; i++) {
             discard(session, &files[i]);

@@ -49,7 +49,7 @@ static void measure(const pixel_camera *camera, const merge_noise *noise, double
         for (int j = 0; j < camera->n; j++) {
             terms[j] = pixel_expose(camera, &random, rate, camera->exposure_s[j]);
         }
-        merge_pixel(noise, camera->n, terms, &r);
+        gonio_merge_pixel(noise, camera->n, terms, &r);
         add(&merged, r.value / rate - 1);
         add(&hat, hat_merge(camera, camera->n, terms) / rate - 1);
     }

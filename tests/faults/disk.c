@@ -127,7 +127,7 @@ static void power_off(const fault *f) {
         }
     }
     if (f->kind == FAULT_power_cut) {
-        machine_start(&w->machine, FW_CAUSE_POWER);
+        gonio_machine_start(&w->machine, FW_CAUSE_POWER);
     }
     _exit(137);
 }

@@ -79,7 +79,8 @@ static void render(double exposure_s, uint16_t *pixels) {
     now.target = bench.sim->target;
     if (memcmp(&now, &last, sizeof now) == 0) {
         memcpy(pixels, last_pixels, sizeof last_pixels);
-    } else if (sim_camera_ops.capture(bench.sim, &all, exposure_s, 0, &bench.stamp, 1e9, &frame, &error) != GONIO_OK) {
+    } else if (gonio_sim_camera_ops.capture(bench.sim, &all, exposure_s, 0, &bench.stamp, 1e9, &frame, &error) !=
+               GONIO_OK) {
         world_trouble("no frame: %s; ", error.message);
     } else {
         last = now;
@@ -91,7 +92,7 @@ static void render(double exposure_s, uint16_t *pixels) {
 static double power(void) {
     double value = 0, sigma = 0;
     const truth kept = enter_truth();
-    sim_meter_ops.read(bench.sim, &bench.stamp, bench.integration_s, &value, &sigma, NULL);
+    gonio_sim_meter_ops.read(bench.sim, &bench.stamp, bench.integration_s, &value, &sigma, NULL);
     leave_truth(&kept);
     return value;
 }
@@ -199,7 +200,7 @@ static gonio_status open_camera(gonio_rig *rig, gonio_error *error) {
     gonio_camera_v4l2_defaults(&config);
     config.exposure_unit_s = 1e-6;
     config.bits = 12;
-    sim_camera_describe(bench.sim, &config.info);
+    gonio_sim_camera_describe(bench.sim, &config.info);
     void *device;
     const gonio_status status = gonio_camera_v4l2_open(&config, &camera_model_io, NULL, &device, error);
     if (status == GONIO_OK) {

@@ -153,7 +153,7 @@ static void deliver(const uint8_t *bytes, int n) {
     for (int i = 0; i < n; i++) {
         world_pass(CHARACTER_US);
         if (!w->controller_off) {
-            fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
+            gonio_fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
         }
     }
     world_pass(4 * CHARACTER_US + 2000);

@@ -71,16 +71,16 @@ static void set_switch(const fault *f, enum machine_switch state) {
     axis->bounce_us = 20000 + f->parameter % 60000;
 }
 
-static void restart(enum fw_cause cause) { machine_start(&w->machine, cause); }
+static void restart(enum fw_cause cause) { gonio_machine_start(&w->machine, cause); }
 
 static void hold(const fault *f, bool active) {
     const enum fw_contact contact = f->kind == FAULT_emergency_stop ? FW_CONTACT_estop
                                     : f->kind == FAULT_door_opened  ? FW_CONTACT_door
                                                                     : FW_CONTACT_limit_max_0 + f->parameter % FW_AXES;
     if (active) {
-        machine_hold(&w->machine, contact, true);
+        gonio_machine_hold(&w->machine, contact, true);
     } else {
-        machine_release(&w->machine, contact);
+        gonio_machine_release(&w->machine, contact);
     }
 }
 
@@ -115,7 +115,7 @@ static void begin(fault *f) {
         break;
     case FAULT_controller_brown_out:
         w->controller_off = true;
-        fw_interlock_fault(&w->machine.core);
+        gonio_fw_interlock_fault(&w->machine.core);
         f->hits++;
         break;
     case FAULT_controller_hangs:
@@ -217,7 +217,7 @@ static void run_machine(int64_t us) {
     }
     const uint64_t until = m->now_us + (uint64_t)us;
     while (m->now_us < until) {
-        machine_run(m, until - m->now_us);
+        gonio_machine_run(m, until - m->now_us);
         if (m->bitten || m->restart || m->fault) {
             restart(m->bitten ? FW_CAUSE_WATCHDOG : m->fault ? FW_CAUSE_FAULT : FW_CAUSE_COMMAND);
         }
@@ -310,19 +310,19 @@ void world_new(uint64_t seed) {
     w->verbose = verbose;
     w->random = seed;
     w->host_bound_us = INT64_C(1800) * 1000000;
-    machine_new(&w->machine);
+    gonio_machine_new(&w->machine);
     w->machine.on_edges = watch;
     for (int k = 0; k < FW_AXES; k++) { // short ways to the switches, which stand outside the soft limits
         w->machine.axis[k].home_at = -1000;
         w->machine.axis[k].limit_min_at = -5000;
     }
-    machine_start(&w->machine, FW_CAUSE_POWER);
+    gonio_machine_start(&w->machine, FW_CAUSE_POWER);
     // A lamp that is soon warm, kept over resets.
     w->machine.core.registers.lamp_rise[0] = 200;
     w->machine.core.registers.lamp_warm_up[0] = 300;
     for (int k = 0; k < FW_AXES; k++) {
         w->machine.core.registers.home_backoff[k] = 60;
     }
-    machine_command(&w->machine, FW_COMMAND_SAVE, 0);
-    machine_run(&w->machine, 10000);
+    gonio_machine_command(&w->machine, FW_COMMAND_SAVE, 0);
+    gonio_machine_run(&w->machine, 10000);
 }

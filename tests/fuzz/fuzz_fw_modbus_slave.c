@@ -9,22 +9,22 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static struct machine m;
     uint8_t frame[FW_ADU_MAX];
-    machine_new(&m);
-    machine_start(&m, FW_CAUSE_POWER);
+    gonio_machine_new(&m);
+    gonio_machine_start(&m, FW_CAUSE_POWER);
     m.core.known = 15;
     for (size_t i = 0; i + 1 < size && !m.restart && !m.fault; i += 2) {
-        machine_run(&m, (uint64_t)data[i + 1] * 10);
-        fw_modbus_receive(&m.core, data[i], (uint32_t)m.now_us);
+        gonio_machine_run(&m, (uint64_t)data[i + 1] * 10);
+        gonio_fw_modbus_receive(&m.core, data[i], (uint32_t)m.now_us);
     }
     const size_t length = size < FW_ADU_MAX - 3 ? size : FW_ADU_MAX - 3;
     frame[0] = 1;
     memcpy(frame + 1, data, length);
-    const uint16_t crc = fw_modbus_crc(frame, length + 1);
+    const uint16_t crc = gonio_fw_modbus_crc(frame, length + 1);
     frame[length + 1] = (uint8_t)crc;
     frame[length + 2] = (uint8_t)(crc >> 8);
-    machine_run(&m, 10000);
+    gonio_machine_run(&m, 10000);
     if (!m.restart && !m.fault && !m.bitten)
-        machine_receive(&m, frame, (unsigned)length + 3);
+        gonio_machine_receive(&m, frame, (unsigned)length + 3);
     if (m.wrong_edges != 0)
         abort();
     return 0;

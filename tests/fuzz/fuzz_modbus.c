@@ -61,7 +61,7 @@ static size_t answer(line *l, const uint8_t *request, size_t n, uint8_t *reply) 
     if (n < before + after + 1) {
         return 0;
     }
-    const size_t m = fw_modbus_pdu(&l->machine.core, request + before, n - before - after, reply + before);
+    const size_t m = gonio_fw_modbus_pdu(&l->machine.core, request + before, n - before - after, reply + before);
     if (m == 0) {
         return 0;
     }
@@ -71,7 +71,7 @@ static size_t answer(line *l, const uint8_t *request, size_t n, uint8_t *reply) 
         reply[5] = (uint8_t)(m + 1);
         return MBAP + m;
     }
-    const uint16_t crc = fw_modbus_crc(reply, m + 1);
+    const uint16_t crc = gonio_fw_modbus_crc(reply, m + 1);
     reply[m + 1] = (uint8_t)crc;
     reply[m + 2] = (uint8_t)(crc >> 8);
     return m + 3;
@@ -85,7 +85,7 @@ static void send_bytes(line *l, const uint8_t *bytes, size_t n) {
 // A checksum that fits, so that a spoilt frame passes as a sound one.
 static void mend(const line *l, uint8_t *reply, size_t n) {
     if (!l->tcp && n > 3) {
-        const uint16_t crc = fw_modbus_crc(reply, n - 2);
+        const uint16_t crc = gonio_fw_modbus_crc(reply, n - 2);
         reply[n - 2] = (uint8_t)crc;
         reply[n - 1] = (uint8_t)(crc >> 8);
     }
@@ -105,9 +105,9 @@ static size_t spoil(line *l, uint8_t *reply, size_t n, uint8_t how) {
 // Returns false where the line is cut.
 static bool reply_once(line *l, const uint8_t *request, size_t n) {
     uint8_t reply[ROOM] = {0};
-    machine_run(&l->machine, 20000);
+    gonio_machine_run(&l->machine, 20000);
     if (l->machine.restart || l->machine.fault || l->machine.bitten) {
-        machine_start(&l->machine, FW_CAUSE_COMMAND);
+        gonio_machine_start(&l->machine, FW_CAUSE_COMMAND);
     }
     size_t m = answer(l, request, n, reply);
     if (l->left == 0) {
@@ -246,8 +246,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     l.tcp = data[0] & 1;
     l.fd = -1;
     l.last_n = 0;
-    machine_new(&l.machine);
-    machine_start(&l.machine, FW_CAUSE_POWER);
+    gonio_machine_new(&l.machine);
+    gonio_machine_start(&l.machine, FW_CAUSE_POWER);
     char port[64];
     pthread_t thread;
     if (l.tcp) {

@@ -65,28 +65,28 @@ static void act(struct machine *m) {
     const uint16_t axes = (uint16_t)draw(16);
     switch (draw(12)) {
     case 0:
-        machine_command(m, FW_COMMAND_HOME, axes);
+        gonio_machine_command(m, FW_COMMAND_HOME, axes);
         break;
     case 1:
-        machine_command(m, FW_COMMAND_STOP, 0);
+        gonio_machine_command(m, FW_COMMAND_STOP, 0);
         break;
     case 2:
-        machine_command(m, draw(4) == 0 ? FW_COMMAND_HALT : FW_COMMAND_TRIGGER, 0);
+        gonio_machine_command(m, draw(4) == 0 ? FW_COMMAND_HALT : FW_COMMAND_TRIGGER, 0);
         break;
     case 3:
-        machine_hold(m, draw(4) == 0 ? FW_CONTACT_estop : FW_CONTACT_door, draw(2) == 0);
+        gonio_machine_hold(m, draw(4) == 0 ? FW_CONTACT_estop : FW_CONTACT_door, draw(2) == 0);
         break;
     case 4:
-        machine_hold(m, FW_CONTACT_estop, false);
-        machine_hold(m, FW_CONTACT_door, false);
-        machine_command(m, FW_COMMAND_CLEAR, 0);
+        gonio_machine_hold(m, FW_CONTACT_estop, false);
+        gonio_machine_hold(m, FW_CONTACT_door, false);
+        gonio_machine_command(m, FW_COMMAND_CLEAR, 0);
         break;
     case 5:
-        fw_lamp_switch(&m->core, draw(2) == 0);
-        fw_lamp_shutter(&m->core, draw(2) == 0);
+        gonio_fw_lamp_switch(&m->core, draw(2) == 0);
+        gonio_fw_lamp_shutter(&m->core, draw(2) == 0);
         break;
     default:
-        machine_move(m, axes, target);
+        gonio_machine_move(m, axes, target);
     }
 }
 
@@ -117,11 +117,11 @@ static void sequence(uint64_t seed) {
     for (unsigned n = 3 + draw(4); n > 0; n--) {
         act(m);
         model.forbidden = m->core.state == FW_STATE_ESTOP || (m->core.interlock.active >> FW_CONTACT_estop & 1) != 0;
-        machine_run(m, draw(8) == 0 ? 60000 : draw(9000));
+        gonio_machine_run(m, draw(8) == 0 ? 60000 : draw(9000));
         check(m, &model);
     }
     model.forbidden = false;
-    assert_true(machine_settle(m, MINUTE_US)); // whatever it was, it comes to rest
+    assert_true(gonio_machine_settle(m, MINUTE_US)); // whatever it was, it comes to rest
     check(m, &model);
     steps_seen += m->rising_edges;
     free(m);
@@ -154,12 +154,12 @@ static void long_way_without_drift(void **state) {
         int64_t target[FW_AXES];
         for (unsigned i = 0; i < FW_AXES; i++)
             target[i] = (int64_t)draw(71900) - 35950;
-        assert_int_equal(machine_move(m, (uint16_t)(1 + draw(15)), target), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_move(m, (uint16_t)(1 + draw(15)), target), FW_REFUSAL_NONE);
         if (draw(4) == 0) {
-            machine_run(m, draw(400000));
-            machine_command(m, FW_COMMAND_STOP, 0);
+            gonio_machine_run(m, draw(400000));
+            gonio_machine_command(m, FW_COMMAND_STOP, 0);
         }
-        assert_true(machine_settle(m, 10ull * MINUTE_US));
+        assert_true(gonio_machine_settle(m, 10ull * MINUTE_US));
         rig_check_positions(m);
         assert_int_equal(m->core.known, 15);
     }
@@ -175,9 +175,9 @@ static void random_bytes_never_move_an_axis(void **state) {
     struct machine *m = rig_homed();
     state_of_random = 7;
     for (unsigned long long n = 0; n < count; n++) {
-        fw_modbus_receive(&m->core, (uint8_t)draw(256), (uint32_t)m->now_us);
+        gonio_fw_modbus_receive(&m->core, (uint8_t)draw(256), (uint32_t)m->now_us);
         if (draw(16) == 0)
-            machine_run(m, 2500);
+            gonio_machine_run(m, 2500);
         m->sent_length = 0;
     }
     assert_true(m->rising_edges == 0);

@@ -113,23 +113,23 @@ static void bring_to(struct machine *m, const struct row *r) {
     const int64_t far[FW_AXES] = {12000, 12000, 12000, 12000};
     m->core.registers.lamp_rise[0] = 0;
     if (r->lamp && !alarmed(r))
-        assert_true(fw_lamp_switch(&m->core, true) && fw_lamp_shutter(&m->core, true));
+        assert_true(gonio_fw_lamp_switch(&m->core, true) && gonio_fw_lamp_shutter(&m->core, true));
     if (r->state == FW_STATE_MOVING || r->state == FW_STATE_STOPPING)
-        assert_int_equal(machine_move(m, 15, far), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_move(m, 15, far), FW_REFUSAL_NONE);
     if (r->state == FW_STATE_HOMING)
-        assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
-    machine_run(m, 200000);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 200000);
     if (r->state == FW_STATE_STOPPING) {
-        machine_command(m, FW_COMMAND_STOP, 0);
-        machine_run(m, 5000);
+        gonio_machine_command(m, FW_COMMAND_STOP, 0);
+        gonio_machine_run(m, 5000);
     }
     if (r->state == FW_STATE_ALARM)
-        fw_interlock_alarm(&m->core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
+        gonio_fw_interlock_alarm(&m->core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
     if (r->state == FW_STATE_ESTOP) {
-        machine_hold(m, FW_CONTACT_estop, true);
-        machine_run(m, 2000);
-        machine_hold(m, FW_CONTACT_estop, false);
-        machine_run(m, 2000);
+        gonio_machine_hold(m, FW_CONTACT_estop, true);
+        gonio_machine_run(m, 2000);
+        gonio_machine_hold(m, FW_CONTACT_estop, false);
+        gonio_machine_run(m, 2000);
     }
     assert_int_equal(m->core.state, r->state);
     assert_true(m->core.axis.under_way == moves(r));
@@ -139,20 +139,20 @@ static void bring_to(struct machine *m, const struct row *r) {
 static void close_contacts(struct machine *m, const struct row *r) {
     const bool down = r->state == FW_STATE_HOMING;
     if (r->limit == LIMIT_AHEAD)
-        machine_hold(m, down ? FW_CONTACT_limit_min_0 : FW_CONTACT_limit_max_1, true);
+        gonio_machine_hold(m, down ? FW_CONTACT_limit_min_0 : FW_CONTACT_limit_max_1, true);
     if (r->limit == LIMIT_BEHIND)
-        machine_hold(m, down ? FW_CONTACT_limit_max_0 : FW_CONTACT_limit_min_1, true);
+        gonio_machine_hold(m, down ? FW_CONTACT_limit_max_0 : FW_CONTACT_limit_min_1, true);
     if (r->door)
-        machine_hold(m, FW_CONTACT_door, true);
+        gonio_machine_hold(m, FW_CONTACT_door, true);
     if (hits(r)) // in the interrupt, before anything else
         assert_true(!m->armed && m->pins == 0);
     if (r->later)
-        machine_run(m, 2000);
+        gonio_machine_run(m, 2000);
 }
 
 static void check_at_rest(struct machine *m, const struct row *r, enum fw_refusal refusal) {
-    assert_true(machine_settle(m, MINUTE_US));
-    machine_run(m, 2000);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
+    gonio_machine_run(m, 2000);
     const unsigned alarm = alarm_at_rest(r, refusal);
     assert_int_equal(m->core.registers.alarm[0], alarm);
     assert_int_equal(m->core.state, alarm == FW_ALARM_NONE        ? FW_STATE_IDLE
@@ -170,14 +170,14 @@ static void check_row(const struct row *r) {
     struct machine *m = rig_homed();
     for (unsigned i = 0; i < FW_AXES; i++)
         m->core.registers.home_position[i] = m->axis[i].home_at;
-    machine_command(m, FW_COMMAND_SAVE, 0); // so that LOAD finds some
+    gonio_machine_command(m, FW_COMMAND_SAVE, 0); // so that LOAD finds some
     bring_to(m, r);
     m->core.known = known_of(r);
     close_contacts(m, r);
     const int64_t before = m->axis[1].steps;
     for (unsigned i = 0; i < FW_AXES; i++)
         m->core.registers.target[i] = m->axis[i].steps + 500;
-    const enum fw_refusal refusal = machine_command(m, (enum fw_command)r->command, 2);
+    const enum fw_refusal refusal = gonio_machine_command(m, (enum fw_command)r->command, 2);
     assert_int_equal(refusal, expected(r));
     if (r->command == FW_COMMAND_HALT)
         assert_true(!m->armed && m->pins == 0);

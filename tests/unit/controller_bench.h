@@ -94,7 +94,7 @@ static void bench_write(int fd, const uint8_t *bytes, int n) {
 static void bench_answer(struct machine *m, bool tcp, int fd, uint8_t *bytes, int n) {
     if (!tcp) {
         m->sent_length = 0;
-        machine_receive(m, bytes, (unsigned)n);
+        gonio_machine_receive(m, bytes, (unsigned)n);
         bench_write(fd, m->sent, (int)m->sent_length);
         m->sent_length = 0;
         return;
@@ -107,7 +107,7 @@ static void bench_answer(struct machine *m, bool tcp, int fd, uint8_t *bytes, in
         }
         uint8_t reply[7 + FW_PDU_MAX];
         memcpy(reply, bytes + at, 7);
-        const size_t size = fw_modbus_pdu(&m->core, bytes + at + 7, (size_t)length - 1, reply + 7);
+        const size_t size = gonio_fw_modbus_pdu(&m->core, bytes + at + 7, (size_t)length - 1, reply + 7);
         reply[4] = (uint8_t)((size + 1) >> 8);
         reply[5] = (uint8_t)(size + 1);
         if (size > 0) {
@@ -145,14 +145,14 @@ static void bench_run_machine(bench_shared *s, bool tcp, int fd, double speed) {
         const int n = client >= 0 ? bench_read_frame(client, bytes, sizeof bytes) : -1;
         const int64_t now = bench_now_us();
         if (!s->frozen) {
-            machine_run(&s->machine, (uint64_t)((double)(now - last) * speed));
+            gonio_machine_run(&s->machine, (uint64_t)((double)(now - last) * speed));
         }
         last = now;
         bench_check_limits(s);
         bench_count_motion(s, &state);
         if (s->restart || s->machine.restart || s->machine.bitten || s->machine.fault) {
             s->restart = 0;
-            machine_start(&s->machine, FW_CAUSE_POWER);
+            gonio_machine_start(&s->machine, FW_CAUSE_POWER);
         }
         if (n > 0 && !s->frozen) {
             bench_answer(&s->machine, tcp, client, bytes, n);
@@ -365,8 +365,8 @@ static pid_t bench_fork(void) {
 // Start a controller and a line to it. speed: simulated seconds a second.
 static void bench_start(bench *b, bool tcp, double speed, uint32_t seed) {
     *b = (bench){.shared = mmap(NULL, sizeof *b->shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)};
-    machine_new(&b->shared->machine);
-    machine_start(&b->shared->machine, FW_CAUSE_POWER);
+    gonio_machine_new(&b->shared->machine);
+    gonio_machine_start(&b->shared->machine, FW_CAUSE_POWER);
     b->shared->machine.core.registers.lamp_warm_up[0] = 200;
     b->shared->plugged = 1;
     strcpy(b->folder, "/tmp/gonio-bench-XXXXXX");

@@ -1,5 +1,5 @@
-// The seven phases of a ramp in plain long double, by integrating phase after phase: the oracle for fw_ramp_at and the
-// step times. It shares the phase lengths with the firmware, nothing else.
+// The seven phases of a ramp in plain long double, by integrating phase after phase: the oracle for gonio_fw_ramp_at
+// and the step times. It shares the phase lengths with the firmware, nothing else.
 #ifndef FW_REFERENCE_H
 #define FW_REFERENCE_H
 

@@ -17,8 +17,8 @@ enum { MINUTE_US = 60000000 };
 
 static inline struct machine *rig_new(void) {
     struct machine *m = malloc(sizeof *m);
-    machine_new(m);
-    machine_start(m, FW_CAUSE_POWER);
+    gonio_machine_new(m);
+    gonio_machine_start(m, FW_CAUSE_POWER);
     struct fw_registers *r = &m->core.registers;
     for (unsigned i = 0; i < FW_AXES; i++) {
         r->speed_max[i] = 20000;

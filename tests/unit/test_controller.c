@@ -199,8 +199,8 @@ static void test_duration(void **state) {
     static const double ways_deg[] = {0.02, 0.3, 1, 3, 10, 60, 180};
     for (size_t i = 0; i < sizeof ways_deg / sizeof *ways_deg; i++) {
         static struct machine m;
-        machine_new(&m);
-        machine_start(&m, FW_CAUSE_POWER);
+        gonio_machine_new(&m);
+        gonio_machine_start(&m, FW_CAUSE_POWER);
         memcpy(&m.core.registers, &b.shared->machine.core.registers, sizeof m.core.registers);
         m.core.known = 15;
         m.core.registers.settle[0] = 0;
@@ -209,8 +209,8 @@ static void test_duration(void **state) {
         pose(0, ways_deg[i], 0, 0, to);
         const int64_t target[FW_AXES] = {0, llround(ways_deg[i] * 100), 0, 0};
         const uint64_t start = m.now_us;
-        assert_int_equal(machine_move(&m, 15, target), FW_REFUSAL_NONE);
-        assert_true(machine_settle(&m, 60000000));
+        assert_int_equal(gonio_machine_move(&m, 15, target), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(&m, 60000000));
         const double real = (double)(m.now_us - start) * 1e-6;
         const double nominal = gonio_stage_modbus.duration_s(stage, from, to);
         if (!(fabs(nominal - real) < 0.05 * real + 0.01)) {

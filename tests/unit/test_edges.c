@@ -35,7 +35,7 @@ static int edges(double size_mm, double spot_mm, gonio_pair p) {
 // How far the simulated lamp lights the table along +x or +y, seen from straight above.
 static double lit_reach(double theta_deg, double spot_mm, bool along_y) {
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.rig.light_spot_mm = spot_mm;
     settings.sample.plate_mm = 1e4;
     gonio_model *model;
@@ -44,11 +44,12 @@ static double lit_reach(double theta_deg, double spot_mm, bool along_y) {
     for (int turned = 0; turned < 2; turned++) { // toward the lamp and away from it
         sim_scene scene = {.target = GONIO_TARGET_SAMPLE, .sample = model};
         const double angles[GONIO_AXES] = {gonio_radians(theta_deg), turned ? GONIO_PI : 0, 0, 0};
-        sim_scene_place(&scene, &settings, NULL, angles);
+        gonio_sim_scene_place(&scene, &settings, NULL, angles);
         double low = 0, high = 5;
         for (int k = 0; k < 50; k++) {
             const double middle = (low + high) / 2; // of the image plane: +x of the table points down
-            *(sim_scene_radiance(&scene, along_y ? middle : 0, along_y ? 0 : middle, 0) > 0 ? &low : &high) = middle;
+            *(gonio_sim_scene_radiance(&scene, along_y ? middle : 0, along_y ? 0 : middle, 0) > 0 ? &low : &high) =
+                middle;
         }
         reach = fmax(reach, 1000 * low);
     }

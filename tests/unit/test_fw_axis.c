@@ -5,8 +5,8 @@ static void arrives_exactly(void **state) {
     (void)state;
     struct machine *m = rig_homed();
     const int64_t target[FW_AXES] = {30000, -20000, 3001, 4000};
-    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     for (unsigned i = 0; i < FW_AXES; i++)
         assert_true(m->axis[i].steps == target[i]);
     rig_check_positions(m);
@@ -44,8 +44,8 @@ static void axes_keep_together(void **state) {
     struct coordination c = {.way = {30000, 10000, 17, 0}};
     m->context = &c;
     m->on_edges = watch_coordination;
-    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_true(c.worst <= 1.0);
     rig_check_positions(m);
     free(m);
@@ -56,25 +56,25 @@ static void refuses_what_it_must(void **state) {
     struct machine *m = rig_homed();
     struct fw_registers *r = &m->core.registers;
     int64_t target[FW_AXES] = {36001, 0, 0, 0};
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
     target[0] = -36001;
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
-    assert_int_equal(machine_move(m, 0, target), FW_REFUSAL_NO_AXIS);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    assert_int_equal(gonio_machine_move(m, 0, target), FW_REFUSAL_NO_AXIS);
     r->backlash[0] = 100;
     target[0] = -35950; // the overshoot would pass the limit
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
     r->soft_max[1] = INT64_MAX;
     r->soft_min[1] = INT64_MIN;
     target[1] = INT64_MAX;
-    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
+    assert_int_equal(gonio_machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
     target[1] = INT64_MIN;
-    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
+    assert_int_equal(gonio_machine_move(m, 2, target), FW_REFUSAL_TOO_FAR);
     target[1] = 2000 + (int64_t)INT32_MAX;
     r->speed_max[1] = 1;
-    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_TOO_FAR); // 68 years
+    assert_int_equal(gonio_machine_move(m, 2, target), FW_REFUSAL_TOO_FAR); // 68 years
     m->core.known = 14;
     target[0] = 0;
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NOT_HOMED);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_NOT_HOMED);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     assert_true(m->rising_edges == 0);
     free(m);
@@ -88,12 +88,12 @@ static void backlash_arrives_from_one_side(void **state) {
     const int64_t targets[][FW_AXES] = {
         {5000, 5000, 0, 0}, {-5000, -5000, 0, 0}, {4999, 4999, 0, 0}, {4990, 5001, 0, 0}};
     for (unsigned i = 0; i < 4; i++) {
-        assert_int_equal(machine_move(m, 3, targets[i]), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_move(m, 3, targets[i]), FW_REFUSAL_NONE);
         uint8_t last = 0;
         while (m->core.state == FW_STATE_MOVING) {
             if (m->core.axis.under_way)
                 last = (uint8_t)(m->core.axis.up | m->core.axis.down << 4);
-            machine_run(m, 100);
+            gonio_machine_run(m, 100);
         }
         assert_int_equal(last & 0x12, 0); // axis 0 came moving up, axis 1 down
         assert_true(m->axis[0].steps == targets[i][0] && m->axis[1].steps == targets[i][1]);
@@ -108,11 +108,11 @@ static void target_is_latched(void **state) {
     struct machine *m = rig_homed();
     m->core.registers.backlash[0] = 500;
     const int64_t target[FW_AXES] = {-1000, 0, 0, 0};
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NONE);
-    machine_run(m, 10000);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 10000);
     m->core.registers.target[0] = 30000;
     m->core.registers.command_axes[0] = 15;
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_true(m->axis[0].steps == -1000);
     rig_check_positions(m);
     free(m);
@@ -123,12 +123,12 @@ static void stop_decelerates_and_knows(void **state) {
     for (uint64_t after = 0; after < 1800000; after += 37000) {
         struct machine *m = rig_homed();
         const int64_t target[FW_AXES] = {31000, -28000, 3000, 4000};
-        assert_int_equal(machine_move(m, 3, target), FW_REFUSAL_NONE);
-        machine_run(m, after);
+        assert_int_equal(gonio_machine_move(m, 3, target), FW_REFUSAL_NONE);
+        gonio_machine_run(m, after);
         const int64_t at = m->axis[0].steps;
         const bool moving = m->core.axis.under_way;
-        assert_int_equal(machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
-        assert_true(machine_settle(m, MINUTE_US));
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
         assert_int_equal(m->core.state, FW_STATE_IDLE);
         assert_int_equal(m->core.known, 15);
         rig_check_positions(m);
@@ -144,12 +144,12 @@ static void halt_stops_at_once_and_forgets(void **state) {
     (void)state;
     struct machine *m = rig_homed();
     const int64_t target[FW_AXES] = {31000, -28000, 3000, 4000};
-    assert_int_equal(machine_move(m, 3, target), FW_REFUSAL_NONE);
-    machine_run(m, 300000);
+    assert_int_equal(gonio_machine_move(m, 3, target), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 300000);
     const uint64_t edges = m->rising_edges;
     assert_true(edges > 0);
-    assert_int_equal(machine_command(m, FW_COMMAND_HALT, 0), FW_REFUSAL_NONE);
-    machine_run(m, 100000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HALT, 0), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 100000);
     assert_true(m->rising_edges == edges);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     assert_int_equal(m->core.known, 12); // axes 2 and 3 stood
@@ -163,23 +163,23 @@ static void limit_switch_halts_all(void **state) {
     struct machine *m = rig_homed();
     m->axis[1].limit_max_at = 20000;
     const int64_t target[FW_AXES] = {30000, 30000, 30000, 30000};
-    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.state, FW_STATE_ALARM);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_LIMIT_MAX);
     assert_int_equal(m->core.registers.alarm_axis[0], 1);
     assert_true(m->axis[1].steps == 20000); // not a step further
     assert_int_equal(m->core.known, 0);
     rig_check_positions(m);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
     m->core.known = 15;
-    assert_int_equal(machine_move(m, 2, target), FW_REFUSAL_HARD_LIMIT);
+    assert_int_equal(gonio_machine_move(m, 2, target), FW_REFUSAL_HARD_LIMIT);
     const int64_t back[FW_AXES] = {0, 0, 0, 0};
-    machine_hold(m, FW_CONTACT_limit_min_1, true);
-    assert_int_equal(machine_move(m, 2, back), FW_REFUSAL_HARD_LIMIT);
-    machine_release(m, FW_CONTACT_limit_min_1);
-    assert_int_equal(machine_move(m, 2, back), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, MINUTE_US));
+    gonio_machine_hold(m, FW_CONTACT_limit_min_1, true);
+    assert_int_equal(gonio_machine_move(m, 2, back), FW_REFUSAL_HARD_LIMIT);
+    gonio_machine_release(m, FW_CONTACT_limit_min_1);
+    assert_int_equal(gonio_machine_move(m, 2, back), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_true(m->axis[1].steps == 0);
     free(m);
 }
@@ -195,10 +195,10 @@ static void step_rate_is_bounded(void **state) {
     }
     m->core.registers.step_rate_max[0] = 100000;
     const int64_t target[FW_AXES] = {-30000, -30000, -30000, -30000};
-    assert_int_equal(machine_move(m, 15, target), FW_REFUSAL_NONE);
-    machine_run(m, 300000);
+    assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 300000);
     const uint64_t edges = m->rising_edges;
-    machine_run(m, 100000);
+    gonio_machine_run(m, 100000);
     assert_in_range(m->rising_edges - edges, 9950, 10004);
     free(m);
 }
@@ -216,13 +216,13 @@ static void seconds_are_what_a_move_takes(void **state) {
         int64_t from[FW_AXES];
         for (unsigned i = 0; i < FW_AXES; i++)
             from[i] = m->core.step.position[i];
-        const double seconds = fw_axis_seconds(&m->core, from, targets[n]);
+        const double seconds = gonio_fw_axis_seconds(&m->core, from, targets[n]);
         const uint64_t start = m->now_us;
-        assert_int_equal(machine_move(m, 15, targets[n]), FW_REFUSAL_NONE);
-        assert_true(machine_settle(m, MINUTE_US));
+        assert_int_equal(gonio_machine_move(m, 15, targets[n]), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
         const double took = 1e-6 * (double)(m->now_us - start);
         assert_true(took > seconds && took < seconds + 0.015);
-        assert_true(fw_axis_seconds(&m->core, targets[n], targets[n]) == 0.0);
+        assert_true(gonio_fw_axis_seconds(&m->core, targets[n], targets[n]) == 0.0);
     }
     free(m);
 }

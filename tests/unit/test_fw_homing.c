@@ -2,8 +2,8 @@
 #include "tests/unit/fw_rig.h"
 
 static void home(struct machine *m, uint16_t axes) {
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, axes), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, 5ull * MINUTE_US));
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, axes), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, 5ull * MINUTE_US));
 }
 
 static void finds_the_switch(void **state) {
@@ -44,8 +44,8 @@ static void repeats_and_reports_the_difference(void **state) {
     home(m, 15);
     for (unsigned n = 0; n < 10; n++) {
         const int64_t target[FW_AXES] = {-20000 + 777 * (int64_t)n, 0, 0, 0};
-        assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NONE);
-        assert_true(machine_settle(m, MINUTE_US));
+        assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
         home(m, 1);
         check_difference(m, 0);
     }
@@ -63,11 +63,11 @@ static void follows_the_order(void **state) {
     const uint16_t order[FW_AXES] = {3, 1, 4, 2};
     for (unsigned i = 0; i < FW_AXES; i++)
         m->core.registers.home_order[i] = order[i];
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
     uint16_t before = 0;
     unsigned n = 0;
     while (m->core.state == FW_STATE_HOMING) {
-        machine_run(m, 1000);
+        gonio_machine_run(m, 1000);
         if (m->core.known == before)
             continue;
         static const uint16_t after[] = {2, 2 | 8, 2 | 8 | 1, 15};
@@ -140,7 +140,7 @@ static void pressed_switch_lets_go(void **state) {
     struct machine *m = rig_new();
     m->core.registers.home_pressed[0] = 1;
     m->axis[0].steps = -38000;
-    machine_run(m, 2000);
+    gonio_machine_run(m, 2000);
     home(m, 1);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     assert_true(m->axis[0].steps == -37000 + 200);
@@ -168,7 +168,7 @@ static void a_little_bounce_is_borne(void **state) {
 
 static void phase_until(struct machine *m, unsigned phase) {
     while (m->core.homing.phase != phase) {
-        machine_run(m, 1000);
+        gonio_machine_run(m, 1000);
         assert_true(m->core.state == FW_STATE_HOMING);
     }
 }
@@ -177,10 +177,10 @@ static void phase_until(struct machine *m, unsigned phase) {
 static void switch_that_dies_is_missing(void **state) {
     (void)state;
     struct machine *m = rig_new();
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
     phase_until(m, FW_HOMING_BACK_OFF);
     m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_MISSING);
     free(m);
 }
@@ -188,10 +188,10 @@ static void switch_that_dies_is_missing(void **state) {
 static void switch_that_sticks_in_the_end_is_stuck(void **state) {
     (void)state;
     struct machine *m = rig_new();
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
     phase_until(m, FW_HOMING_LEAVE);
     m->axis[1].home_switch = MACHINE_SWITCH_PRESSED;
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_STUCK);
     assert_int_equal(m->core.known, 0);
     free(m);
@@ -201,10 +201,10 @@ static void switch_that_lets_go_while_held_bounces(void **state) {
     (void)state;
     struct machine *m = rig_new();
     m->core.registers.debounce[0] = 50;
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
     phase_until(m, FW_HOMING_HOLD);
     m->axis[1].home_switch = MACHINE_SWITCH_MISSING;
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_BOUNCE);
     free(m);
 }
@@ -214,8 +214,8 @@ static void a_way_of_years_is_no_way(void **state) {
     struct machine *m = rig_new();
     m->core.registers.home_travel[1] = 1000000000;
     m->core.registers.home_fast[1] = 1;
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 2), FW_REFUSAL_NONE);
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_HOME_MISSING);
     assert_true(m->rising_edges == 0);
     free(m);
@@ -224,11 +224,11 @@ static void a_way_of_years_is_no_way(void **state) {
 static void stop_ends_homing(void **state) {
     (void)state;
     struct machine *m = rig_new();
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
-    machine_run(m, 1000000);
-    assert_int_equal(machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 1000000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_STOP, 0), FW_REFUSAL_NONE);
     assert_int_equal(m->core.state, FW_STATE_STOPPING);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     assert_int_equal(m->core.known, 0);
     home(m, 15);
@@ -250,20 +250,20 @@ static void placed_switches_fit_the_parameters(void **state) {
             r->jerk[i] = i == 2 ? 2000 : i == 3 ? 0 : 20000000;
             r->home_travel[i] = i == 1 ? 600 : 80000;
         }
-        machine_place(m);
-        assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
-        assert_true(machine_settle(m, 10ull * MINUTE_US));
+        gonio_machine_place(m);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, 10ull * MINUTE_US));
         assert_int_equal(m->core.registers.alarm[0], FW_ALARM_NONE);
         assert_int_equal(m->core.known, 15);
         for (unsigned end = 0; end < 2; end++) {
-            assert_int_equal(machine_move(m, 15, end == 0 ? r->soft_max : r->soft_min), FW_REFUSAL_NONE);
-            assert_true(machine_settle(m, 10ull * MINUTE_US));
+            assert_int_equal(gonio_machine_move(m, 15, end == 0 ? r->soft_max : r->soft_min), FW_REFUSAL_NONE);
+            assert_true(gonio_machine_settle(m, 10ull * MINUTE_US));
             assert_int_equal(m->core.state, FW_STATE_IDLE);
         }
         for (unsigned i = 0; i < FW_AXES; i++)
             assert_true(m->axis[i].steps == r->soft_min[i]);
         const int64_t stands = m->axis[0].steps;
-        machine_place(m); // where it is known to be, it stays
+        gonio_machine_place(m); // where it is known to be, it stays
         assert_true(m->axis[0].steps == stands);
         free(m);
     }
@@ -271,7 +271,7 @@ static void placed_switches_fit_the_parameters(void **state) {
     m->core.registers.home_travel[0] = 3;
     m->core.registers.soft_min[0] = INT64_MIN;
     m->core.registers.soft_max[0] = m->core.registers.home_position[1] = INT64_MAX;
-    machine_place(m);
+    gonio_machine_place(m);
     assert_true(m->axis[0].limit_min_at < -(1ll << 59) && m->axis[0].limit_max_at > 1ll << 59);
     free(m);
 }

@@ -5,9 +5,9 @@ static struct machine *moving(void) {
     struct machine *m = rig_homed();
     const int64_t target[FW_AXES] = {31000, -28000, 3000, 4000};
     m->core.registers.lamp_rise[0] = 0;
-    assert_true(fw_lamp_switch(&m->core, true) && fw_lamp_shutter(&m->core, true));
-    assert_int_equal(machine_move(m, 3, target), FW_REFUSAL_NONE);
-    machine_run(m, 300000);
+    assert_true(gonio_fw_lamp_switch(&m->core, true) && gonio_fw_lamp_shutter(&m->core, true));
+    assert_int_equal(gonio_machine_move(m, 3, target), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 300000);
     assert_int_equal(m->core.state, FW_STATE_MOVING);
     assert_true(m->lamp == 10000 && m->shutter && m->rising_edges > 0);
     return m;
@@ -18,22 +18,22 @@ static void emergency_stop_is_immediate_and_latched(void **state) {
     struct machine *m = moving();
     m->core.registers.safe_motors[0] = 2;
     const uint64_t edges = m->rising_edges;
-    machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
     // In the interrupt, before the main loop runs again.
     assert_true(!m->armed && m->pins == 0 && m->lamp == 0 && !m->shutter && m->motors == 2);
-    machine_run(m, 50000);
+    gonio_machine_run(m, 50000);
     assert_true(m->rising_edges == edges);
     assert_int_equal(m->core.state, FW_STATE_ESTOP);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_EMERGENCY);
     assert_int_equal(m->core.known, 12);
     rig_check_positions(m);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
-    machine_hold(m, FW_CONTACT_estop, false);
-    machine_run(m, 50000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
+    gonio_machine_hold(m, FW_CONTACT_estop, false);
+    gonio_machine_run(m, 50000);
     assert_int_equal(m->core.state, FW_STATE_ESTOP); // released is not cleared
-    assert_false(fw_lamp_switch(&m->core, true));
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_STOPPED);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    assert_false(gonio_fw_lamp_switch(&m->core, true));
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 15), FW_REFUSAL_STOPPED);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     assert_true(m->lamp == 0 && !m->shutter);
     free(m);
@@ -43,9 +43,9 @@ static void emergency_stop_is_immediate_and_latched(void **state) {
 static void short_press_counts(void **state) {
     (void)state;
     struct machine *m = moving();
-    machine_hold(m, FW_CONTACT_estop, true);
-    machine_hold(m, FW_CONTACT_estop, false);
-    machine_run(m, 2000);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_hold(m, FW_CONTACT_estop, false);
+    gonio_machine_run(m, 2000);
     assert_int_equal(m->core.state, FW_STATE_ESTOP);
     free(m);
 }
@@ -55,14 +55,14 @@ static void safe_state_is_as_configured(void **state) {
     struct machine *m = moving();
     m->core.registers.safe_lamp[0] = 2500;
     m->core.registers.safe_motors[0] = 15;
-    machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
     assert_true(m->lamp == 2500 && m->motors == 3 && !m->shutter);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_true(m->lamp == 2500);
     free(m);
     m = rig_homed(); // a lamp that was off is not switched on
     m->core.registers.safe_lamp[0] = 2500;
-    machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
     assert_true(m->lamp == 0);
     free(m);
 }
@@ -72,7 +72,7 @@ static void silence_makes_safe(void **state) {
     struct machine *m = moving();
     m->core.registers.deadman[0] = 200;
     m->core.registers.safe_motors[0] = 1;
-    machine_run(m, 300000);
+    gonio_machine_run(m, 300000);
     assert_int_equal(m->core.state, FW_STATE_MOVING); // no request yet: it does not count
     free(m);
     m = moving();
@@ -81,38 +81,38 @@ static void silence_makes_safe(void **state) {
     const uint8_t request[] = {3, 0, 0x11, 0, 1};
     uint8_t reply[FW_PDU_MAX];
     for (int i = 0; i < 5; i++) {
-        assert_int_equal(fw_modbus_pdu(&m->core, request, sizeof request, reply), 4);
-        machine_run(m, 150000);
+        assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, sizeof request, reply), 4);
+        gonio_machine_run(m, 150000);
         assert_int_equal(m->core.state, FW_STATE_MOVING);
     }
-    machine_run(m, 55000);
+    gonio_machine_run(m, 55000);
     assert_int_equal(m->core.state, FW_STATE_ALARM);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_DEADMAN);
     assert_true(m->lamp == 0 && !m->shutter && m->core.axis.under_way && m->motors == 3); // decelerating
-    machine_run(m, 300000);
+    gonio_machine_run(m, 300000);
     assert_true(!m->core.axis.under_way && m->motors == 1);
     assert_int_equal(m->core.known, 15 & ~2); // the one that lost its current
     rig_check_positions(m);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
     free(m);
 }
 
 static void door_closes_the_shutter(void **state) {
     (void)state;
     struct machine *m = moving();
-    machine_hold(m, FW_CONTACT_door, true);
-    machine_run(m, 2000);
+    gonio_machine_hold(m, FW_CONTACT_door, true);
+    gonio_machine_run(m, 2000);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_DOOR);
     assert_false(m->shutter);
-    machine_settle(m, MINUTE_US);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
-    machine_hold(m, FW_CONTACT_door, false);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
-    machine_hold(m, FW_CONTACT_door, true); // idle and dark: one may change the sample
-    machine_run(m, 10000);
+    gonio_machine_settle(m, MINUTE_US);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
+    gonio_machine_hold(m, FW_CONTACT_door, false);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    gonio_machine_hold(m, FW_CONTACT_door, true); // idle and dark: one may change the sample
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
-    assert_int_equal(machine_command(m, FW_COMMAND_HOME, 1), FW_REFUSAL_ACTIVE);
-    assert_false(fw_lamp_switch(&m->core, true) || fw_lamp_shutter(&m->core, true));
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_HOME, 1), FW_REFUSAL_ACTIVE);
+    assert_false(gonio_fw_lamp_switch(&m->core, true) || gonio_fw_lamp_shutter(&m->core, true));
     free(m);
 }
 
@@ -120,21 +120,21 @@ static void hot_or_blind_lamp_goes_out(void **state) {
     (void)state;
     struct machine *m = moving();
     m->temperature = 90001;
-    machine_run(m, 3000);
+    gonio_machine_run(m, 3000);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_OVERHEAT);
     assert_true(m->lamp == 0);
-    machine_settle(m, MINUTE_US);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
+    gonio_machine_settle(m, MINUTE_US);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
     m->temperature = 60000;
-    machine_run(m, 3000);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 3000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
     free(m);
     m = moving();
     m->temperature = INT32_MIN;
-    machine_run(m, 3000);
+    gonio_machine_run(m, 3000);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_SENSOR);
-    machine_settle(m, MINUTE_US);
-    assert_int_equal(machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
+    gonio_machine_settle(m, MINUTE_US);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_ACTIVE);
     free(m);
 }
 
@@ -142,9 +142,9 @@ static void first_alarm_is_kept(void **state) {
     (void)state;
     struct machine *m = moving();
     m->temperature = 90001;
-    machine_run(m, 3000);
-    machine_hold(m, FW_CONTACT_estop, true);
-    machine_run(m, 3000);
+    gonio_machine_run(m, 3000);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_run(m, 3000);
     assert_int_equal(m->core.state, FW_STATE_ESTOP);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_OVERHEAT);
     free(m);
@@ -154,12 +154,12 @@ static void contacts_can_be_inverted_and_left_out(void **state) {
     (void)state;
     struct machine *m = rig_homed();
     m->core.registers.input_enable[0] = 0x0FFF;
-    machine_hold(m, FW_CONTACT_estop, true);
-    machine_run(m, 3000);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_run(m, 3000);
     assert_int_equal(m->core.state, FW_STATE_IDLE);
     m->core.registers.input_enable[0] = 0x3FFF;
     m->core.registers.input_invert[0] = 0x3FFF; // the machine's wiring follows: levels invert, meanings stay
-    machine_run(m, 3000);
+    gonio_machine_run(m, 3000);
     assert_int_equal(m->core.state, FW_STATE_ESTOP);
     free(m);
 }
@@ -167,13 +167,13 @@ static void contacts_can_be_inverted_and_left_out(void **state) {
 static void watchdog_bites_what_hangs(void **state) {
     (void)state;
     struct machine *m = rig_homed();
-    machine_run(m, 2000000);
+    gonio_machine_run(m, 2000000);
     assert_false(m->bitten);
-    assert_int_equal(fw_core_self_test(&m->core, 1), FW_REFUSAL_UNKNOWN);
-    assert_int_equal(fw_core_self_test(&m->core, 0xDEAD), FW_REFUSAL_NONE);
-    machine_run(m, 600000);
+    assert_int_equal(gonio_fw_core_self_test(&m->core, 1), FW_REFUSAL_UNKNOWN);
+    assert_int_equal(gonio_fw_core_self_test(&m->core, 0xDEAD), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 600000);
     assert_true(m->bitten);
-    machine_start(m, FW_CAUSE_WATCHDOG);
+    gonio_machine_start(m, FW_CAUSE_WATCHDOG);
     assert_int_equal(m->core.registers.reset_cause[0], FW_CAUSE_WATCHDOG);
     assert_int_equal(m->core.known, 0);
     free(m);
@@ -184,7 +184,7 @@ static void watchdog_bites_when_the_step_timer_dies(void **state) {
     (void)state;
     struct machine *m = moving();
     m->armed = false;
-    machine_run(m, 600000);
+    gonio_machine_run(m, 600000);
     assert_true(m->bitten);
     free(m);
 }
@@ -193,11 +193,11 @@ static void fault_makes_safe_first(void **state) {
     (void)state;
     struct machine *m = rig_homed();
     m->motors = 15;
-    assert_int_equal(fw_core_self_test(&m->core, 0xFA17), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_fw_core_self_test(&m->core, 0xFA17), FW_REFUSAL_NONE);
     assert_true(m->fault && m->motors == 0 && m->lamp == 0 && !m->shutter);
     free(m);
     m = moving();
-    assert_int_equal(fw_core_self_test(&m->core, 0xFA17), FW_REFUSAL_NOT_SAFE);
+    assert_int_equal(gonio_fw_core_self_test(&m->core, 0xFA17), FW_REFUSAL_NOT_SAFE);
     assert_false(m->fault);
     free(m);
 }
@@ -206,7 +206,7 @@ static void late_producer_is_an_alarm(void **state) {
     (void)state;
     struct machine *m = moving();
     m->core.step.producing = false; // as if it were never let in again
-    machine_run(m, 5000);
+    gonio_machine_run(m, 5000);
     assert_int_equal(m->core.registers.alarm[0], FW_ALARM_UNDERRUN);
     assert_int_equal(m->core.known, 12);
     rig_check_positions(m);

@@ -7,27 +7,27 @@ static void starts_softly_and_warms_up(void **state) {
     m->core.registers.lamp_rise[0] = 1000;
     m->core.registers.lamp_warm_up[0] = 3000;
     m->core.registers.lamp_level[0] = 8000;
-    assert_true(fw_lamp_switch(&m->core, true));
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
     uint16_t before = 0;
     for (unsigned ms = 0; ms < 799; ms++) {
-        machine_run(m, 1000);
+        gonio_machine_run(m, 1000);
         assert_in_range(m->lamp - before, 9, 12); // 10000 / 1000 ms
         before = m->lamp;
         assert_int_equal(m->core.lamp.state, FW_LAMP_RISING);
     }
-    machine_run(m, 5000);
+    gonio_machine_run(m, 5000);
     assert_int_equal(m->lamp, 8000);
     assert_int_equal(m->core.lamp.state, FW_LAMP_WARMING);
-    machine_run(m, 2980000);
+    gonio_machine_run(m, 2980000);
     assert_int_equal(m->core.lamp.state, FW_LAMP_WARMING);
-    machine_run(m, 30000);
+    gonio_machine_run(m, 30000);
     assert_int_equal(m->core.lamp.state, FW_LAMP_READY);
     m->core.registers.lamp_level[0] = 5000; // another level warms up anew
-    machine_run(m, 2000);
+    gonio_machine_run(m, 2000);
     assert_int_equal(m->lamp, 5000);
     assert_int_equal(m->core.lamp.state, FW_LAMP_WARMING);
-    assert_true(fw_lamp_switch(&m->core, false));
-    machine_run(m, 2000);
+    assert_true(gonio_fw_lamp_switch(&m->core, false));
+    gonio_machine_run(m, 2000);
     assert_int_equal(m->lamp, 0);
     assert_int_equal(m->core.lamp.state, FW_LAMP_OFF);
     free(m);
@@ -38,8 +38,8 @@ static void level_zero_is_a_level(void **state) {
     struct machine *m = rig_new();
     m->core.registers.lamp_level[0] = 0;
     m->core.registers.lamp_warm_up[0] = 10;
-    assert_true(fw_lamp_switch(&m->core, true));
-    machine_run(m, 20000);
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
+    gonio_machine_run(m, 20000);
     assert_int_equal(m->core.lamp.state, FW_LAMP_READY);
     assert_int_equal(m->lamp, 0);
     free(m);
@@ -51,14 +51,14 @@ static void monitor_is_a_mean_with_a_time(void **state) {
     m->core.registers.lamp_rise[0] = 0;
     m->core.registers.lamp_level[0] = 4000;
     m->core.registers.monitor_average[0] = 100;
-    assert_true(fw_lamp_switch(&m->core, true));
-    machine_run(m, 250000);
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
+    gonio_machine_run(m, 250000);
     assert_int_equal(m->core.registers.monitor[0], (4000u * 6 + 100) << 16);
     const int64_t middle = m->core.registers.monitor_time[0];
-    fw_core_refresh(&m->core);
+    gonio_fw_core_refresh(&m->core);
     const int64_t age = m->core.registers.time[0] - middle;
     assert_true(age >= 50000 - 2000 && age <= 150000 + 2000);
-    machine_run(m, 100000);
+    gonio_machine_run(m, 100000);
     assert_true(m->core.registers.monitor_time[0] - middle == 100000);
     free(m);
 }
@@ -70,10 +70,10 @@ static void trigger_follows_the_settling(void **state) {
     m->core.registers.settle[0] = 30;
     m->core.registers.trigger_pulse[0] = 3;
     const int64_t target[FW_AXES] = {1500, 0, 0, 0};
-    assert_int_equal(machine_move(m, 1, target), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_NONE);
     uint64_t stood = 0, rose = 0, fell = 0;
     while (fell == 0) {
-        machine_run(m, 500);
+        gonio_machine_run(m, 500);
         if (stood == 0 && !m->core.axis.under_way)
             stood = m->now_us;
         if (rose == 0 && m->trigger)
@@ -85,7 +85,7 @@ static void trigger_follows_the_settling(void **state) {
     assert_in_range(rose - stood, 29000, 32500);
     assert_in_range(fell - rose, 2500, 4500);
     assert_int_equal(m->core.registers.trigger_count[0], 1);
-    assert_int_equal(machine_command(m, FW_COMMAND_TRIGGER, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_TRIGGER, 0), FW_REFUSAL_NONE);
     assert_true(m->trigger);
     assert_int_equal(m->core.registers.trigger_count[0], 2);
     free(m);

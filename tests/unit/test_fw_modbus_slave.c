@@ -6,14 +6,14 @@ static unsigned ask(struct machine *m, uint8_t unit, const uint8_t *pdu, unsigne
     uint8_t frame[300];
     frame[0] = unit;
     memcpy(frame + 1, pdu, length);
-    const uint16_t crc = fw_modbus_crc(frame, length + 1);
+    const uint16_t crc = gonio_fw_modbus_crc(frame, length + 1);
     frame[length + 1] = (uint8_t)crc;
     frame[length + 2] = (uint8_t)(crc >> 8);
-    machine_receive(m, frame, length + 3);
+    gonio_machine_receive(m, frame, length + 3);
     if (m->sent_length == 0)
         return 0;
     assert_true(m->sent_length >= 4 && m->sent[0] == unit);
-    const uint16_t got = fw_modbus_crc(m->sent, m->sent_length - 2);
+    const uint16_t got = gonio_fw_modbus_crc(m->sent, m->sent_length - 2);
     assert_true(m->sent[m->sent_length - 2] == (got & 255) && m->sent[m->sent_length - 1] == got >> 8);
     assert_false(m->driving);
     return m->sent_length - 3;
@@ -30,7 +30,7 @@ static unsigned ask(struct machine *m, uint8_t unit, const uint8_t *pdu, unsigne
 static void crc_is_the_specified_one(void **state) {
     (void)state;
     // The polynomial's well-known check value: "123456789" gives 0x4B37.
-    assert_int_equal(fw_modbus_crc((const uint8_t *)"123456789", 9), 0x4B37);
+    assert_int_equal(gonio_fw_modbus_crc((const uint8_t *)"123456789", 9), 0x4B37);
 }
 
 static void reads(void **state) {
@@ -157,15 +157,15 @@ static void bits(void **state) {
     EXPECT(m, 0x8F, 3);
     ASK(m, 15, 0, 0);
     EXPECT(m, 0x8F, 3);
-    machine_hold(m, FW_CONTACT_door, true);
-    machine_hold(m, FW_CONTACT_home_2, true);
+    gonio_machine_hold(m, FW_CONTACT_door, true);
+    gonio_machine_hold(m, FW_CONTACT_home_2, true);
     ASK(m, 2, 0, 0, 0, 14);
     EXPECT(m, 2, 2, 4, 0x20);
     ASK(m, 2, 0, 13, 0, 1);
     EXPECT(m, 2, 1, 1);
     ASK(m, 2, 0, 13, 0, 2);
     EXPECT(m, 0x82, 2);
-    machine_run(m, 5000); // the door, with the lamp on: alarm
+    gonio_machine_run(m, 5000); // the door, with the lamp on: alarm
     ASK(m, 5, 0, 1, 0xFF, 0);
     EXPECT(m, 0x85, 4);
     assert_int_equal(m->core.registers.refusal[0], FW_REFUSAL_ALARMED);
@@ -181,7 +181,7 @@ static void diagnoses(void **state) {
     EXPECT(m, 8, 0, 0, 0xA5, 0x37);
     ASK(m, 99);
     EXPECT(m, 0xE3, 1);
-    machine_receive(m, (const uint8_t[]){1, 3, 0, 0, 0, 1, 0, 0}, 8); // wrong CRC
+    gonio_machine_receive(m, (const uint8_t[]){1, 3, 0, 0, 0, 1, 0, 0}, 8); // wrong CRC
     assert_int_equal(m->sent_length, 0);
     ask(m, 7, (const uint8_t[]){3, 0, 0, 0, 1}, 5); // somebody else's
     ask(m, 0, (const uint8_t[]){6, 0, 0x10, 0, 9}, 5);
@@ -253,8 +253,8 @@ static void identifies(void **state) {
 
 static void put_bytes(struct machine *m, const uint8_t *bytes, unsigned length, uint64_t idle) {
     for (unsigned i = 0; i < length; i++) {
-        machine_run(m, m->core.modbus.character + (i > 0 ? idle : 0));
-        fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
+        gonio_machine_run(m, m->core.modbus.character + (i > 0 ? idle : 0));
+        gonio_fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
     }
 }
 
@@ -264,27 +264,27 @@ static void frames_by_silence(void **state) {
     struct machine *m = rig_new();
     const uint8_t request[] = {1, 3, 0, 0, 0, 1, 0x84, 0x0A};
     put_bytes(m, request, 8, 750);
-    machine_run(m, 1749);
+    gonio_machine_run(m, 1749);
     assert_int_equal(m->sent_length, 0);
-    machine_run(m, 1000);
+    gonio_machine_run(m, 1000);
     assert_int_equal(m->sent_length, 7);
     m->sent_length = 0;
     put_bytes(m, request, 8, 751);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 0);
     put_bytes(m, request, 8, 0);
-    machine_run(m, m->core.modbus.silence - 100);
+    gonio_machine_run(m, m->core.modbus.silence - 100);
     put_bytes(m, request, 8, 0); // too soon: both are spoilt
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 0);
     for (unsigned i = 0; i < 400; i++) // longer than any frame
         put_bytes(m, request, 1, 0);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 0);
     put_bytes(m, request, 3, 0); // too short
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     put_bytes(m, request, 8, 0);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 7);
     free(m);
 }
@@ -292,13 +292,13 @@ static void frames_by_silence(void **state) {
 static void gaps_scale_below_19200(void **state) {
     (void)state;
     struct machine *m = rig_new();
-    fw_modbus_setup(&m->core, 9600);
+    gonio_fw_modbus_setup(&m->core, 9600);
     assert_int_equal(m->core.modbus.character, 1146); // 11 bits
     assert_int_equal(m->core.modbus.gap, 1719);
     assert_int_equal(m->core.modbus.silence, 4011);
-    fw_modbus_setup(&m->core, 19200);
+    gonio_fw_modbus_setup(&m->core, 19200);
     assert_int_equal(m->core.modbus.silence, 2006);
-    fw_modbus_setup(&m->core, 38400);
+    gonio_fw_modbus_setup(&m->core, 38400);
     assert_true(m->core.modbus.gap == 750 && m->core.modbus.silence == 1750);
     free(m);
 }
@@ -309,9 +309,9 @@ static void a_late_main_loop_spoils_nothing(void **state) {
     struct machine *m = rig_new();
     const uint8_t request[] = {1, 3, 0, 0, 0, 1, 0x84, 0x0A};
     for (unsigned i = 0; i < 8; i++)
-        fw_modbus_receive(&m->core, request[i], (uint32_t)m->now_us);
-    fw_modbus_receive(&m->core, 0x55, (uint32_t)m->now_us + 5000); // the next frame's first byte
-    machine_run(m, 10000);
+        gonio_fw_modbus_receive(&m->core, request[i], (uint32_t)m->now_us);
+    gonio_fw_modbus_receive(&m->core, 0x55, (uint32_t)m->now_us + 5000); // the next frame's first byte
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 7);
     assert_int_equal(m->core.modbus.overruns, 1);
     free(m);
@@ -324,10 +324,10 @@ static void a_full_transmitter_is_waited_for(void **state) {
     m->sent_length = 0;
     put_bytes(m, request, 8, 0);
     m->sent_length = MACHINE_SENT_MAX - 3;
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_true(m->core.modbus.sending && m->driving);
     m->sent_length = 0;
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     assert_int_equal(m->sent_length, 4);
     assert_false(m->core.modbus.sending || m->driving);
     free(m);
@@ -348,12 +348,12 @@ static void a_repeated_move_is_harmless(void **state) {
     assert_int_equal(m->core.state, FW_STATE_MOVING);
     ask(m, 1, move, sizeof move); // the reply was lost, the host asks again
     EXPECT(m, 16, 1, 0, 0, 21);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_true(m->axis[0].steps == 0x1000);
     const uint64_t edges = m->rising_edges;
     ask(m, 1, move, sizeof move);
     EXPECT(m, 16, 1, 0, 0, 21);
-    assert_true(machine_settle(m, MINUTE_US) && m->rising_edges == edges);
+    assert_true(gonio_machine_settle(m, MINUTE_US) && m->rising_edges == edges);
     words[3] = 8;
     words[14] = 0x20;
     ask(m, 1, move, sizeof move);
@@ -371,7 +371,7 @@ static void a_repeated_move_is_harmless(void **state) {
     ask(m, 1, move, sizeof move);
     EXPECT(m, 0x90, 3);
     assert_int_equal(m->core.registers.refusal[0], FW_REFUSAL_UNKNOWN);
-    assert_true(machine_settle(m, MINUTE_US));
+    assert_true(gonio_machine_settle(m, MINUTE_US));
     assert_true(m->axis[0].steps == 0x2000);
     free(m);
 }
@@ -411,8 +411,8 @@ static void counts_and_lengths_are_checked(void **state) {
     assert_int_equal(ASK(m, 3, 0, 0, 0, 1), 0);
     uint8_t reply[FW_PDU_MAX];
     const uint8_t request[FW_PDU_MAX + 1] = {3};
-    assert_int_equal(fw_modbus_pdu(&m->core, request, 0, reply), 0);
-    assert_int_equal(fw_modbus_pdu(&m->core, request, sizeof request, reply), 0);
+    assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, 0, reply), 0);
+    assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, sizeof request, reply), 0);
     free(m);
 }
 
@@ -422,14 +422,14 @@ static void self_tests(void **state) {
     ASK(m, 6, 1, 0x15, 0x12, 0x34);
     EXPECT(m, 0x86, 3);
     ASK(m, 5, 0, 0, 0xFF, 0);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     ASK(m, 6, 1, 0x15, 0xFA, 0x17); // not with the lamp on
     EXPECT(m, 0x86, 4);
     ASK(m, 5, 0, 0, 0, 0);
-    machine_run(m, 10000);
+    gonio_machine_run(m, 10000);
     ASK(m, 6, 1, 0x15, 0xDE, 0xAD);
     EXPECT(m, 6, 1, 0x15, 0xDE, 0xAD);
-    machine_run(m, 700000);
+    gonio_machine_run(m, 700000);
     assert_true(m->bitten);
     free(m);
 }
@@ -437,7 +437,7 @@ static void self_tests(void **state) {
 static void restarts(void **state) {
     (void)state;
     struct machine *m = rig_homed();
-    assert_int_equal(machine_command(m, FW_COMMAND_RESTART, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_RESTART, 0), FW_REFUSAL_NONE);
     assert_true(m->restart);
     free(m);
 }

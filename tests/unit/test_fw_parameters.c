@@ -5,7 +5,7 @@ static uint32_t sentinel(const struct machine *m) { return m->core.registers.dea
 
 static void restart(struct machine *m) {
     m->flash_operations_left = -1;
-    machine_start(m, FW_CAUSE_POWER);
+    gonio_machine_start(m, FW_CAUSE_POWER);
 }
 
 static void round_trip(void **state) {
@@ -15,7 +15,7 @@ static void round_trip(void **state) {
     m->core.registers.soft_min[3] = -123456789012345;
     m->core.registers.backlash[1] = -17;
     m->core.registers.baud[0] = 57600;
-    assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
     const struct fw_registers before = m->core.registers;
     restart(m);
     assert_int_equal(m->core.registers.store_slot[0], 1);
@@ -24,9 +24,9 @@ static void round_trip(void **state) {
     if (#access[0] == 'P')                                                                                             \
         assert_memory_equal(before.name, m->core.registers.name, sizeof before.name);
 #include "firmware/regmap.def"
-    assert_int_equal(machine_command(m, FW_COMMAND_DEFAULTS, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_DEFAULTS, 0), FW_REFUSAL_NONE);
     assert_int_equal(m->core.registers.baud[0], 115200);
-    assert_int_equal(machine_command(m, FW_COMMAND_LOAD, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_LOAD, 0), FW_REFUSAL_NONE);
     assert_int_equal(m->core.registers.baud[0], 57600);
     free(m);
 }
@@ -34,7 +34,7 @@ static void round_trip(void **state) {
 static void empty_flash_has_nothing_to_load(void **state) {
     (void)state;
     struct machine *m = rig_new();
-    assert_int_equal(machine_command(m, FW_COMMAND_LOAD, 0), FW_REFUSAL_STORE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_LOAD, 0), FW_REFUSAL_STORE);
     free(m);
 }
 
@@ -46,14 +46,14 @@ static void a_cut_at_every_write_keeps_a_slot(void **state) {
     for (uint32_t v = 1; v <= 3; v++) { // both slots used
         m->core.registers.deadman[0] = v;
         m->core.registers.trigger_pulse[0] = (uint16_t)v;
-        assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
     }
     uint32_t kept = 3, cuts = 0;
     for (int64_t operations = 1;; operations++) {
         m->core.registers.deadman[0] = kept + 1;
         m->core.registers.trigger_pulse[0] = (uint16_t)(kept + 1);
         m->flash_operations_left = operations;
-        const enum fw_refusal refusal = machine_command(m, FW_COMMAND_SAVE, 0);
+        const enum fw_refusal refusal = gonio_machine_command(m, FW_COMMAND_SAVE, 0);
         restart(m);
         assert_true(m->core.registers.store_slot[0] != 0);
         assert_true(sentinel(m) == kept || sentinel(m) == kept + 1);
@@ -67,7 +67,7 @@ static void a_cut_at_every_write_keeps_a_slot(void **state) {
         if (operations % 7 == 0) { // a whole save in between: the slots change places
             m->core.registers.deadman[0] = ++kept;
             m->core.registers.trigger_pulse[0] = (uint16_t)kept;
-            assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+            assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
         }
     }
     assert_true(cuts > 80); // an erase and every word
@@ -79,7 +79,7 @@ static void every_flipped_bit_is_seen(void **state) {
     struct machine *m = rig_new();
     for (uint32_t v = 1; v <= 2; v++) {
         m->core.registers.deadman[0] = v;
-        assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
     }
     const unsigned words = 4 + m->flash[1][3];
     for (unsigned bit = 0; bit < 32 * words; bit++) {
@@ -109,14 +109,14 @@ static void sequence_numbers_wrap(void **state) {
     (void)state;
     struct machine *m = rig_new();
     m->core.registers.deadman[0] = 1;
-    assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
     uint32_t *page = m->flash[0];
     assert_int_equal(page[2], crc32_of(page + 3, 1 + page[3], crc32_of(page + 1, 1, 0xFFFFFFFF)));
     page[1] = 0xFFFFFFFE;
     page[2] = crc32_of(page + 3, 1 + page[3], crc32_of(page + 1, 1, 0xFFFFFFFF));
     for (uint32_t v = 2; v <= 5; v++) {
         m->core.registers.deadman[0] = v;
-        assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
         restart(m);
         assert_int_equal(sentinel(m), v);
     }
@@ -128,10 +128,10 @@ static void flash_that_does_not_take_it_is_told(void **state) {
     (void)state;
     struct machine *m = rig_new();
     m->flash_operations_left = 0; // dead
-    assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_STORE);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_STORE);
     m->flash_operations_left = -1;
-    machine_hold(m, FW_CONTACT_door, false);
-    assert_int_equal(machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+    gonio_machine_hold(m, FW_CONTACT_door, false);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
     free(m);
 }
 

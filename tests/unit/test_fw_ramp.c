@@ -23,14 +23,14 @@ static const struct fw_ramp_limits cases[] = {
 enum { CASES = sizeof cases / sizeof cases[0] };
 
 static long double at(const struct fw_ramp *ramp, uint32_t time) {
-    return (long double)fw_ramp_at(ramp, time) / (1ull << FW_RAMP_FRACTION_BITS);
+    return (long double)gonio_fw_ramp_at(ramp, time) / (1ull << FW_RAMP_FRACTION_BITS);
 }
 
 static void follows_the_closed_form(void **state) {
     (void)state;
     for (unsigned i = 0; i < CASES; i++) {
         struct fw_ramp ramp;
-        assert_true(fw_ramp_plan(&ramp, &cases[i]));
+        assert_true(gonio_fw_ramp_plan(&ramp, &cases[i]));
         const struct reference reference = reference_of(&ramp);
         const uint32_t step = ramp.duration / 5000 + 1;
         long double before = 0.0L;
@@ -40,9 +40,9 @@ static void follows_the_closed_form(void **state) {
             assert_true(s >= before - 1e-15L);
             before = s;
         }
-        assert_true(fw_ramp_at(&ramp, 0) == 0);
-        assert_true(fw_ramp_at(&ramp, ramp.duration) == 1ull << FW_RAMP_FRACTION_BITS);
-        assert_true(fw_ramp_at(&ramp, UINT32_MAX) == 1ull << FW_RAMP_FRACTION_BITS);
+        assert_true(gonio_fw_ramp_at(&ramp, 0) == 0);
+        assert_true(gonio_fw_ramp_at(&ramp, ramp.duration) == 1ull << FW_RAMP_FRACTION_BITS);
+        assert_true(gonio_fw_ramp_at(&ramp, UINT32_MAX) == 1ull << FW_RAMP_FRACTION_BITS);
     }
 }
 
@@ -50,7 +50,7 @@ static void keeps_the_limits(void **state) {
     (void)state;
     for (unsigned i = 0; i < CASES; i++) {
         struct fw_ramp ramp;
-        assert_true(fw_ramp_plan(&ramp, &cases[i]));
+        assert_true(gonio_fw_ramp_plan(&ramp, &cases[i]));
         const struct reference reference = reference_of(&ramp);
         const long double tick = 1e-6L, slack = 1.0L + 1e-12L;
         assert_true(reference.speed / tick <= cases[i].speed * slack);
@@ -74,8 +74,8 @@ static void wastes_no_time(void **state) {
     };
     for (unsigned i = 0; i < sizeof known / sizeof known[0]; i++) {
         struct fw_ramp ramp;
-        assert_true(fw_ramp_plan(&ramp, &known[i].limits));
-        const double late = fw_ramp_seconds(&ramp) - known[i].seconds;
+        assert_true(gonio_fw_ramp_plan(&ramp, &known[i].limits));
+        const double late = gonio_fw_ramp_seconds(&ramp) - known[i].seconds;
         assert_true(late >= -1e-9 && late < 7 * 256e-6);
     }
 }
@@ -84,17 +84,17 @@ static void refuses_what_takes_days(void **state) {
     (void)state;
     const struct fw_ramp_limits limits = {1e-6, 1.0, 1.0};
     struct fw_ramp ramp;
-    assert_false(fw_ramp_plan(&ramp, &limits));
+    assert_false(gonio_fw_ramp_plan(&ramp, &limits));
 }
 
 static void cut_follows_on_and_ends_early(void **state) {
     (void)state;
     for (unsigned i = 0; i < CASES; i++) {
         struct fw_ramp ramp, cut;
-        assert_true(fw_ramp_plan(&ramp, &cases[i]));
+        assert_true(gonio_fw_ramp_plan(&ramp, &cases[i]));
         for (unsigned part = 0; part <= 64; part++) {
             const uint32_t time = (uint32_t)((uint64_t)ramp.duration * part / 64) & ~1u;
-            fw_ramp_cut(&cut, &ramp, time);
+            gonio_fw_ramp_cut(&cut, &ramp, time);
             assert_true(cut.duration <= ramp.duration && cut.duration >= time);
             assert_true(cut.end <= (1ull << FW_RAMP_FRACTION_BITS) + 1000);
             for (uint32_t k = 0; k <= 16; k++) {

@@ -45,11 +45,11 @@ static void check_edges(struct run *run, const struct fw_stepgen *g, const struc
 static struct run follow(struct fw_stepgen *g, const struct fw_ramp_limits *limits, const uint32_t distance[FW_AXES],
                          uint8_t down, uint8_t pulse) {
     struct fw_ramp ramp;
-    assert_true(fw_ramp_plan(&ramp, limits));
+    assert_true(gonio_fw_ramp_plan(&ramp, limits));
     const struct reference reference = reference_of(&ramp);
     struct run run = {0};
-    fw_stepgen_prepare(g, &ramp, distance, down, pulse);
-    fw_stepgen_start(g, START);
+    gonio_fw_stepgen_prepare(g, &ramp, distance, down, pulse);
+    gonio_fw_stepgen_start(g, START);
     for (enum fw_step_action action = FW_STEP_ARM; action != FW_STEP_END;) {
         check_edges(&run, g, &reference);
         const uint32_t before = g->due;
@@ -57,9 +57,9 @@ static struct run follow(struct fw_stepgen *g, const struct fw_ramp_limits *limi
         if (action != FW_STEP_END)
             assert_true(g->due != before && g->reading->end <= g->reading->event + FW_SEGMENT_EVENTS);
         if (action == FW_STEP_PRODUCE)
-            fw_stepgen_produce(g);
+            gonio_fw_stepgen_produce(g);
     }
-    fw_stepgen_book(g);
+    gonio_fw_stepgen_book(g);
     assert_false(g->underrun);
     assert_int_equal(run.high, 0);
     for (unsigned i = 0; i < FW_AXES; i++)
@@ -113,20 +113,20 @@ static void abort_counts_what_happened(void **state) {
     const uint32_t distance[FW_AXES] = {10000, 6500, 7, 7500};
     const struct fw_ramp_limits limits = {2.0, 50.0, 5000.0};
     struct fw_ramp ramp;
-    assert_true(fw_ramp_plan(&ramp, &limits));
+    assert_true(gonio_fw_ramp_plan(&ramp, &limits));
     for (unsigned events = 0; events < 20000; events += 1999) {
         struct fw_stepgen g;
         memset(&g, 0, sizeof g);
         int64_t seen[FW_AXES] = {0};
-        fw_stepgen_prepare(&g, &ramp, distance, 5, PULSE);
-        fw_stepgen_start(&g, START);
+        gonio_fw_stepgen_prepare(&g, &ramp, distance, 5, PULSE);
+        gonio_fw_stepgen_start(&g, START);
         for (unsigned n = 0; n < events; n++) {
             for (unsigned i = 0; i < FW_AXES; i++)
                 seen[i] += (g.edges >> i & 1) == 0 ? 0 : (5 >> i & 1) != 0 ? -1 : 1;
             if (fw_stepgen_next(&g) == FW_STEP_PRODUCE)
-                fw_stepgen_produce(&g);
+                gonio_fw_stepgen_produce(&g);
         }
-        fw_stepgen_abort(&g);
+        gonio_fw_stepgen_abort(&g);
         for (unsigned i = 0; i < FW_AXES; i++)
             assert_true(g.position[i] == seen[i]);
         // It can begin anew from there, with clean tables.
@@ -142,9 +142,9 @@ static void underrun_shows(void **state) {
     struct fw_ramp ramp;
     struct fw_stepgen g;
     memset(&g, 0, sizeof g);
-    assert_true(fw_ramp_plan(&ramp, &limits));
-    fw_stepgen_prepare(&g, &ramp, distance, 0, PULSE);
-    fw_stepgen_start(&g, START);
+    assert_true(gonio_fw_ramp_plan(&ramp, &limits));
+    gonio_fw_stepgen_prepare(&g, &ramp, distance, 0, PULSE);
+    gonio_fw_stepgen_start(&g, START);
     while (fw_stepgen_next(&g) != FW_STEP_END) // the producer never comes
         assert_true(g.due - START <= 2 * FW_SEGMENT_TICKS);
     assert_true(g.underrun && !g.running);

@@ -32,16 +32,16 @@ static gonio_pair pose(double ti, double pi, double to, double po) {
 static void test_image_stands_as_rig_h_says(void **state) {
     (void)state;
     const gonio_pair p = pose(30, 0, 0, 0);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     double centre[2], x[2], y[2];
-    assert_true(geometry_project(&g, &camera, (gonio_vec3){0, 0, 0}, centre));
-    assert_true(geometry_project(&g, &camera, (gonio_vec3){1, 0, 0}, x));
-    assert_true(geometry_project(&g, &camera, (gonio_vec3){0, 1, 0}, y));
+    assert_true(gonio_geometry_project(&g, &camera, (gonio_vec3){0, 0, 0}, centre));
+    assert_true(gonio_geometry_project(&g, &camera, (gonio_vec3){1, 0, 0}, x));
+    assert_true(gonio_geometry_project(&g, &camera, (gonio_vec3){0, 1, 0}, y));
     assert_near(centre[0], camera.cx, 1e-9);
     assert_near(centre[1], camera.cy, 1e-9);
     assert_true(x[1] > centre[1] + 1 && fabs(x[0] - centre[0]) < 0.01);
     assert_true(y[0] > centre[0] + 1 && fabs(y[1] - centre[1]) < 0.01);
-    assert_false(geometry_project(&g, &camera, (gonio_vec3){0, 0, 1000}, x)); // behind the camera
+    assert_false(gonio_geometry_project(&g, &camera, (gonio_vec3){0, 0, 1000}, x)); // behind the camera
 }
 
 // Project a point of the sample, undistort the pixel, cast the ray: the same point, at any pose.
@@ -49,13 +49,13 @@ static void test_rays_return_to_their_points(void **state) {
     (void)state;
     for (int k = 0; k < 200; k++) {
         const gonio_pair p = pose(10 + k % 70, 2 * k, k % 85, 3.3 * k);
-        const geometry g = geometry_of_pose(&facts, &p);
+        const geometry g = gonio_geometry_of_pose(&facts, &p);
         const gonio_vec3 at = {20 * sin(k * 1.7), 20 * cos(k * 2.3), 0};
         double pixel[2], point[2];
         geometry_hit hit;
-        assert_true(geometry_project(&g, &camera, at, pixel));
-        assert_int_equal(opencv_undistort(&camera, 1, pixel, point, NULL), GONIO_OK);
-        assert_true(geometry_plate(&g, point[0], point[1], &hit, NULL));
+        assert_true(gonio_geometry_project(&g, &camera, at, pixel));
+        assert_int_equal(gonio_opencv_undistort(&camera, 1, pixel, point, NULL), GONIO_OK);
+        assert_true(gonio_geometry_plate(&g, point[0], point[1], &hit, NULL));
         // At grazing view a millionth of a pixel is magnified by 1/cos(theta_o).
         assert_near(hit.point.x, at.x, 1e-4);
         assert_near(hit.point.y, at.y, 1e-4);
@@ -66,9 +66,9 @@ static void test_rays_return_to_their_points(void **state) {
 static void test_centre_has_the_nominal_directions(void **state) {
     (void)state;
     const gonio_pair p = pose(50, 20, 35, 250);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     geometry_hit hit;
-    assert_true(geometry_plate(&g, 0, 0, &hit, NULL));
+    assert_true(gonio_geometry_plate(&g, 0, 0, &hit, NULL));
     assert_near(hit.irradiance, cos(p.theta_i), 1e-12);
     const gonio_pair found = gonio_pair_from_vectors(hit.to_light, hit.to_camera);
     assert_near(found.theta_i, p.theta_i, 1e-12);
@@ -81,10 +81,10 @@ static void test_centre_has_the_nominal_directions(void **state) {
 static void test_irradiance_is_inverse_square_times_cosine(void **state) {
     (void)state;
     const gonio_pair p = pose(0, 0, 40, 90);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     geometry_hit hit;
     for (double x = -0.05; x <= 0.05; x += 0.01) {
-        assert_true(geometry_plate(&g, x, 0.02, &hit, NULL));
+        assert_true(gonio_geometry_plate(&g, x, 0.02, &hit, NULL));
         const double d2 = hit.point.x * hit.point.x + hit.point.y * hit.point.y + 700 * 700;
         assert_near(hit.irradiance, 700.0 * 700 / d2 * 700 / sqrt(d2), 1e-12);
     }
@@ -94,14 +94,14 @@ static void test_irradiance_is_inverse_square_times_cosine(void **state) {
 static void test_footprints_sum_to_the_area(void **state) {
     (void)state;
     const gonio_pair p = pose(0, 0, 70, 33);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     const double step = 2e-5;
     double area = 0;
     for (double x = -0.012; x < 0.012; x += step) {
         for (double y = -0.012; y < 0.012; y += step) {
             geometry_hit hit;
             double footprint;
-            if (geometry_plate(&g, x, y, &hit, &footprint) &&
+            if (gonio_geometry_plate(&g, x, y, &hit, &footprint) &&
                 hit.point.x * hit.point.x + hit.point.y * hit.point.y <= 100) {
                 area += footprint * step * step;
             }
@@ -113,20 +113,20 @@ static void test_footprints_sum_to_the_area(void **state) {
 static void test_grazing_and_missing_rays(void **state) {
     (void)state;
     const gonio_pair p = pose(30, 0, 89, 0);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     geometry_hit hit;
-    assert_false(geometry_plate(&g, 0, -0.1, &hit, NULL)); // above the horizon
-    assert_false(geometry_sphere(&g, 0.2, 0, 20, &hit));
-    assert_false(geometry_cylinder(&g, 0, -0.2, 20, &hit));
+    assert_false(gonio_geometry_plate(&g, 0, -0.1, &hit, NULL)); // above the horizon
+    assert_false(gonio_geometry_sphere(&g, 0.2, 0, 20, &hit));
+    assert_false(gonio_geometry_cylinder(&g, 0, -0.2, 20, &hit));
 }
 
 static void test_sphere_hits_its_surface_on_the_near_side(void **state) {
     (void)state;
     const gonio_pair p = pose(40, 10, 25, 200);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     for (int k = 0; k < 100; k++) {
         geometry_hit hit;
-        assert_true(geometry_sphere(&g, 0.014 * sin(k), 0.014 * cos(1.7 * k), 20, &hit));
+        assert_true(gonio_geometry_sphere(&g, 0.014 * sin(k), 0.014 * cos(1.7 * k), 20, &hit));
         const double r = sqrt(hit.point.x * hit.point.x + hit.point.y * hit.point.y + hit.point.z * hit.point.z);
         assert_near(r, 20, 1e-10);
         assert_true(hit.normal.x * hit.to_camera.x + hit.normal.y * hit.to_camera.y + hit.normal.z * hit.to_camera.z >
@@ -137,14 +137,14 @@ static void test_sphere_hits_its_surface_on_the_near_side(void **state) {
 static void test_cylinder_crest_touches_the_plate(void **state) {
     (void)state;
     const gonio_pair p = pose(40, 0, 0, 0);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     geometry_hit flat, bent;
-    assert_true(geometry_plate(&g, 0, 0, &flat, NULL));
-    assert_true(geometry_cylinder(&g, 0, 0, 25, &bent));
+    assert_true(gonio_geometry_plate(&g, 0, 0, &flat, NULL));
+    assert_true(gonio_geometry_cylinder(&g, 0, 0, 25, &bent));
     assert_near(bent.point.z, 0, 1e-9);
     assert_near(bent.irradiance, flat.irradiance, 1e-9);
     // Off the crest the normal leans, theta_i changes by the same angle. In the image +x points down.
-    assert_true(geometry_cylinder(&g, 0, 0.01, 25, &bent));
+    assert_true(gonio_geometry_cylinder(&g, 0, 0.01, 25, &bent));
     assert_near(asin(bent.normal.x), asin(bent.point.x / 25), 1e-9);
     assert_true(bent.normal.x > 0.2);
 }
@@ -153,11 +153,11 @@ static void test_cylinder_crest_touches_the_plate(void **state) {
 static void test_isotropic_pair_keeps_what_matters(void **state) {
     (void)state;
     const gonio_pair p = pose(40, 10, 25, 200);
-    const geometry g = geometry_of_pose(&facts, &p);
+    const geometry g = gonio_geometry_of_pose(&facts, &p);
     for (int k = 0; k < 100; k++) {
         geometry_hit hit;
-        assert_true(geometry_sphere(&g, 0.015 * sin(k), 0.015 * cos(1.7 * k), 20, &hit));
-        const gonio_pair local = geometry_isotropic_pair(&hit);
+        assert_true(gonio_geometry_sphere(&g, 0.015 * sin(k), 0.015 * cos(1.7 * k), 20, &hit));
+        const gonio_pair local = gonio_geometry_isotropic_pair(&hit);
         const gonio_vec3 wi = gonio_direction(local.theta_i, local.phi_i), l = hit.to_light, n = hit.normal;
         const gonio_vec3 wo = gonio_direction(local.theta_o, local.phi_o), c = hit.to_camera;
         assert_near(wi.z, n.x * l.x + n.y * l.y + n.z * l.z, 1e-12);

@@ -20,7 +20,7 @@ static void test_exact_without_noise(void **state) {
     (void)state;
     const merge_term terms[] = {term(12.5, 1), term(12.5, 7), term(12.5, 100)};
     merge_result r;
-    merge_pixel(&noise, 3, terms, &r);
+    gonio_merge_pixel(&noise, 3, terms, &r);
     assert_int_equal(r.used, 3);
     assert_near(r.value, 12.5, 1e-12);
     double sum = 0;
@@ -34,7 +34,7 @@ static void test_variance_is_the_inverse_information(void **state) {
     (void)state;
     const merge_term terms[] = {term(12.5, 1), term(12.5, 7), term(12.5, 100)};
     merge_result r;
-    merge_pixel(&noise, 3, terms, &r);
+    gonio_merge_pixel(&noise, 3, terms, &r);
     double information = 0;
     for (int j = 0; j < 3; j++) {
         const double v = 12.5 * terms[j].scale * 0.4 + 4 + 1.0 / 12;
@@ -52,9 +52,9 @@ static void test_repeats_average(void **state) {
         terms[j] = term(30, 10);
         terms[j].signal += j % 2 ? 5 : -5;
     }
-    merge_pixel(&noise, 16, terms, &many);
+    gonio_merge_pixel(&noise, 16, terms, &many);
     terms[0].signal = 300;
-    merge_pixel(&noise, 1, terms, &one);
+    gonio_merge_pixel(&noise, 1, terms, &one);
     assert_near(many.value, 30, 1e-12);
     assert_near(many.photon_variance + many.read_variance, (one.photon_variance + one.read_variance) / 16, 1e-12);
 }
@@ -64,8 +64,8 @@ static void test_order_does_not_matter(void **state) {
     merge_term terms[] = {term(9, 1), term(11, 16), term(10, 60)};
     const merge_term swapped[] = {terms[2], terms[0], terms[1]};
     merge_result a, b;
-    merge_pixel(&noise, 3, terms, &a);
-    merge_pixel(&noise, 3, swapped, &b);
+    gonio_merge_pixel(&noise, 3, terms, &a);
+    gonio_merge_pixel(&noise, 3, swapped, &b);
     assert_near(a.value, b.value, 1e-13);
 }
 
@@ -75,13 +75,13 @@ static void test_saturated_is_excluded(void **state) {
     terms[1].signal = 4000;
     terms[1].clipped = true;
     merge_result r;
-    merge_pixel(&noise, 2, terms, &r);
+    gonio_merge_pixel(&noise, 2, terms, &r);
     assert_int_equal(r.used, 1);
     assert_near(r.value, 10, 1e-12);
     assert_true(r.weight[1] == 0);
     // Predicted above the ceiling, though not clipped as read.
     terms[1] = term(10, 380);
-    merge_pixel(&noise, 2, terms, &r);
+    gonio_merge_pixel(&noise, 2, terms, &r);
     assert_int_equal(r.used, 1);
 }
 
@@ -89,11 +89,11 @@ static void test_no_valid_exposure_is_said(void **state) {
     (void)state;
     merge_term terms[] = {term(5000, 1), term(5000, 2)};
     merge_result r;
-    merge_pixel(&noise, 2, terms, &r);
+    gonio_merge_pixel(&noise, 2, terms, &r);
     assert_int_equal(r.used, 0);
     assert_true(r.saturated);
     terms[0].clipped = terms[1].clipped = true;
-    merge_pixel(&noise, 2, terms, &r);
+    gonio_merge_pixel(&noise, 2, terms, &r);
     assert_int_equal(r.used, 0);
     assert_true(r.saturated);
     assert_true(r.value == 0);
@@ -120,7 +120,7 @@ static void test_bias_and_variance_reach_the_bound(void **state) {
             for (int j = 0; j < camera.n; j++) {
                 terms[j] = pixel_expose(&camera, &random, rate, camera.exposure_s[j]);
             }
-            merge_pixel(&n, camera.n, terms, &r);
+            gonio_merge_pixel(&n, camera.n, terms, &r);
             assert_true(r.used > 0);
             sum += r.value - rate;
             squares += (r.value - rate) * (r.value - rate);

@@ -26,7 +26,7 @@ static gonio_status read_text(const char *suffix, const char *text, size_t size,
     assert_true(fd >= 0);
     assert_int_equal(write(fd, text, size), (ssize_t)size);
     close(fd);
-    const gonio_status status = sim_mesh_read(path, z_up, mesh, error);
+    const gonio_status status = gonio_sim_mesh_read(path, z_up, mesh, error);
     if (status != GONIO_OK) {
         assert_null(*mesh);
         assert_string_equal(error->file, path);
@@ -58,7 +58,7 @@ static void a_cube_stays_a_cube(void **state) {
         }
         assert_near(largest, 1, 1e-6); // along an axis, outward
     }
-    sim_mesh_free(mesh);
+    gonio_sim_mesh_free(mesh);
 }
 
 // Two large faces in the plane z = 0 and a sliver that sticks up between them: its direction must not count as much as
@@ -71,7 +71,7 @@ static void normals_weigh_faces_by_area(void **state) {
     for (size_t v = 0; v < 6; v++) {
         assert_true((double)mesh->normals[3 * mesh->indices[v] + 2] > 0.999);
     }
-    sim_mesh_free(mesh);
+    gonio_sim_mesh_free(mesh);
     for (int steep = 0; steep < 2; steep++) {
         char roof[200];
         snprintf(roof, sizeof roof,
@@ -86,7 +86,7 @@ static void normals_weigh_faces_by_area(void **state) {
             }
         }
         assert_int_equal(ridge, 4);
-        sim_mesh_free(mesh);
+        gonio_sim_mesh_free(mesh);
     }
 }
 
@@ -103,7 +103,7 @@ static void ply_and_upward_axis(void **state) {
     const unsigned *i = mesh->indices;
     assert_true(mesh->positions[3 * i[2] + 1] > mesh->positions[3 * i[0] + 1]);
     assert_near((double)mesh->positions[3 * i[2] + 2], (double)mesh->positions[3 * i[0] + 2], 1e-7);
-    sim_mesh_free(mesh);
+    gonio_sim_mesh_free(mesh);
 }
 
 static void texture_coordinates_give_tangents(void **state) {
@@ -113,7 +113,7 @@ static void texture_coordinates_give_tangents(void **state) {
     assert_int_equal(read_text(".obj", obj, strlen(obj), false, &mesh, NULL), GONIO_OK);
     assert_non_null(mesh->tangents);
     assert_near(fabs((double)mesh->tangents[1]), 1, 1e-5);
-    sim_mesh_free(mesh);
+    gonio_sim_mesh_free(mesh);
 }
 
 static void bad_files_are_refused(void **state) {
@@ -142,7 +142,7 @@ static void bad_files_are_refused(void **state) {
     }
     sim_mesh *mesh;
     gonio_error error = {0};
-    assert_int_equal(sim_mesh_read("/nonexistent/a.ply", false, &mesh, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_sim_mesh_read("/nonexistent/a.ply", false, &mesh, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "No such file"));
 }
 
@@ -166,7 +166,7 @@ static void files_that_were_dangerous(void **state) {
     assert_int_equal(error.line, 3);
     for (size_t cut = 0; cut < strlen(ply); cut++) {
         if (read_text(".ply", ply, cut, false, &mesh, &error) == GONIO_OK) {
-            sim_mesh_free(mesh);
+            gonio_sim_mesh_free(mesh);
         }
     }
 }
@@ -198,7 +198,7 @@ static void damaged_files_do_no_harm(void **state) {
         sim_mesh *mesh;
         gonio_error error = {0};
         if (read_text(files[k % 2].suffix, text, size, false, &mesh, &error) == GONIO_OK) {
-            sim_mesh_free(mesh);
+            gonio_sim_mesh_free(mesh);
         }
     }
 }

@@ -30,20 +30,20 @@ static void philox_known_answers(void **state) {
     for (int k = 0; k < 3; k++) {
         const uint32_t *v = vectors[k];
         const uint64_t seed = (uint64_t)v[5] << 32 | v[4], pose = (uint64_t)v[3] << 32 | v[2];
-        const sim_draw draw = sim_random(seed, (sim_effect)0, (int64_t)pose, (int32_t)v[1], v[0]);
+        const sim_draw draw = gonio_sim_random(seed, (sim_effect)0, (int64_t)pose, (int32_t)v[1], v[0]);
         assert_memory_equal(draw.word, v + 6, sizeof draw.word);
     }
 }
 
 static void every_argument_matters(void **state) {
     (void)state;
-    const sim_draw draws[] = {sim_random(1, SIM_SHOT, 5, 7, 9),
-                              sim_random(2, SIM_SHOT, 5, 7, 9),
-                              sim_random(1, SIM_READ, 5, 7, 9),
-                              sim_random(1, SIM_SHOT, 6, 7, 9),
-                              sim_random(1, SIM_SHOT, 5, 8, 9),
-                              sim_random(1, SIM_SHOT, 5, 7, 10),
-                              sim_random(1, SIM_SHOT, 5 + ((int64_t)1 << 40), 7, 9)};
+    const sim_draw draws[] = {gonio_sim_random(1, SIM_SHOT, 5, 7, 9),
+                              gonio_sim_random(2, SIM_SHOT, 5, 7, 9),
+                              gonio_sim_random(1, SIM_READ, 5, 7, 9),
+                              gonio_sim_random(1, SIM_SHOT, 6, 7, 9),
+                              gonio_sim_random(1, SIM_SHOT, 5, 8, 9),
+                              gonio_sim_random(1, SIM_SHOT, 5, 7, 10),
+                              gonio_sim_random(1, SIM_SHOT, 5 + ((int64_t)1 << 40), 7, 9)};
     for (size_t a = 0; a < 7; a++) {
         for (size_t b = 0; b < a; b++) {
             assert_memory_not_equal(&draws[a], &draws[b], sizeof draws[a]);
@@ -55,9 +55,9 @@ static void normal_moments(void **state) {
     (void)state;
     double sum[5] = {0}, cross = 0;
     for (uint32_t k = 0; k < DRAWS; k++) {
-        const sim_draw draw = sim_random(3, SIM_SHOT, 1, 1, k);
+        const sim_draw draw = gonio_sim_random(3, SIM_SHOT, 1, 1, k);
         double z[2];
-        sim_normals(&draw, z);
+        gonio_sim_normals(&draw, z);
         for (int power = 1; power <= 4; power++) {
             sum[power] += pow(z[0], power) / DRAWS;
         }
@@ -72,10 +72,11 @@ static void normal_moments(void **state) {
 }
 
 static double poisson(double mean, uint32_t index) {
-    const sim_draw draw = sim_random(17, SIM_SHOT, (int64_t)(mean * 1000), 0, index);
+    const sim_draw draw = gonio_sim_random(17, SIM_SHOT, (int64_t)(mean * 1000), 0, index);
     double z[2];
-    sim_normals(&draw, z);
-    return mean < SIM_POISSON_EXACT ? sim_poisson_small(mean, sim_uniform(&draw, 0)) : sim_poisson_large(mean, z[0]);
+    gonio_sim_normals(&draw, z);
+    return mean < SIM_POISSON_EXACT ? gonio_sim_poisson_small(mean, gonio_sim_uniform(&draw, 0))
+                                    : gonio_sim_poisson_large(mean, z[0]);
 }
 
 // Mean, variance and third central moment of a Poisson variable are all its mean m; the variances of their estimates
@@ -127,7 +128,7 @@ static void poisson_large_moments(void **state) {
         double moment[4] = {0};
         for (long i = -80000; i <= 80000; i++) {
             const double z = (double)i * step, weight = exp(-z * z / 2) / sqrt(2 * GONIO_PI) * step;
-            const double d = sim_poisson_large(m, z) - m;
+            const double d = gonio_sim_poisson_large(m, z) - m;
             moment[1] += weight * d;
             moment[2] += weight * d * d;
             moment[3] += weight * d * d * d;
@@ -140,12 +141,12 @@ static void poisson_large_moments(void **state) {
 
 static void extremes(void **state) {
     (void)state;
-    assert_near(sim_poisson_small(0, 0.5), 0, 0);
-    assert_near(sim_poisson_small(0, 1 - 1e-16), 0, 0);
-    assert_true(sim_poisson_small(29.99, 1 - 0x1p-53) < 120);
-    assert_true(sim_poisson_large(30, -8.6) >= 0);
+    assert_near(gonio_sim_poisson_small(0, 0.5), 0, 0);
+    assert_near(gonio_sim_poisson_small(0, 1 - 1e-16), 0, 0);
+    assert_true(gonio_sim_poisson_small(29.99, 1 - 0x1p-53) < 120);
+    assert_true(gonio_sim_poisson_large(30, -8.6) >= 0);
     const sim_draw low = {{0, 0, 0, 0}}, high = {{~0u, ~0u, ~0u, ~0u}};
-    assert_true(sim_uniform(&low, 0) > 0 && sim_uniform(&high, 1) < 1);
+    assert_true(gonio_sim_uniform(&low, 0) > 0 && gonio_sim_uniform(&high, 1) < 1);
 }
 
 int main(void) {

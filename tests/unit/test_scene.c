@@ -23,7 +23,7 @@ static sim_scene place(const sim_settings *settings, const gonio_model *model, d
                        double po) {
     sim_scene scene = {.target = GONIO_TARGET_SAMPLE, .sample = model};
     const double angles[GONIO_AXES] = {gonio_radians(ti), gonio_radians(pi), gonio_radians(to), gonio_radians(po)};
-    sim_scene_place(&scene, settings, NULL, angles);
+    gonio_sim_scene_place(&scene, settings, NULL, angles);
     return scene;
 }
 
@@ -31,7 +31,7 @@ static sim_scene place(const sim_settings *settings, const gonio_model *model, d
 static void axis_shows_the_pose(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     gonio_model *model = model_of(ANISOTROPIC);
     const double poses[][4] = {{0, 0, 0, 0},      {30, 0, 30, 180},  {60, 90, 55, -80},  {10, -170, 80, 45},
                                {80, 33, 79, 200}, {89, 10, 89, 191}, {45, 120, 0.01, 77}};
@@ -42,7 +42,7 @@ static void axis_shows_the_pose(void **state) {
         double f;
         gonio_model_eval_pair(model, &pair, &f);
         const double expected = GONIO_PI * f * cos(pair.theta_i);
-        assert_near(sim_scene_radiance(&scene, 0, 0, 0), expected, 1e-9 * expected);
+        assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), expected, 1e-9 * expected);
     }
     gonio_model_free(model);
 }
@@ -52,7 +52,7 @@ static void axis_shows_the_pose(void **state) {
 static void off_axis_geometry(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.rig.light_distance_mm = 300;
     settings.rig.camera_distance_mm = 400;
     gonio_model *model = model_of(ANISOTROPIC);
@@ -63,10 +63,10 @@ static void off_axis_geometry(void **state) {
     double f;
     gonio_model_eval(model, (gonio_vec3){lx / l, ly / l, lz / l}, (gonio_vec3){-px / c, -py / c, 400 / c}, &f);
     const double expected = GONIO_PI * f * lz / l * d0 * d0 / l / l;
-    assert_near(sim_scene_radiance(&scene, py / 400, px / 400, 0), expected, 1e-9 * expected);
+    assert_near(gonio_sim_scene_radiance(&scene, py / 400, px / 400, 0), expected, 1e-9 * expected);
     // Beyond the plate of 50 mm there is nothing.
-    assert_near(sim_scene_radiance(&scene, 0, 25.1 / 400, 0), 0, 0);
-    assert_true(sim_scene_radiance(&scene, 0, 24.9 / 400, 0) > 0);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 25.1 / 400, 0), 0, 0);
+    assert_true(gonio_sim_scene_radiance(&scene, 0, 24.9 / 400, 0) > 0);
     gonio_model_free(model);
 }
 
@@ -75,7 +75,7 @@ static void off_axis_geometry(void **state) {
 static void sphere_geometry(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.sample.sphere = 1;
     settings.rig.light_distance_mm = 1e5;
     gonio_model *model = model_of("ward:rho_d=0.3,rho_s=0.2,alpha=0.3");
@@ -84,44 +84,44 @@ static void sphere_geometry(void **state) {
     double f;
     gonio_model_eval_pair(model, &pair, &f);
     const double expected = GONIO_PI * f * cos(pair.theta_i);
-    assert_near(sim_scene_radiance(&scene, 0, 0, 0), expected, 1e-3 * expected); // the light is 5000 radii away
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), expected, 1e-3 * expected); // the light is 5000 radii away
     // The mirror point lies half-way between the arms, 30 deg toward the light: up the image, since theta_o falls.
     const double y = -20 * sin(gonio_radians(30)) / (1000 - 20 * cos(gonio_radians(30)));
-    assert_true(sim_scene_radiance(&scene, 0, y, 0) > 5 * expected);
-    assert_true(sim_scene_radiance(&scene, 0, y, 0) > sim_scene_radiance(&scene, 0.002, y, 0));
-    assert_near(sim_scene_radiance(&scene, 0.0199, 0, 0) > 0, 1, 0);
-    assert_near(sim_scene_radiance(&scene, 0.0201, 0, 0), 0, 0);
+    assert_true(gonio_sim_scene_radiance(&scene, 0, y, 0) > 5 * expected);
+    assert_true(gonio_sim_scene_radiance(&scene, 0, y, 0) > gonio_sim_scene_radiance(&scene, 0.002, y, 0));
+    assert_near(gonio_sim_scene_radiance(&scene, 0.0199, 0, 0) > 0, 1, 0);
+    assert_near(gonio_sim_scene_radiance(&scene, 0.0201, 0, 0), 0, 0);
     gonio_model_free(model);
 }
 
 static void targets(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.sample.sphere = 1; // the reference is a flat panel all the same
     gonio_model *model = model_of("lambert:rho=0.5");
     sim_scene scene = place(&settings, model, 30, 0, 0, 0);
     scene.target = GONIO_TARGET_REFERENCE;
     scene.reflectance[0] = 0.97;
     scene.reflectance[2] = 0.9;
-    assert_near(sim_scene_radiance(&scene, 0, 0, 0), 0.97 * cos(gonio_radians(30)), 1e-12);
-    assert_near(sim_scene_radiance(&scene, 0, 0, 2), 0.9 * cos(gonio_radians(30)), 1e-12);
-    assert_true(sim_scene_radiance(&scene, 0, 0.049, 0) > 0);
-    assert_near(sim_scene_radiance(&scene, 0, 0.051, 0), 0, 0);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), 0.97 * cos(gonio_radians(30)), 1e-12);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 2), 0.9 * cos(gonio_radians(30)), 1e-12);
+    assert_true(gonio_sim_scene_radiance(&scene, 0, 0.049, 0) > 0);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0.051, 0), 0, 0);
     scene.target = GONIO_TARGET_TRAP;
-    assert_near(sim_scene_radiance(&scene, 0, 0, 0), 0, 0);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), 0, 0);
     gonio_model_free(model);
 }
 
 static void behind_the_plate_is_dark(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     gonio_model *model = model_of("lambert:rho=0.5");
     const double poses[][2] = {{90.01, 0}, {0, 90.01}, {95, 95}};
     for (int k = 0; k < 3; k++) {
         const sim_scene scene = place(&settings, model, poses[k][0], 0, poses[k][1], 180);
-        assert_near(sim_scene_radiance(&scene, 0, 0, 0), 0, 0);
+        assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), 0, 0);
     }
     gonio_model_free(model);
 }
@@ -131,13 +131,13 @@ static void behind_the_plate_is_dark(void **state) {
 static void a_large_lamp(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.rig.light_distance_mm = 200;
     settings.rig.light_radius_mm = 150;
     gonio_model *model = model_of("lambert:rho=1");
     const sim_scene scene = place(&settings, model, 0, 0, 0, 0);
     const double d = 200, r = 150, expected = 2 * d * d * d / r / r * (1 / d - 1 / sqrt(d * d + r * r));
-    assert_near(sim_scene_radiance(&scene, 0, 0, 0), expected, 0.01 * expected);
+    assert_near(gonio_sim_scene_radiance(&scene, 0, 0, 0), expected, 0.01 * expected);
     gonio_model_free(model);
 }
 

@@ -27,7 +27,7 @@ static const gonio_camera_info camera = {.width = 320,
 
 static sim_sensor *make(const sim_settings *settings, const gonio_camera_info *info) {
     sim_sensor *sensor;
-    assert_int_equal(sim_sensor_new(settings, info, 5, 2, &sensor, NULL), GONIO_OK);
+    assert_int_equal(gonio_sim_sensor_new(settings, info, 5, 2, &sensor, NULL), GONIO_OK);
     return sensor;
 }
 
@@ -35,7 +35,7 @@ static sim_sensor *make(const sim_settings *settings, const gonio_camera_info *i
 static void rays_come_back(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     sim_sensor *sensor = make(&settings, &camera);
     double moved = 0;
     for (int v = 0; v < camera.height; v++) {
@@ -51,13 +51,13 @@ static void rays_come_back(void **state) {
         }
     }
     assert_true(moved > 3); // the distortion was worth undoing
-    sim_sensor_free(sensor);
+    gonio_sim_sensor_free(sensor);
 }
 
 static void patterns_have_their_moments(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.camera.vignetting_percent = 0;
     settings.camera.hot_pixel_percent = 2;
     sim_sensor *sensor = make(&settings, &camera);
@@ -81,19 +81,19 @@ static void patterns_have_their_moments(void **state) {
     assert_near(dark / cold / (0.1 * 0.1), 1, bound);
     assert_near(hot / n, 0.02, 5 * sqrt(0.02 * 0.98 / n));
     assert_near(log_hot / hot, 2.5, 5 * sqrt((1.0 / 12 + 0.002) / hot)); // 100 to 1000 times, even in the logarithm
-    sim_sensor_free(sensor);
+    gonio_sim_sensor_free(sensor);
 }
 
 static void corners_lose_the_stated_light(void **state) {
     (void)state;
     sim_settings settings;
-    sim_settings_default(&settings);
+    gonio_sim_settings_default(&settings);
     settings.camera.vignetting_percent = 12;
     settings.camera.prnu_percent = 0;
     sim_sensor *sensor = make(&settings, &camera);
     assert_near((double)sensor->pixels[0].gain, 0.88, 0.002); // its centre is half a pixel inside the corner
     assert_near((double)sensor->pixels[120 * 320 + 160].gain, 1, 1e-4);
-    sim_sensor_free(sensor);
+    gonio_sim_sensor_free(sensor);
 }
 
 int main(void) {

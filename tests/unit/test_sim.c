@@ -166,7 +166,7 @@ static gonio_status read_curve(const char *content, sim_response **response, gon
     const int fd = mkstemp(path);
     assert_int_equal(write(fd, content, strlen(content)), (ssize_t)strlen(content));
     close(fd);
-    const gonio_status status = sim_response_new(path, response, error);
+    const gonio_status status = gonio_sim_response_new(path, response, error);
     unlink(path);
     return status;
 }
@@ -176,11 +176,11 @@ static void response_files(void **state) {
     sim_response *response;
     gonio_error error = {0};
     assert_int_equal(read_curve("# curve\nexposure,value\n0,0\n0.25,0.5\n\n1,1\n", &response, &error), GONIO_OK);
-    assert_near(sim_response_value(response, 0.25), 0.5, 1e-15);
-    assert_near(sim_response_value(response, 0.625), 0.75, 1e-15);
-    assert_near(sim_response_value(response, -0.01), -0.02, 1e-15);
-    assert_near(sim_response_value(response, 3), 1, 0);
-    sim_response_free(response);
+    assert_near(gonio_sim_response_value(response, 0.25), 0.5, 1e-15);
+    assert_near(gonio_sim_response_value(response, 0.625), 0.75, 1e-15);
+    assert_near(gonio_sim_response_value(response, -0.01), -0.02, 1e-15);
+    assert_near(gonio_sim_response_value(response, 3), 1, 0);
+    gonio_sim_response_free(response);
     const struct {
         const char *content;
         long long line;
@@ -200,8 +200,8 @@ static void response_files(void **state) {
         }
         assert_null(response);
     }
-    assert_int_equal(sim_response_new("/nonexistent/curve.csv", &response, &error), GONIO_E_INPUT);
-    assert_int_equal(sim_response_new("gamma:0", &response, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_sim_response_new("/nonexistent/curve.csv", &response, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_sim_response_new("gamma:0", &response, &error), GONIO_E_INPUT);
 }
 
 // The facts name the curve's file, unless the rig is told to keep it to itself.

@@ -87,10 +87,10 @@ static void homing_finds_the_same_place(void **state) {
     gonio_error error = {0};
     sim_rig_move(&r, 1, 90, 360, 90, 360);
     assert_int_equal(r.rig.stage->home(r.sim, 2, &error), GONIO_E_TIMEOUT);
-    machine_hold(&r.sim->machine, FW_CONTACT_home_2, true);
+    gonio_machine_hold(&r.sim->machine, FW_CONTACT_home_2, true);
     assert_int_equal(r.rig.stage->home(r.sim, 1000, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "camera_theta"));
-    machine_release(&r.sim->machine, FW_CONTACT_home_2);
+    gonio_machine_release(&r.sim->machine, FW_CONTACT_home_2);
     assert_int_equal(r.rig.stage->home(r.sim, 1000, NULL), GONIO_OK);
     sim_rig_close(&r);
 }
@@ -112,9 +112,9 @@ static void contacts_stop_the_stage(void **state) {
     assert_true(position[0] > 0.4 && position[0] < 0.6);
     assert_near(r.sim->actual_rad[0] - r.sim->truth.zero_error_rad[0], position[0], 1e-3);
     assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
-    machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
     assert_int_equal(r.rig.stage->home(r.sim, 100, &error), GONIO_E_DEVICE);
-    machine_release(m, FW_CONTACT_estop);
+    gonio_machine_release(m, FW_CONTACT_estop);
     assert_int_equal(r.rig.stage->home(r.sim, 100, NULL), GONIO_OK);
     m->axis[2].limit_max_at = 300;
     assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
@@ -122,9 +122,9 @@ static void contacts_stop_the_stage(void **state) {
     assert_true(m->axis[2].steps == 300);
     m->axis[2].limit_max_at = 100000;
     assert_int_equal(r.rig.stage->home(r.sim, 100, NULL), GONIO_OK);
-    machine_hold(m, FW_CONTACT_door, true);
+    gonio_machine_hold(m, FW_CONTACT_door, true);
     assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_E_DEVICE);
-    machine_release(m, FW_CONTACT_door);
+    gonio_machine_release(m, FW_CONTACT_door);
     assert_int_equal(r.rig.stage->move(r.sim, up, 1, &stamp, 100, &error), GONIO_OK);
     sim_rig_close(&r);
 }

@@ -27,11 +27,11 @@ int main(void) {
     cortex_m_mark(FW_CAUSE_WATCHDOG, address); // should this run end without a word, it was the watchdog
     board_start();
     cortex_m_time_start(board_tick_cycles);
-    fw_core_init(&fw_core, board_number, cause);
+    gonio_fw_core_init(&fw_core, board_number, cause);
     fw_core.registers.fault_address[0] = address;
     board_inputs_start();
     for (;;) {
-        fw_core_poll(&fw_core);
+        gonio_fw_core_poll(&fw_core);
         board_turn();
     }
 }
@@ -88,7 +88,7 @@ void cortex_m_reset(enum fw_cause cause, uint32_t address) {
 
 // frame: what the processor pushed; the seventh word is the program counter (B1.5.6).
 __attribute__((used)) static void faulted(const uint32_t *frame) {
-    fw_interlock_fault(&fw_core);
+    gonio_fw_interlock_fault(&fw_core);
     cortex_m_reset(FW_CAUSE_FAULT, frame[6]);
 }
 
@@ -120,7 +120,7 @@ void cortex_m_wrap(void) {
     wrap_tick += cycles / tick_cycles;
 }
 
-uint32_t fw_board_now(struct fw_core *core) {
+uint32_t gonio_fw_board_now(struct fw_core *core) {
     (void)core;
     for (;;) {
         const uint32_t tick = wrap_tick, cycles = wrap_cycles;
@@ -135,33 +135,33 @@ uint32_t fw_board_now(struct fw_core *core) {
 // ---- contacts ----
 
 void cortex_m_inputs(bool estop_changed) {
-    const uint16_t inputs = fw_board_inputs(&fw_core);
+    const uint16_t inputs = gonio_fw_board_inputs(&fw_core);
     if (estop_changed) // pressed and let go since: it has been both ways
-        fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
-    fw_interlock_input(&fw_core, inputs);
+        gonio_fw_interlock_input(&fw_core, inputs ^ 1u << FW_CONTACT_estop);
+    gonio_fw_interlock_input(&fw_core, inputs);
 }
 
 // ---- producer ----
 
-void cortex_m_produce(void) { fw_stepgen_produce(&fw_core.step); }
+void cortex_m_produce(void) { gonio_fw_stepgen_produce(&fw_core.step); }
 
 // Only what has the producer's priority is held back.
-void fw_board_lock(struct fw_core *core) {
+void gonio_fw_board_lock(struct fw_core *core) {
     (void)core;
     __asm volatile("msr basepri, %0" ::"r"(PRIORITY_PRODUCER) : "memory");
 }
 
-void fw_board_unlock(struct fw_core *core) {
+void gonio_fw_board_unlock(struct fw_core *core) {
     (void)core;
     __asm volatile("msr basepri, %0" ::"r"(0) : "memory");
 }
 
-void fw_board_restart(struct fw_core *core) {
+void gonio_fw_board_restart(struct fw_core *core) {
     (void)core;
     cortex_m_reset(FW_CAUSE_COMMAND, 0);
 }
 
-void fw_board_fault(struct fw_core *core) {
+void gonio_fw_board_fault(struct fw_core *core) {
     (void)core;
     __asm volatile("udf #0");
 }

@@ -48,8 +48,8 @@ INLINE void step_interrupt_with(struct step_timing timing, void (*put)(uint8_t e
 
 INLINE void step_arm_with(struct fw_core *core, struct step_timing timing, void (*arm)(uint32_t cycles)) {
     // The clock tells 2^23 cycles ahead: sit out what is longer (energise may be a second).
-    while ((int32_t)(core->step.due - fw_board_now(core)) > 40000)
-        fw_board_watchdog_feed(core);
+    while ((int32_t)(core->step.due - gonio_fw_board_now(core)) > 40000)
+        gonio_fw_board_watchdog_feed(core);
     arm((uint32_t)(cycles_until(core->step.due, (uint32_t)timing.tick) - timing.entry));
 }
 

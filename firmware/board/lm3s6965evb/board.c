@@ -42,9 +42,9 @@ static void step_interrupt(void) {
     step_interrupt_with(timing, put, arm);
 }
 
-void fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
+void gonio_fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
 
-void fw_board_halt_steps(struct fw_core *core) {
+void gonio_fw_board_halt_steps(struct fw_core *core) {
     (void)core;
     TIMER0_CTL = 0;
     GPIO_DATA(GPIOB, STEPS) = 0;
@@ -52,24 +52,24 @@ void fw_board_halt_steps(struct fw_core *core) {
 
 // ---- pins ----
 
-void fw_board_directions(struct fw_core *core, uint8_t levels) {
+void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     (void)core;
     GPIO_DATA(GPIOC, DIRECTIONS) = (uint32_t)levels << 4;
 }
 
-void fw_board_motors(struct fw_core *core, uint8_t axes) {
+void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
     (void)core;
     GPIO_DATA(GPIOE, MOTORS) = axes;
 }
 
-uint16_t fw_board_inputs(struct fw_core *core) {
+uint16_t gonio_fw_board_inputs(struct fw_core *core) {
     (void)core;
     const uint32_t homes = GPIO_DATA(GPIOA, HOMES) >> 2, limits = GPIO_DATA(GPIOD, 0xFF),
                    stops = GPIO_DATA(GPIOF, STOPS) >> 2;
     return (uint16_t)(homes | limits << FW_CONTACT_limit_min_0 | stops << FW_CONTACT_estop);
 }
 
-void fw_board_inputs_pend(struct fw_core *core) {
+void gonio_fw_board_inputs_pend(struct fw_core *core) {
     (void)core;
     NVIC_ISPR(0) = 1u << IRQ_GPIOA;
 }
@@ -82,17 +82,17 @@ static void input_interrupt(void) {
     cortex_m_inputs(estop_changed);
 }
 
-void fw_board_shutter(struct fw_core *core, bool open) {
+void gonio_fw_board_shutter(struct fw_core *core, bool open) {
     (void)core;
     GPIO_DATA(GPIOG, SHUTTER) = open ? SHUTTER : 0;
 }
 
-void fw_board_trigger(struct fw_core *core, bool high) {
+void gonio_fw_board_trigger(struct fw_core *core, bool high) {
     (void)core;
     GPIO_DATA(GPIOG, TRIGGER) = high ? TRIGGER : 0;
 }
 
-void fw_board_lamp(struct fw_core *core, uint16_t level) {
+void gonio_fw_board_lamp(struct fw_core *core, uint16_t level) {
     (void)core;
     // Counting down from LOAD, high from CMPA on; 0 takes the output away altogether.
     PWM0_CMPA = level >= 10000 ? PWM_PERIOD - 1 : (uint32_t)level * PWM_PERIOD / 10000;
@@ -101,7 +101,7 @@ void fw_board_lamp(struct fw_core *core, uint16_t level) {
 
 // ---- line ----
 
-void fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
+void gonio_fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
     (void)core;
     const uint32_t divisor = (CLOCK_HZ / 16 * 64 + baud / 2) / baud; // 6 fraction bits
     UART0_CTL = 0;
@@ -113,7 +113,7 @@ void fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
     irq_enable(IRQ_UART0, PRIORITY_UART);
 }
 
-bool fw_board_uart_send(struct fw_core *core, uint8_t byte) {
+bool gonio_fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     (void)core;
     if ((UART0_FR & UART_FR_TXFF) != 0)
         return false;
@@ -121,12 +121,12 @@ bool fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     return true;
 }
 
-bool fw_board_uart_sent(struct fw_core *core) {
+bool gonio_fw_board_uart_sent(struct fw_core *core) {
     (void)core;
     return (UART0_FR & UART_FR_BUSY) == 0;
 }
 
-void fw_board_uart_drive(struct fw_core *core, bool on) {
+void gonio_fw_board_uart_drive(struct fw_core *core, bool on) {
     (void)core;
     GPIO_DATA(GPIOA, DRIVER) = on ? DRIVER : 0;
 }
@@ -134,19 +134,19 @@ void fw_board_uart_drive(struct fw_core *core, bool on) {
 static void uart_interrupt(void) {
     UART0_ICR = UART_RX;
     while ((UART0_FR & UART_FR_RXFE) == 0)
-        fw_modbus_receive(&fw_core, (uint8_t)UART0_DR, fw_board_now(&fw_core));
+        gonio_fw_modbus_receive(&fw_core, (uint8_t)UART0_DR, gonio_fw_board_now(&fw_core));
 }
 
 // ---- watchdog: its first time-out asks for an interrupt nobody serves, its second resets ----
 
-void fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
+void gonio_fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
     (void)core;
     WDT_LOCK = WDT_UNLOCK;
     WDT_LOAD = CLOCK_HZ / 1000 * ms / 2;
     WDT_CTL = 3;
 }
 
-void fw_board_watchdog_feed(struct fw_core *core) {
+void gonio_fw_board_watchdog_feed(struct fw_core *core) {
     (void)core;
     WDT_ICR = 1; // clears the first time-out and reloads
 }
@@ -164,13 +164,13 @@ static uint16_t convert(unsigned next) {
     return reading[next ^ 1];
 }
 
-uint16_t fw_board_photodiode(struct fw_core *core) {
+uint16_t gonio_fw_board_photodiode(struct fw_core *core) {
     (void)core;
     const uint32_t raw = convert(1);
     return (uint16_t)(raw << 6 | raw >> 4);
 }
 
-int32_t fw_board_temperature(struct fw_core *core) {
+int32_t gonio_fw_board_temperature(struct fw_core *core) {
     (void)core;
     const int32_t raw = convert(0), full_mv = 3000, full = 1023;
     if (raw == 0 || raw >= full - 3)
@@ -182,7 +182,7 @@ int32_t fw_board_temperature(struct fw_core *core) {
 
 #define STORE ((const uint32_t *)0x0003F800)
 
-const uint32_t *fw_board_store_page(struct fw_core *core, unsigned slot) {
+const uint32_t *gonio_fw_board_store_page(struct fw_core *core, unsigned slot) {
     (void)core;
     return STORE + slot * FW_STORE_WORDS;
 }
@@ -196,8 +196,8 @@ static bool flash(const uint32_t *at, uint32_t word, uint32_t operation) {
     return true;
 }
 
-bool fw_board_store_erase(struct fw_core *core, unsigned slot) {
-    const uint32_t *page = fw_board_store_page(core, slot);
+bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
+    const uint32_t *page = gonio_fw_board_store_page(core, slot);
     flash(page, 0, FMC_ERASE);
     for (unsigned i = 0; i < FW_STORE_WORDS; i++)
         if (((const volatile uint32_t *)page)[i] != 0xFFFFFFFFu)
@@ -205,8 +205,8 @@ bool fw_board_store_erase(struct fw_core *core, unsigned slot) {
     return true;
 }
 
-bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
-    const uint32_t *at = fw_board_store_page(core, slot) + index;
+bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
+    const uint32_t *at = gonio_fw_board_store_page(core, slot) + index;
     flash(at, word, FMC_WRITE);
     return *(const volatile uint32_t *)at == word;
 }

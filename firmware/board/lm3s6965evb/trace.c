@@ -62,7 +62,7 @@ static void begin_run(void) {
     began_ms = fw_core.ms;
     turns = 0;
     armed = true;
-    if (fw_core_command(&fw_core, FW_COMMAND_MOVE) != FW_REFUSAL_NONE)
+    if (gonio_fw_core_command(&fw_core, FW_COMMAND_MOVE) != FW_REFUSAL_NONE)
         text("refused\n");
 }
 
@@ -91,7 +91,7 @@ static void look_at(uint32_t event, uint32_t due, uint8_t edges) {
 
 static void produce(struct fw_stepgen *g) {
     const uint32_t before = SYST_CVR;
-    fw_stepgen_produce(g);
+    gonio_fw_stepgen_produce(g);
     const uint32_t took = (before - SYST_CVR) & 0xFFFFFF;
     produced++;
     producing_cycles += took;
@@ -108,8 +108,8 @@ static void look_at_run(uint32_t first) {
         distance[i] = (uint32_t)(way[i] < 0 ? -way[i] : way[i]);
         down |= (uint8_t)(((way[i] < 0) != (run % 2 != 0)) << i);
     }
-    fw_stepgen_prepare(&again, fw_core.step.ramp, distance, down, fw_core.step.pulse);
-    fw_stepgen_start(&again, first);
+    gonio_fw_stepgen_prepare(&again, fw_core.step.ramp, distance, down, fw_core.step.pulse);
+    gonio_fw_stepgen_start(&again, first);
     const uint32_t *event = log;
     while (event < trace_at) {
         // The log begins somewhere under way.
@@ -121,9 +121,9 @@ static void look_at_run(uint32_t first) {
             produce(&again);
         else if (action == FW_STEP_END)
             break;
-        fw_board_watchdog_feed(&fw_core);
+        gonio_fw_board_watchdog_feed(&fw_core);
     }
-    fw_stepgen_abort(&again); // it may not have come to the end
+    gonio_fw_stepgen_abort(&again); // it may not have come to the end
     trace_at = trace_end;
 }
 

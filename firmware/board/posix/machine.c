@@ -38,7 +38,7 @@ static bool home_level(struct machine *m, unsigned i) {
     }
 }
 
-uint16_t fw_board_inputs(struct fw_core *core) {
+uint16_t gonio_fw_board_inputs(struct fw_core *core) {
     struct machine *m = machine_of(core);
     unsigned active = 0;
     for (unsigned i = 0; i < FW_AXES; i++) {
@@ -53,18 +53,18 @@ uint16_t fw_board_inputs(struct fw_core *core) {
 
 static void inputs_interrupt(struct machine *m) {
     m->inputs_pending = false;
-    fw_interlock_input(&m->core, fw_board_inputs(&m->core));
+    gonio_fw_interlock_input(&m->core, gonio_fw_board_inputs(&m->core));
 }
 
 static void interrupt_on_change(struct machine *m) {
-    if (fw_interlock_differs(&m->core))
+    if (gonio_fw_interlock_differs(&m->core))
         inputs_interrupt(m);
 }
 
-void fw_board_inputs_pend(struct fw_core *core) { machine_of(core)->inputs_pending = true; }
+void gonio_fw_board_inputs_pend(struct fw_core *core) { machine_of(core)->inputs_pending = true; }
 
-void machine_hold(struct machine *m, enum fw_contact contact, bool active) {
-    machine_release(m, contact);
+void gonio_machine_hold(struct machine *m, enum fw_contact contact, bool active) {
+    gonio_machine_release(m, contact);
     if (active)
         m->forced_on = (uint16_t)(m->forced_on | 1u << contact);
     else
@@ -72,7 +72,7 @@ void machine_hold(struct machine *m, enum fw_contact contact, bool active) {
     inputs_interrupt(m);
 }
 
-void machine_release(struct machine *m, enum fw_contact contact) {
+void gonio_machine_release(struct machine *m, enum fw_contact contact) {
     m->forced_on &= (uint16_t) ~(1u << contact);
     m->forced_off &= (uint16_t) ~(1u << contact);
     inputs_interrupt(m);
@@ -80,15 +80,15 @@ void machine_release(struct machine *m, enum fw_contact contact) {
 
 // ---- outputs ----
 
-void fw_board_halt_steps(struct fw_core *core) {
+void gonio_fw_board_halt_steps(struct fw_core *core) {
     machine_of(core)->armed = false;
     machine_of(core)->pins = 0;
 }
-void fw_board_directions(struct fw_core *core, uint8_t levels) { machine_of(core)->directions = levels; }
-void fw_board_motors(struct fw_core *core, uint8_t axes) { machine_of(core)->motors = axes; }
-void fw_board_shutter(struct fw_core *core, bool open) { machine_of(core)->shutter = open; }
-void fw_board_lamp(struct fw_core *core, uint16_t level) { machine_of(core)->lamp = level; }
-void fw_board_trigger(struct fw_core *core, bool high) { machine_of(core)->trigger = high; }
+void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) { machine_of(core)->directions = levels; }
+void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) { machine_of(core)->motors = axes; }
+void gonio_fw_board_shutter(struct fw_core *core, bool open) { machine_of(core)->shutter = open; }
+void gonio_fw_board_lamp(struct fw_core *core, uint16_t level) { machine_of(core)->lamp = level; }
+void gonio_fw_board_trigger(struct fw_core *core, bool high) { machine_of(core)->trigger = high; }
 
 static bool beside(int64_t a, int64_t b) { return a - b <= 1 && b - a <= 1; }
 
@@ -127,10 +127,10 @@ static void put_edges(struct machine *m, uint8_t edges) {
 
 // ---- time ----
 
-uint32_t fw_board_now(struct fw_core *core) { return (uint32_t)machine_of(core)->now_us; }
-void fw_board_step_arm(struct fw_core *core) { machine_of(core)->armed = true; }
-void fw_board_lock(struct fw_core *core) { (void)core; }
-void fw_board_unlock(struct fw_core *core) { (void)core; }
+uint32_t gonio_fw_board_now(struct fw_core *core) { return (uint32_t)machine_of(core)->now_us; }
+void gonio_fw_board_step_arm(struct fw_core *core) { machine_of(core)->armed = true; }
+void gonio_fw_board_lock(struct fw_core *core) { (void)core; }
+void gonio_fw_board_unlock(struct fw_core *core) { (void)core; }
 
 static void step_interrupt(struct machine *m) {
     struct fw_stepgen *g = &m->core.step;
@@ -156,49 +156,49 @@ static void step_interrupt(struct machine *m) {
 
 // ---- line ----
 
-void fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
+void gonio_fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
     (void)core;
     (void)baud;
 }
-bool fw_board_uart_send(struct fw_core *core, uint8_t byte) {
+bool gonio_fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     struct machine *m = machine_of(core);
     if (m->sent_length == MACHINE_SENT_MAX)
         return false;
     m->sent[m->sent_length++] = byte;
     return true;
 }
-bool fw_board_uart_sent(struct fw_core *core) { return machine_of(core) != NULL; }
-void fw_board_uart_drive(struct fw_core *core, bool on) { machine_of(core)->driving = on; }
+bool gonio_fw_board_uart_sent(struct fw_core *core) { return machine_of(core) != NULL; }
+void gonio_fw_board_uart_drive(struct fw_core *core, bool on) { machine_of(core)->driving = on; }
 
-void machine_receive(struct machine *m, const uint8_t *bytes, unsigned length) {
+void gonio_machine_receive(struct machine *m, const uint8_t *bytes, unsigned length) {
     m->sent_length = 0;
     for (unsigned i = 0; i < length; i++) {
-        machine_run(m, m->core.modbus.character);
-        fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
+        gonio_machine_run(m, m->core.modbus.character);
+        gonio_fw_modbus_receive(&m->core, bytes[i], (uint32_t)m->now_us);
     }
-    machine_run(m, m->core.modbus.silence + 2 * IDLE_POLL_US);
+    gonio_machine_run(m, m->core.modbus.silence + 2 * IDLE_POLL_US);
 }
 
 // ---- watchdog and starts ----
 
-void fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
+void gonio_fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
     machine_of(core)->watchdog_ms = ms;
-    fw_board_watchdog_feed(core);
+    gonio_fw_board_watchdog_feed(core);
 }
-void fw_board_watchdog_feed(struct fw_core *core) { machine_of(core)->fed_us = machine_of(core)->now_us; }
-void fw_board_restart(struct fw_core *core) { machine_of(core)->restart = true; }
-void fw_board_fault(struct fw_core *core) {
-    fw_interlock_fault(core);
+void gonio_fw_board_watchdog_feed(struct fw_core *core) { machine_of(core)->fed_us = machine_of(core)->now_us; }
+void gonio_fw_board_restart(struct fw_core *core) { machine_of(core)->restart = true; }
+void gonio_fw_board_fault(struct fw_core *core) {
+    gonio_fw_interlock_fault(core);
     machine_of(core)->fault = true;
 }
 
 // ---- analogue ----
 
-uint16_t fw_board_photodiode(struct fw_core *core) {
+uint16_t gonio_fw_board_photodiode(struct fw_core *core) {
     const struct machine *m = machine_of(core);
     return (uint16_t)(m->lamp * 6u + 100u); // some dark current
 }
-int32_t fw_board_temperature(struct fw_core *core) { return machine_of(core)->temperature; }
+int32_t gonio_fw_board_temperature(struct fw_core *core) { return machine_of(core)->temperature; }
 
 // ---- flash: bits only fall; power may fail in the middle of an operation ----
 
@@ -213,9 +213,9 @@ static bool powered(struct machine *m, bool *half) {
     return m->flash_operations_left > 0;
 }
 
-const uint32_t *fw_board_store_page(struct fw_core *core, unsigned slot) { return machine_of(core)->flash[slot]; }
+const uint32_t *gonio_fw_board_store_page(struct fw_core *core, unsigned slot) { return machine_of(core)->flash[slot]; }
 
-bool fw_board_store_erase(struct fw_core *core, unsigned slot) {
+bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
     struct machine *m = machine_of(core);
     bool half;
     const bool whole = powered(m, &half);
@@ -225,7 +225,7 @@ bool fw_board_store_erase(struct fw_core *core, unsigned slot) {
     return whole;
 }
 
-bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
+bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
     struct machine *m = machine_of(core);
     bool half;
     const bool whole = powered(m, &half);
@@ -236,7 +236,7 @@ bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index,
 
 // ---- running it ----
 
-void machine_new(struct machine *m) {
+void gonio_machine_new(struct machine *m) {
     memset(m, 0, sizeof *m);
     memset(m->flash, 0xFF, sizeof m->flash);
     m->temperature = 25000;
@@ -250,12 +250,12 @@ void machine_new(struct machine *m) {
     }
 }
 
-void machine_start(struct machine *m, enum fw_cause cause) {
+void gonio_machine_start(struct machine *m, enum fw_cause cause) {
     memset(&m->core, 0, sizeof m->core);
     m->bitten = m->restart = m->fault = false;
     m->armed = m->produce_pending = false;
     m->poll_us = m->now_us;
-    fw_core_init(&m->core, MACHINE_BOARD, cause);
+    gonio_fw_core_init(&m->core, MACHINE_BOARD, cause);
     inputs_interrupt(m);
 }
 
@@ -274,7 +274,7 @@ static int64_t within(int64_t steps) { // so that nothing overflows
     return steps < -far ? -far : steps > far ? far : steps;
 }
 
-void machine_place(struct machine *m) {
+void gonio_machine_place(struct machine *m) {
     const struct fw_registers *r = &m->core.registers;
     for (unsigned i = 0; i < FW_AXES; i++) {
         struct machine_axis *axis = &m->axis[i];
@@ -299,13 +299,13 @@ static void run_pending(struct machine *m) {
         inputs_interrupt(m);
     if (m->produce_pending) {
         m->produce_pending = false;
-        fw_stepgen_produce(&m->core.step);
+        gonio_fw_stepgen_produce(&m->core.step);
     }
 }
 
 static void poll_once(struct machine *m) {
     interrupt_on_change(m); // a switch may bounce on while nothing moves
-    fw_core_poll(&m->core);
+    gonio_fw_core_poll(&m->core);
     const unsigned phase = m->core.homing.phase;
     const bool busy = m->core.modbus.length > 0 || m->core.modbus.sending || phase == FW_HOMING_RELEASE ||
                       phase == FW_HOMING_FAST || phase == FW_HOMING_HOLD;
@@ -315,7 +315,7 @@ static void poll_once(struct machine *m) {
     run_pending(m);
 }
 
-void machine_run(struct machine *m, uint64_t us) {
+void gonio_machine_run(struct machine *m, uint64_t us) {
     const uint64_t end = m->now_us + us;
     while (!wants_start(m)) {
         // The step events are never more than a segment ahead, so 32 bits tell which side of now they are on.
@@ -336,28 +336,28 @@ void machine_run(struct machine *m, uint64_t us) {
         m->now_us = end;
 }
 
-bool machine_settle(struct machine *m, uint64_t us_at_most) {
+bool gonio_machine_settle(struct machine *m, uint64_t us_at_most) {
     for (uint64_t end = m->now_us + us_at_most; m->now_us < end && !wants_start(m);) {
         const unsigned state = m->core.state;
         const bool moving = state == FW_STATE_MOVING || state == FW_STATE_STOPPING || state == FW_STATE_HOMING;
         if (!moving && !m->core.axis.under_way)
             return true;
-        machine_run(m, IDLE_POLL_US);
+        gonio_machine_run(m, IDLE_POLL_US);
     }
     return false;
 }
 
-enum fw_refusal machine_command(struct machine *m, enum fw_command command, uint16_t axes) {
+enum fw_refusal gonio_machine_command(struct machine *m, enum fw_command command, uint16_t axes) {
     struct fw_registers *r = &m->core.registers;
     r->command_id[0] = r->accepted_id[0] + 1 != 0 ? r->accepted_id[0] + 1 : 1;
     r->command_axes[0] = axes;
-    const enum fw_refusal refusal = fw_core_command(&m->core, (uint16_t)command);
+    const enum fw_refusal refusal = gonio_fw_core_command(&m->core, (uint16_t)command);
     run_pending(m);
     return refusal;
 }
 
-enum fw_refusal machine_move(struct machine *m, uint16_t axes, const int64_t target[FW_AXES]) {
+enum fw_refusal gonio_machine_move(struct machine *m, uint16_t axes, const int64_t target[FW_AXES]) {
     for (unsigned i = 0; i < FW_AXES; i++)
         m->core.registers.target[i] = target[i];
-    return machine_command(m, FW_COMMAND_MOVE, axes);
+    return gonio_machine_command(m, FW_COMMAND_MOVE, axes);
 }

@@ -2,8 +2,8 @@
 //
 // It implements contract/ and runs the core from event to event in simulated time, as fast as it can: the posix board
 // puts a line and a real clock around it, tests and the simulated rig call it directly. A simulator's whole loop is
-//     machine_start(m);  machine_command(m, FW_COMMAND_HOME, 0xF);  while (m->core.state != FW_STATE_IDLE)
-//     machine_run(m, 1000);
+//     gonio_machine_start(m);  gonio_machine_command(m, FW_COMMAND_HOME, 0xF);  while (m->core.state != FW_STATE_IDLE)
+//     gonio_machine_run(m, 1000);
 // Interrupts happen between the core's calls, never inside: this shows what the core does, not how it shares data with
 // interrupts; that is for the emulated boards. Several machines may run side by side; one is not thread safe.
 #ifndef FW_MACHINE_H
@@ -60,25 +60,25 @@ struct machine {
 };
 
 // A machine as it comes from the factory: flash erased, switches some way outside the soft limits, cold.
-void machine_new(struct machine *m);
+void gonio_machine_new(struct machine *m);
 // Power up, or start anew after m->bitten, m->restart or m->fault; flash and mechanics stay as they are.
-void machine_start(struct machine *m, enum fw_cause cause);
+void gonio_machine_start(struct machine *m, enum fw_cause cause);
 // Put the switches where the parameters have them: home switch at home_position, limit switches well outside of it and
 // of the soft limits. An axis that is not homed is put where homing finds its switch, if it stands elsewhere.
-void machine_place(struct machine *m);
+void gonio_machine_place(struct machine *m);
 // Let simulated time pass. Returns early when the machine wants a new start.
-void machine_run(struct machine *m, uint64_t us);
+void gonio_machine_run(struct machine *m, uint64_t us);
 // The same until state, alarm free or not, is no longer MOVING, STOPPING or HOMING, or the time is over; true: it came
 // to rest.
-bool machine_settle(struct machine *m, uint64_t us_at_most);
+bool gonio_machine_settle(struct machine *m, uint64_t us_at_most);
 // Give a command through the register interface with a fresh id.
-enum fw_refusal machine_command(struct machine *m, enum fw_command command, uint16_t axes);
+enum fw_refusal gonio_machine_command(struct machine *m, enum fw_command command, uint16_t axes);
 // A MOVE of the axes to absolute targets.
-enum fw_refusal machine_move(struct machine *m, uint16_t axes, const int64_t target[FW_AXES]);
+enum fw_refusal gonio_machine_move(struct machine *m, uint16_t axes, const int64_t target[FW_AXES]);
 // Hold a contact active or inactive, or let go of it.
-void machine_hold(struct machine *m, enum fw_contact contact, bool active);
-void machine_release(struct machine *m, enum fw_contact contact);
+void gonio_machine_hold(struct machine *m, enum fw_contact contact, bool active);
+void gonio_machine_release(struct machine *m, enum fw_contact contact);
 // Bytes on the line, one character time apart, then silence long enough to end a frame and get the reply into m->sent.
-void machine_receive(struct machine *m, const uint8_t *bytes, unsigned length);
+void gonio_machine_receive(struct machine *m, const uint8_t *bytes, unsigned length);
 
 #endif

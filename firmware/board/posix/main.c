@@ -146,7 +146,7 @@ static void accept_client(struct host *h) {
 
 static void serve_request(struct host *h, const uint8_t *request, unsigned length) {
     uint8_t reply[MBAP + FW_PDU_MAX];
-    const size_t n = fw_modbus_pdu(&h->machine.core, request + MBAP, length - MBAP, reply + MBAP);
+    const size_t n = gonio_fw_modbus_pdu(&h->machine.core, request + MBAP, length - MBAP, reply + MBAP);
     if (n == 0)
         return;
     memcpy(reply, request, MBAP);
@@ -194,9 +194,9 @@ static void obey(struct host *h, const char *line) {
     const int words = sscanf(line, "%15s %31s %lld", word, name, &value);
     const int contact = contact_named(name);
     if (words == 3 && strcmp(word, "hold") == 0 && contact >= 0)
-        machine_hold(m, (enum fw_contact)contact, value != 0);
+        gonio_machine_hold(m, (enum fw_contact)contact, value != 0);
     else if (words == 2 && strcmp(word, "release") == 0 && contact >= 0)
-        machine_release(m, (enum fw_contact)contact);
+        gonio_machine_release(m, (enum fw_contact)contact);
     else if (words == 2 && strcmp(word, "temperature") == 0)
         m->temperature = (int32_t)strtol(name, NULL, 10);
     else if (words == 3 && strcmp(word, "position") == 0 && name[0] >= '0' && name[0] < '0' + FW_AXES)
@@ -237,7 +237,7 @@ static double seconds_now(void) {
 // 0, so that they tell the side, and homing that ends at 0.
 static void start(struct host *h, enum fw_cause cause) {
     struct fw_registers *r = &h->machine.core.registers;
-    machine_start(&h->machine, cause);
+    gonio_machine_start(&h->machine, cause);
     if (r->store_slot[0] != 0)
         return;
     r->home_pressed[0] = 1;
@@ -267,7 +267,7 @@ static void place_switches(struct host *h) {
         memcmp(p->jerk, r->jerk, sizeof p->jerk) == 0)
         return;
     *p = *r;
-    machine_place(&h->machine);
+    gonio_machine_place(&h->machine);
 }
 
 static void run_until(struct host *h, uint64_t us) {
@@ -277,11 +277,11 @@ static void run_until(struct host *h, uint64_t us) {
         if (h->queued > 0 || slice > m->core.modbus.character)
             slice = m->core.modbus.character;
         place_switches(h);
-        machine_run(m, slice);
+        gonio_machine_run(m, slice);
         if (m->bitten || m->fault || m->restart)
             start_anew(h);
         if (h->queued > 0) {
-            fw_modbus_receive(&m->core, h->queue[0], (uint32_t)m->now_us);
+            gonio_fw_modbus_receive(&m->core, h->queue[0], (uint32_t)m->now_us);
             memmove(h->queue, h->queue + 1, --h->queued);
         }
         write_line(h);
@@ -345,7 +345,7 @@ static void parse(struct host *h, int argc, char **argv) {
 
 int main(int argc, char **argv) {
     static struct host host = {.speed = 1.0, .port = -1, .line = -1, .listener = -1, .client = -1};
-    machine_new(&host.machine);
+    gonio_machine_new(&host.machine);
     parse(&host, argc, argv);
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);

@@ -36,9 +36,9 @@ static void step_interrupt(void) {
     step_interrupt_with(timing, put_steps, arm);
 }
 
-void fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
+void gonio_fw_board_step_arm(struct fw_core *core) { step_arm_with(core, timing, arm); }
 
-void fw_board_halt_steps(struct fw_core *core) {
+void gonio_fw_board_halt_steps(struct fw_core *core) {
     (void)core;
     TIM2_CR1 = 0;
     GPIO_BSRR(GPIOC) = (uint32_t)STEPS << 16;
@@ -51,17 +51,17 @@ static void put(uint32_t base, uint32_t mask, uint32_t levels) {
     GPIO_BSRR(base) = (levels & mask) | (~levels & mask) << 16;
 }
 
-void fw_board_directions(struct fw_core *core, uint8_t levels) {
+void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     (void)core;
     put(GPIOC, DIRECTIONS, (uint32_t)levels << 4);
 }
 
-void fw_board_motors(struct fw_core *core, uint8_t axes) {
+void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
     (void)core;
     put(GPIOC, MOTORS, (uint32_t)axes << 8);
 }
 
-uint16_t fw_board_inputs(struct fw_core *core) {
+uint16_t gonio_fw_board_inputs(struct fw_core *core) {
     (void)core;
     const uint32_t levels = GPIO_IDR(GPIOB) & INPUTS;
     return (uint16_t)((levels & 0x3FF) | levels >> 12 << 10);
@@ -73,36 +73,36 @@ static void input_interrupt(void) {
     cortex_m_inputs(estop_changed);
 }
 
-void fw_board_inputs_pend(struct fw_core *core) {
+void gonio_fw_board_inputs_pend(struct fw_core *core) {
     (void)core;
     NVIC_ISPR(IRQ_EXTI15_10 / 32) = 1u << IRQ_EXTI15_10 % 32;
 }
 
-void fw_board_shutter(struct fw_core *core, bool open) {
+void gonio_fw_board_shutter(struct fw_core *core, bool open) {
     (void)core;
     put(GPIOA, SHUTTER, open ? SHUTTER : 0);
 }
 
-void fw_board_trigger(struct fw_core *core, bool high) {
+void gonio_fw_board_trigger(struct fw_core *core, bool high) {
     (void)core;
     put(GPIOA, TRIGGER, high ? TRIGGER : 0);
 }
 
-void fw_board_lamp(struct fw_core *core, uint16_t level) {
+void gonio_fw_board_lamp(struct fw_core *core, uint16_t level) {
     (void)core;
     TIM3_CCR1 = (uint32_t)level * PWM_PERIOD / 10000;
 }
 
 // ---- line ----
 
-void fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
+void gonio_fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
     (void)core;
     USART_BRR = (BUS_HZ + baud / 2) / baud;
     USART_CR1 = 1 << 13 | USART_RXNE | 1 << 3 | 1 << 2; // on, interrupt a byte, transmitter, receiver
     irq_enable(IRQ_USART1, PRIORITY_UART);
 }
 
-bool fw_board_uart_send(struct fw_core *core, uint8_t byte) {
+bool gonio_fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     (void)core;
     if ((USART_SR & USART_TXE) == 0)
         return false;
@@ -110,24 +110,24 @@ bool fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     return true;
 }
 
-bool fw_board_uart_sent(struct fw_core *core) {
+bool gonio_fw_board_uart_sent(struct fw_core *core) {
     (void)core;
     return (USART_SR & USART_TC) != 0;
 }
 
-void fw_board_uart_drive(struct fw_core *core, bool on) {
+void gonio_fw_board_uart_drive(struct fw_core *core, bool on) {
     (void)core;
     put(GPIOA, DRIVER, on ? DRIVER : 0);
 }
 
 static void uart_interrupt(void) {
     while ((USART_SR & USART_RXNE) != 0)
-        fw_modbus_receive(&fw_core, (uint8_t)USART_DR, fw_board_now(&fw_core));
+        gonio_fw_modbus_receive(&fw_core, (uint8_t)USART_DR, gonio_fw_board_now(&fw_core));
 }
 
 // ---- watchdog: 32 kHz / 32 = about 1 kHz ----
 
-void fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
+void gonio_fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
     (void)core;
     IWDG_KR = IWDG_UNLOCK;
     IWDG_PR = 3;
@@ -136,7 +136,7 @@ void fw_board_watchdog_start(struct fw_core *core, uint32_t ms) {
     IWDG_KR = IWDG_FEED;
 }
 
-void fw_board_watchdog_feed(struct fw_core *core) {
+void gonio_fw_board_watchdog_feed(struct fw_core *core) {
     (void)core;
     IWDG_KR = IWDG_FEED;
 }
@@ -152,13 +152,13 @@ static uint16_t convert(unsigned next) {
     return reading[next ^ 1];
 }
 
-uint16_t fw_board_photodiode(struct fw_core *core) {
+uint16_t gonio_fw_board_photodiode(struct fw_core *core) {
     (void)core;
     const uint32_t raw = convert(1);
     return (uint16_t)(raw << 4 | raw >> 8);
 }
 
-int32_t fw_board_temperature(struct fw_core *core) {
+int32_t gonio_fw_board_temperature(struct fw_core *core) {
     (void)core;
     const int32_t raw = convert(0), full_mv = 3300, full = 4095;
     if (raw == 0 || raw >= full - 12)
@@ -173,7 +173,7 @@ enum { STORE_SECTOR = 10, ERASE_MS = 4095 };
 enum { CR_PROGRAM = 1, CR_ERASE = 2, CR_WORDS = 2 << 8, CR_START = 1 << 16, SR_BUSY = 1 << 16 };
 #define CR_LOCK 0x80000000u
 
-const uint32_t *fw_board_store_page(struct fw_core *core, unsigned slot) {
+const uint32_t *gonio_fw_board_store_page(struct fw_core *core, unsigned slot) {
     (void)core;
     return (const uint32_t *)(uintptr_t)store_address[slot];
 }
@@ -190,20 +190,20 @@ static void flash_end(void) {
     FLASH_CR = CR_LOCK;
 }
 
-bool fw_board_store_erase(struct fw_core *core, unsigned slot) {
-    fw_board_watchdog_start(core, ERASE_MS);
+bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
+    gonio_fw_board_watchdog_start(core, ERASE_MS);
     flash_begin(CR_ERASE | (STORE_SECTOR + slot) << 3);
     FLASH_CR |= CR_START;
     flash_end();
-    fw_board_watchdog_start(core, FW_WATCHDOG_MS);
-    const volatile uint32_t *page = fw_board_store_page(core, slot);
+    gonio_fw_board_watchdog_start(core, FW_WATCHDOG_MS);
+    const volatile uint32_t *page = gonio_fw_board_store_page(core, slot);
     for (unsigned i = 0; i < FW_STORE_WORDS; i++)
         if (page[i] != 0xFFFFFFFFu)
             return false;
     return true;
 }
 
-bool fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
+bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
     (void)core;
     volatile uint32_t *at = (volatile uint32_t *)(uintptr_t)(store_address[slot] + 4 * index);
     flash_begin(CR_PROGRAM);
@@ -262,7 +262,7 @@ void board_inputs_start(void) {
 
 // The supply falls below 2.9 V (RM0090 5.2.3): safe while there is still some, then anew.
 static void supply_interrupt(void) {
-    fw_interlock_fault(&fw_core);
+    gonio_fw_interlock_fault(&fw_core);
     cortex_m_reset(FW_CAUSE_BROWN_OUT, 0);
 }
 
