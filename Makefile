@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Gonio. `make help` lists the targets; everything is built under build/.
 CC      ?= gcc
 CXX     ?= g++

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the name of a channel tells: "550nm" and "550.5nm" are how every reader of Gonio names a channel of known
 // wavelength, and how samples and model files keep it.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The monotonic clock: never set back, counts while the machine runs.
 #ifndef GONIO_BASE_CLOCK_H
 #define GONIO_BASE_CLOCK_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The settings of a struct, one row a member: the command line, the journal, messages and --help follow the same table.
 #ifndef GONIO_BASE_KEYS_H
 #define GONIO_BASE_KEYS_H

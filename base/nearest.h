@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The few nearest of many candidates, shown one after another.
 #ifndef GONIO_BASE_NEAREST_H
 #define GONIO_BASE_NEAREST_H

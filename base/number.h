@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Numbers in files, settings and replies: with a decimal point, whatever locale the process has set (in many a comma is
 // the decimal point, and here it separates fields). Only the calling thread's locale is touched, and only for the call.
 #ifndef GONIO_BASE_NUMBER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "base/order_statistic.h"
 
 // The middle one of three as pivot: no random numbers, so the order that is left behind is the same everywhere. The

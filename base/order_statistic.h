@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The k-th smallest of many values, in linear time.
 #ifndef GONIO_BASE_ORDER_STATISTIC_H
 #define GONIO_BASE_ORDER_STATISTIC_H

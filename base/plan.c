@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which poses to measure: a uniform grid, a low-discrepancy set in Nusselt coordinates, or a CSV.
 //
 // nusselt:N   The isotropic Nusselt domain is kappa_i in [0.5, 1] (phi_i = 0) times the disc of (kappa_o, lambda_o);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014) by its counter: the n-th
 // number needs no other, so that order, threads and subsets change none.
 #ifndef GONIO_BASE_RANDOM_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Held-out splits by unique geometry.
 //
 // Each geometry is quantised (1e-9 rad, far below any rig's pointing), hashed with the seed, and ranked by its hash; a

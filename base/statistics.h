@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Medians and their like. Each reorders what it is given unless it says otherwise, and gives 0 for no values.
 #ifndef GONIO_BASE_STATISTICS_H
 #define GONIO_BASE_STATISTICS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Reading text files strictly: whole file in memory, line by line, errors with file and line.
 #ifndef GONIO_BASE_TEXT_H
 #define GONIO_BASE_TEXT_H

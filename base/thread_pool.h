@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Threads that share the items of a loop and sleep while there is nothing to do.
 //
 // A pool belongs to whoever makes it, usually for the length of one call: there is no pool of the process, so several

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a lattice model keeps of each channel beside its control points.
 #ifndef GONIO_BRDF_CHANNELS_H
 #define GONIO_BRDF_CHANNELS_H

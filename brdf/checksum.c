@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "brdf/checksum.h"
 
 #include <string.h>

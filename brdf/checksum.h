@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A checksum at memory speed. It detects damage, not malice.
 //
 // Eight independent multiply-and-rotate lanes of 64 bits: a changed bit changes its lane for good, since every step is

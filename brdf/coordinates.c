@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The coordinate systems of a fit's domain: pair of unit vectors -> [0, 1]^3 (isotropic) or [0, 1]^4 (anisotropic).
 //
 // nusselt      Kameya 2002: projections of the two directions on the surface, kappa = (x + 1)/2, lambda = (y + 1)/2.

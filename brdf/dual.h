@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Numbers with their derivatives by four variables: exact gradients by the rules of calculus, operation by operation.
 #ifndef GONIO_BRDF_DUAL_H
 #define GONIO_BRDF_DUAL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Elementary functions of four doubles at a time, for evaluation: exp, ln, asinh, arctangent, square root.
 //
 // Why not libm's: they take one number at a time, and glibc picks versions with or without FMA by the processor, which

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Kinds of model: the representations of a BRDF that a model file can hold.
 //
 // A representation joins with one file and one line. The file (brdf/kind/NAME.c) opens with what it computes, the

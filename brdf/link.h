@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a least-squares spline is fitted to: a monotone function of the value, so that errors are weighed as the domain
 // asks and, for the positive link, no answer can be negative.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Isotropic coordinates for evaluation: gonio_coordinates_isotropic, with the Nusselt ones computed in place.
 #ifndef GONIO_BRDF_LOCATE_H
 #define GONIO_BRDF_LOCATE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The calls on a model that do not depend on its kind: dispatch, and what follows from eval where a kind has nothing
 // better.
 #include "gonio/model.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Opening model files.
 //
 //   0   char[8]  "GONIOMDL"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The model file: a head, the channels' names, and one section that the kind of model defines (docs/formats.md).
 #ifndef GONIO_BRDF_MODEL_FILE_H
 #define GONIO_BRDF_MODEL_FILE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the kinds of model share of their files' form: writing head, names and the parts of a section; taking the parts
 // back, one by one, from a mapped file.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a lattice stores of a value: f_r = scale * inverse(spline), channel by channel.
 //
 // The scale is a power of two near the largest |value|: lattices then hold numbers of order 1 whatever the unit, so a

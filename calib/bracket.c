@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which exposure next? A pixel is well exposed where one exposure puts it between 15 % of the usable range and its top.
 //
 // Too bright everywhere: an eighth of the shortest exposure. Too dim: the exposure that brings the brightest of the dim

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The uncertainty budget of one sample (GUM, JCGM 100:2008, section 8), and the correction for lamp drift.
 #include "calib/internal.h"
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Frames -> radiance -> BRDF samples with uncertainty.
 lib-y  += $(call sources,calib) calib/opencv.cpp
 # OpenCV's pkg-config file is in libopencv-dev, which pulls in every module; these packages hold what is used.

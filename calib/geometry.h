@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Where light, camera and pixel rays are for a pose (the convention of rig.h), and what a ray meets.
 #ifndef CALIB_GEOMETRY_H
 #define CALIB_GEOMETRY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the files of calib/ share: the state behind gonio_calib and the uncertainty of one value.
 #ifndef CALIB_INTERNAL_H
 #define CALIB_INTERNAL_H

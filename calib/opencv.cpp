@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // OpenCV behind plain C functions. Exceptions never leave this file: each entry catches them and returns a status.
 #include "calib/opencv.h"
 

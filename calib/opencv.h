@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The C face of OpenCV: every call is wrapped in try/catch and returns a status; nothing of OpenCV is seen outside.
 #ifndef CALIB_OPENCV_H
 #define CALIB_OPENCV_H

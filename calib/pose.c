@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One pose's exposures -> samples: checks, then the plate's sample or the sphere's.
 #include "calib/internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The calibration object: what it is made from, the frames it is given, and its end.
 #include "calib/internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Arithmetic of gonio_vec3.
 #ifndef CALIB_VECTOR_H
 #define CALIB_VECTOR_H

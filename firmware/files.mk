@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # The controller: its core and the simulated machine are part of the library (sim/ runs them); the boards are programs.
 fw-core := ramp stepgen axis homing interlock lamp modbus_slave registers parameters core
 lib-y   += $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Whether long work may go on: Ctrl-C through the caller's progress function, and the time that --max-seconds leaves.
 #ifndef GONIO_FIT_DEADLINE_H
 #define GONIO_FIT_DEADLINE_H

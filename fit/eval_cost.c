@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The cost of an evaluation: of a model with the same lattice, all zeros, since the time does not depend on its values.
 #include "fit/eval_cost.h"
 

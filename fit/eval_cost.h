@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What an evaluation of a model costs on this machine, measured before the model is fitted.
 #ifndef GONIO_FIT_EVAL_COST_H
 #define GONIO_FIT_EVAL_COST_H

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Samples -> model.
 lib-y  += $(call sources,fit)
 pkgs-y += cmph openblas lapacke cminpack

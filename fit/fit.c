@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The driver around every method: options, the saved model's fit, held-out figures from fits that did not see them.
 #include "gonio/fit.h"
 #include "base/clock.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The memory of a fit: an upper bound, phase by phase.
 #include "fit/memory.h"
 

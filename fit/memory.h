@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The memory of a fit, before it starts: from the samples and the options.
 #ifndef GONIO_FIT_MEMORY_H
 #define GONIO_FIT_MEMORY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a fitting method provides. A new method is one file, with its registration at the end, and one line in
 // fit/methods.def.
 #ifndef GONIO_FIT_METHOD_H

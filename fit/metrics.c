@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every error figure that Gonio prints: per channel first, then the mean over the channels.
 //
 //   rmse        sqrt(mean (p - f)^2)                      channels: root of the mean square

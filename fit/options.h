@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The options of a fit: one table of all, and which of them a method has.
 #ifndef GONIO_FIT_OPTIONS_H
 #define GONIO_FIT_OPTIONS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Streaming: samples are kept as they come; a provisional model, refitted whenever the set has grown by a half,
 // predicts each new sample before it is added. Finishing is the batch fit of all, so it equals that bit for bit.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The rows of the trade-off, their measurement and the Pareto front.
 #include "fit/tradeoff.h"
 

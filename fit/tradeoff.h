@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every method beside every other on the same samples: cost against error.
 #ifndef GONIO_FIT_TRADEOFF_H
 #define GONIO_FIT_TRADEOFF_H

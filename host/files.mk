@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Devices, sessions and the scan loop are part of the library; host/cli is the program.
 lib-y  += $(call sources,host/session) $(call sources,host/acquire) $(call sources,host/drivers) $(call sources,host/transport)
 cli-y  += $(call sources,host/cli)

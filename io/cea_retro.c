@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // CEA's retro-reflection measurements (docs/formats.md): '#' lines, then theta_l, theta_v cos(dphi), theta_v sin(dphi)
 // (rad) and a value (1/sr). dphi = 0 is the light's own side: the peak of a retro-reflector stands at theta_v = theta_l
 // there.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Cornell Program of Computer Graphics' gonioreflectometer text (Foo 1997; docs/formats.md): N, N wavelengths (nm),
 // then rows theta_i phi_i theta_s phi_s (rad) and N values (1/sr). Numbers are separated by blanks; the header's may
 // stand on any number of lines. Zeros are noise that the laboratory clamped.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the readers share: one gonio_format a file format, and the sink that collects rows.
 #ifndef GONIO_IO_FORMAT_H
 #define GONIO_IO_FORMAT_H

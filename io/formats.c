@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The list of formats: by number, by name, by extension; the values of their options; writing.
 #include <errno.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // MERL's .binary table (Matusik et al. 2003; docs/formats.md), as samples and as a model, read and written.
 //
 // Three little-endian int32 (90, 90, 180), then a float64 plane for each of r, g, b; a value is multiplied by 1/1500,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // NIST's Mueller-matrix BRDF of sintered PTFE (Germer 2017; docs/formats.md): a row is one geometry at one wavelength,
 // lambda (um), thetai, phii, thetar, phir (deg), f_r11 (1/sr), then the 15 other elements divided by f_r11.
 //

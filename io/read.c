@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which format a file has, by its content, and the calls that do not depend on it.
 #include <stdlib.h>
 #include <string.h>

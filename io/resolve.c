@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // MODEL of the command line: a model file, spec:SPEC, or a measured table.
 #include <string.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // RGL/EPFL's adaptively parameterised BRDF files (docs/formats.md): container, evaluation, as samples and as a model.
 //
 // Dupuy & Jakob, "An adaptive parameterization for efficient material acquisition and rendering" (2018), eq. 9 ff.: the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A model's values at given pairs, as a sample set.
 #include <stdlib.h>
 #include <string.h>

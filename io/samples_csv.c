@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Gonio's own samples file, read and written (docs/formats.md).
 //
 //   theta_i,phi_i,theta_o,phi_o,<channels...>[,sigma_<channel>...][,sigma_random_<channel>...,sigma_systematic_<channel>...]

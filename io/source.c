@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A file's first line of content, by which text formats are recognised.
 #include <stdio.h>
 #include <string.h>

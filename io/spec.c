@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // "FORMULA:..." -> an analytic model; "file:PATH" -> a model file or a measured table; either may be followed by keys
 // of the sample's body, which the simulator takes and which mean nothing to a BRDF.
 #include "io/spec.h"

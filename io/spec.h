@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // SPEC: a BRDF as text, and the body of the sample that carries it: "ward:rho_d=0.3,rho_s=0.2,alpha=0.15,shape=sphere".
 #ifndef GONIO_IO_SPEC_H
 #define GONIO_IO_SPEC_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Rays against a sphere or a mesh, by Embree.
 #ifndef GONIO_SCENE_CASTER_H
 #define GONIO_SCENE_CASTER_H

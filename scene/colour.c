@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Spectral models to RGB: CIE 1931 colour matching by the multi-lobe fit of Wyman, Sloan and Shirley, "Simple analytic
 // approximations to the CIE XYZ color matching functions" (JCGT 2(2), 2013, table 1), integrated by trapezoids over the
 // model's wavelengths, under equal-energy light, X, Y and Z scaled to D65's white. A preview needs no more: the fit is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // From a model's channels to linear sRGB, and to what a display wants.
 #ifndef GONIO_SCENE_COLOUR_H
 #define GONIO_SCENE_COLOUR_H

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Rays, meshes and the preview's pictures.
 lib-y  += $(call sources,scene)
 pkgs-y += assimp libpng

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Triangle meshes from files, ready for the ray caster.
 #ifndef GONIO_SCENE_MESH_H
 #define GONIO_SCENE_MESH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Weighted by area, because scanned meshes hold slivers along their seams whose directions mean nothing; Assimp's own
 // step gives every face the same weight, and polished scans then show bright cracks.
 #include "scene/normals.h"

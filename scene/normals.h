@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Smooth normals for meshes that come without.
 #ifndef GONIO_SCENE_NORMALS_H
 #define GONIO_SCENE_NORMALS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The preview: one directional light, direct reflection and shadows, nothing else, so that what a picture shows is the
 // BRDF. Radiance is f_r cos(theta_i) pi: a white diffuser that faces the light has 1.
 #include <math.h>

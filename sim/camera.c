@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A frame: electrons by the photon transfer model (EMVA 1288 release 4.0, section 2), then response and quantisation.
 //   mean = (gain_px rate lamp + dark_px) exposure;  electrons = min(Poisson(mean), 1.1 full well) + offset_px + read
 //   word = floor(black + (full scale - black) response(electrons 10^(gain/20) / full well) + 1/2), clipped

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "sim/internal.h"
 
 bool gonio_sim_fault_strikes(gonio_sim *sim, sim_fault_kind kind, const gonio_stamp *stamp) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated rig's own state; private to sim/.
 #ifndef GONIO_SIM_INTERNAL_H
 #define GONIO_SIM_INTERNAL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The lamp, its shutter and its monitor photodiode, which looks at the lamp before the shutter. Warm-up is counted from
 // the session's clock 0, when the lamp was cold.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The sample changer and the interlock.
 #include "sim/internal.h"
 

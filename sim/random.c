@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Philox4x32-10 of Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3" (SC 2011), and the
 // distributions that the rig draws from it. A counter-based generator instead of a stateful one, because a pixel's
 // noise must not depend on which pixels were drawn before it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Counter-based random numbers: every draw is a pure function of (seed, effect, pose, frame, index), so that order,
 // threads, windows and restarts cannot change it.
 #ifndef GONIO_SIM_RANDOM_H

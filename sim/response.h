@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The camera's response curve: relative exposure to relative value.
 #ifndef GONIO_SIM_RESPONSE_H
 #define GONIO_SIM_RESPONSE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The sample's spec and the truth in the camera's channels.
 #ifndef GONIO_SIM_SAMPLE_H
 #define GONIO_SIM_SAMPLE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The image of one ray, in closed form: a plane or a sphere, so no ray caster is needed here.
 #include "sim/scene.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a ray of the camera sees: sample or reference, lit by the lamp. rig.h states the geometry.
 #ifndef GONIO_SIM_SCENE_H
 #define GONIO_SIM_SCENE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What is fixed about every pixel of the simulated sensor.
 #ifndef GONIO_SIM_SENSOR_H
 #define GONIO_SIM_SENSOR_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One table holds every setting: where it is stored, what is possible, its default; reading, writing and the list of
 // what exists all come from it.
 #include "sim/settings.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated rig's settings, by the sections and keys of the rig file, and their defaults.
 #ifndef GONIO_SIM_SETTINGS_H
 #define GONIO_SIM_SETTINGS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The four axes in simulated time: the controller's firmware (firmware/core) drives the motors of a simulated machine,
 // with its own ramps, soft limits, homing, take-up of backlash and emergency stop.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Simulated views of a chessboard at the level of corners: what gonio_camera_calibrate is given.
 #ifndef TESTS_CAMERA_VIEWS_H
 #define TESTS_CAMERA_VIEWS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Is sigma honest? Errors over sigma pooled over seeds, in theta bands (the larger of the two thetas), lobe and base
 // apart. An honest sigma has 90 to 99 % within 2 sigma and a median |error|/sigma of 0.5 to 0.85 in each cell.
 #ifndef TESTS_COVERAGE_H

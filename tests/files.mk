@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Every test program; each runs under sanitizers. Long benchmarks are targets of their own.
 unit-y  += $(sort $(wildcard tests/unit/test_*.c tests/property/test_*.c tests/golden/test_*.c tests/conformance/test_*.c))
 bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c,$(sort $(wildcard tests/bench/*.c)))

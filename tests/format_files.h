@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Small sound files of the formats, made byte by byte from the formats' descriptions: for tests and fuzzing.
 #ifndef GONIO_TESTS_FORMAT_FILES_H
 #define GONIO_TESTS_FORMAT_FILES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One simulated pixel for tests and benches of the merge: Poisson electrons, Gaussian read noise, rounding to DN,
 // clipping. Independent of sim/. Random numbers: SplitMix64 (Steele, Lea and Flood 2014).
 #ifndef TESTS_PIXEL_H

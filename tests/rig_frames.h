@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Rendered frames of the simulated rig's board, ball and mirror, and what is found in them.
 #ifndef TESTS_RIG_FRAMES_H
 #define TESTS_RIG_FRAMES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Simulated views of a rig with axes askew, at the level of corners and highlights: what gonio_rig_calibrate is given.
 #ifndef TESTS_RIG_VIEWS_H
 #define TESTS_RIG_VIEWS_H

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Run every test program of a build folder and sum up. Each prints TAP ("ok", "not ok", "ok ... # SKIP"). Programs run as
 # many at a time as there are processors; the scripts that drive the program, which itself takes all of them, one by one.
 # usage: tests/run.sh BUILD_FOLDER [NAME ...]     only the tests whose path holds one of the names

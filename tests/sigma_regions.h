@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples and probes of the sigma tests: outgoing directions dense below 45 deg, sparse from there to 70, none beyond.
 #ifndef TESTS_SIGMA_REGIONS_H
 #define TESTS_SIGMA_REGIONS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A scan of the simulated rig without a session: sim -> frames -> calib -> samples, in this process. What a test or a
 // bench of calib needs; every function returns false and prints why when something fails.
 #ifndef TESTS_SIM_SCAN_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples of an exact BRDF at random directions, for tests and benches: the same seed gives the same samples.
 #ifndef TESTS_SIMULATE_H
 #define TESTS_SIMULATE_H

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The slow suites in a bounded form, as CI runs them after `make test`: a minute of fuzzing a target, the virtual
 # machine, the packages. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
 # usage: tests/slow.sh BUILD_FOLDER

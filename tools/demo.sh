@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The whole chain on the simulated rig: measure, replay, fit, compare with the truth, render. `make demo` runs it.
 # usage: tools/demo.sh BUILD_FOLDER     everything it makes is under BUILD_FOLDER/demo, replaced at each run
 set -eu

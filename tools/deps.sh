@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Install the Debian packages named as arguments that are missing, having said which; nothing is touched when all are there.
 set -eu
 missing=

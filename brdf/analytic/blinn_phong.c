@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Blinn 1977 with the factor that makes the lobe's albedo at normal incidence exactly 1:
 //   (n + 2)(n + 4) / (8 pi (n + 2^(-n/2))) cos^n(theta_h).
 #include "brdf/analytic/formula.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Cook & Torrance 1982: D G F / (4 cos_i cos_o), with Beckmann's distribution of facets of slope m,
 //   D = exp(-tan^2(theta_h) / m^2) / (pi m^2 cos^4(theta_h)),
 // their shadowing G = min(1, 2 cos_h cos_i / cos_d, 2 cos_h cos_o / cos_d), and Schlick's F(f0).

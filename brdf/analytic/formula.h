@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Analytic BRDFs: what a formula is, and the geometry that all of them are written in.
 //
 // A formula joins with one file and one line: brdf/analytic/NAME.c opens with the formula and its source and ends with

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The geometry of a pair of directions, as the analytic formulae need it.
 #include "brdf/analytic/formula.h"
 

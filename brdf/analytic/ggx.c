@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Walter et al. 2007: D G F / (4 cos_i cos_o) with the distribution
 //   D = 1 / (pi alpha_x alpha_y ((h_x / alpha_x)^2 + (h_y / alpha_y)^2 + h_z^2)^2)
 // (elliptical: Heitz, "Understanding the masking-shadowing function in microfacet-based BRDFs", 2014), Smith's G as the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lambert 1760, *Photometria*: the same radiance in every direction, f_r = rho / pi, of albedo rho.
 #include "brdf/analytic/formula.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Oren & Nayar 1994, the qualitative model (their eq. 30): diffuse facets of slope angle sigma,
 //   rho/pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min theta)),
 //   A = 1 - 0.5 sigma^2 / (sigma^2 + 0.33), B = 0.45 sigma^2 / (sigma^2 + 0.09).

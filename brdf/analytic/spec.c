@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // "FORMULA:key=value,key=a/b/c+FORMULA:..." -> an analytic model.
 #include <math.h>
 #include <stdio.h>

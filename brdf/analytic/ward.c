@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Ward 1992, as in Kameya 2002, eq. 3.3: a Gaussian of the facets' slopes,
 //   exp(-tan^2(theta_h) / alpha^2) / (4 pi alpha^2 sqrt(cos_i cos_o)),
 // elliptical for alpha_x != alpha_y: (tan_x / alpha_x)^2 + (tan_y / alpha_y)^2 in the exponent, alpha_x alpha_y below.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "analytic": sums of terms, each a formula with its parameters.
 #include "brdf/kind/analytic.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Analytic models: sums of terms with one parameter vector. A term is a formula (brdf/analytic/formula.h) with values
 // of its parameters for every channel.
 #ifndef GONIO_BRDF_KIND_ANALYTIC_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "cbmba": evaluation and file section.
 //
 // Section: 64 bytes of description, the transforms, the diffuse control points; then with bricks the table, the bricks,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "cbmba": a coarse dense lattice for the diffuse part and a sparse fine one for the specular part.
 #ifndef GONIO_BRDF_KIND_BILEVEL_H
 #define GONIO_BRDF_KIND_BILEVEL_H

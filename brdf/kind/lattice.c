@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "lattice": evaluation, gradient, file section.
 //
 // Section: 64 bytes of description, the transforms, the control points, each part aligned (brdf/model_file.h).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "lattice": a B-spline over the coordinates of a direction pair.
 #ifndef GONIO_BRDF_KIND_LATTICE_H
 #define GONIO_BRDF_KIND_LATTICE_H

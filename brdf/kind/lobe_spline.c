@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "lobe-spline": the base that fits work with, the model and its operations.
 #include "brdf/kind/lobe_spline.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of kind "lobe-spline": an analytic base times what a B-spline says about its error.
 //
 // f_r = link^-1(link(base) + spline(x)), base = d + sum of strength_j lobe_j, x the coordinates of the pair. Without

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Evaluation of the kind "lobe-spline" (brdf/kind/lobe_spline.h), one pair or many.
 //
 // f_r = link^-1(link(base) + spline): of the positive link, whose logarithm is taken of y + eps, e^(ln E + t) = E e^t,

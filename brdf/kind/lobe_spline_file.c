@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The file section of models of kind "lobe-spline".
 //
 // Section: 64 bytes of description, the lobes' shapes, their strengths, the links, the control points, the sigma

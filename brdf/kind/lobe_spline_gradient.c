@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The exact gradient of the kind "lobe-spline" by (theta_i, phi_i, theta_o, phi_o): the formulae of
 // brdf/kind/lobe_spline_eval.c in numbers that carry their derivatives (brdf/dual.h). Where a bound holds a number, its
 // derivatives are 0; where the azimuth about the half vector is undefined (retro-reflection), so are the derivatives of

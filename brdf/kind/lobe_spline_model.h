@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Inside the kind "lobe-spline" (brdf/kind/lobe_spline.h): the model, shared by its evaluation, its gradient and its
 // file.
 #ifndef GONIO_BRDF_KIND_LOBE_SPLINE_MODEL_H

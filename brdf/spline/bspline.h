@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The uniform cubic B-spline on [0, 1]: the four basis functions of a cell, and where a coordinate lies.
 //
 // Lee, Wolberg and Shin, "Scattered data interpolation with multilevel B-splines" (IEEE TVCG 1997), eq. 1. Level h has

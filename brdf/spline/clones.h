@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One binary that is fast on every x86-64 and runs on arm64: a hot function is compiled for several instruction sets
 // and the loader picks one. Contraction to FMA is off (Makefile), so every clone computes the same bits.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Control lattices: storage, refinement, plain evaluation.
 //
 // Refinement is exact: a uniform cubic B-spline is also one on half the spacing, with

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A control lattice: float32 control points of a tensor-product cubic B-spline over [0, 1]^dims.
 #ifndef GONIO_BRDF_SPLINE_LATTICE_H
 #define GONIO_BRDF_SPLINE_LATTICE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Fast evaluation: brdf/spline/rows.h over one or many positions.
 //
 // A random evaluation of a level 6 lattice touches 16 rows in about 19 cache lines of 1.2 MB: it waits for memory more

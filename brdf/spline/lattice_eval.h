@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Fast evaluation of a lattice at fixed-point positions (brdf/spline/bspline.h), for the machine's vectors.
 #ifndef GONIO_BRDF_SPLINE_LATTICE_EVAL_H
 #define GONIO_BRDF_SPLINE_LATTICE_EVAL_H

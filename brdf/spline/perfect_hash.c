@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "brdf/spline/perfect_hash.h"
 
 #include <string.h>

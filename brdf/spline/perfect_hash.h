@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Looking keys up in a minimal perfect hash that libcmph built (algorithm BDZ, Jenkins' hash), without libcmph.
 //
 // Botelho, Pagh and Ziviani, "Simple and space-efficient minimal perfect hash functions" (WADS 2007). Three hashes name

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The profile: a second lattice, of the half vector's tilt and the difference angle alone, beside a spline in
 // half-vector coordinates. Most of what a reflectance does at a peak depends on those two (Rusinkiewicz 1998, "A new
 // change of variables for efficient BRDF representation", section 3), and two dimensions are filled by far fewer

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Refinement of a lattice of cubic B-splines, an axis at a time (Kameya 2002, 2.3.4): the points of the finer axis are
 // by turns the mean of two neighbours a, b of the coarser one and (a + 6 b + c)/8 of three.
 #ifndef GONIO_BRDF_SPLINE_REFINE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Evaluation of a lattice by rows: what the fast evaluation and the fast fit share.
 //
 // The 4^d control points of a cell are 4^(d-1) rows of 4 neighbours along the last axis, each row 4 x channels

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The rows of brdf/spline/rows.h summed in double.
 //
 // A channel's value is (l0 S0 + l1 S1) + (l2 S2 + l3 S3): l the weights of the last axis, S_k the sum over the rows of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A lattice's channels at a position, summed in double, for models whose eval promises more than a lattice's own
 // rounding.
 #ifndef GONIO_BRDF_SPLINE_ROWS_DOUBLE_H

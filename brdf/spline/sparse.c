@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Evaluation of sparse lattices.
 //
 // A cell's row of four control points along the last axis begins anywhere in a brick, so it is read as two brick rows

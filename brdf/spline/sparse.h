@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A 3-D control lattice of which most points are zero: the specular part of a CBMBA model.
 //
 // Two forms. Bricks: 4^3 control points behind a table of brick numbers, number 0 being the empty brick; a cell's 4^3

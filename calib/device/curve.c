@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Families of response curves: Grossberg and Nayar's EMoR basis, made monotone, and a monotone spline.
 #include "calib/device/curve.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Inside of the response fit: a family of curves and the least squares over it.
 #ifndef GONIO_CALIB_DEVICE_CURVE_H
 #define GONIO_CALIB_DEVICE_CURVE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The file emor.txt of Grossberg and Nayar, "What is the space of camera response functions?" (CVPR 2003): blocks
 // "E =", "f0 =", "h(1)=" ... of 1024 numbers each.
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The highlight of the lamp in a polished ball: one bright spot, whose centre of brightness is found to a few
 // hundredths of a pixel.
 #include <math.h>

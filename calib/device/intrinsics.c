@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Camera intrinsics from views of a board: which views count, and when they do not suffice. OpenCV fits (Zhang, "A
 // flexible new technique for camera calibration", PAMI 2000).
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Has the camera, or the sample, moved between two frames? Sub-pixel registration by OpenCV, and what to make of it.
 #include <math.h>
 

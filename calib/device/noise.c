@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Sensor characterisation by photon transfer, after EMVA 1288 release 4.0: sections 6.5 (gain, dark noise), 6.6
 // (saturation), 6.7 (linearity), 7 (dark current), 8 (DSNU, PRNU).
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A white standard's certificate -> what a camera channel sees of it.
 //
 // The certificate tabulates reflectance and its standard uncertainty over wavelength. A channel of responsivity s

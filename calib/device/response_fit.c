@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Response curve and exposure times from images of one scene.
 //
 // Reading v_ij of pixel i in image j says ln E(v_ij) = ln L_i + tau_j, tau the log exposure time. For given curve and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Dark frames -> bias and dark rate of every pixel, read noise, hot and noisy pixels.
 //
 // Every pixel gets the straight line through its dark readings over exposure time, all frames weighted alike (the read

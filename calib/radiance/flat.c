@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Responsivity of every pixel (flat field times absolute scale) from the frames of the white reference.
 //
 // The panel's radiance is known: f_r = reflectance / pi times the irradiance of a point light at its distance and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A flat field in a file (docs/formats.md): relative responsivity of every pixel of a read-out window and its variance,
 // so that a session's reference has to tell the scale only.
 #include <math.h>

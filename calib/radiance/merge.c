@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Maximum-likelihood merge of linear exposures of one pixel.
 //
 // Exposure j reads x_j = y a_j + noise with variance v_j(y) = (y a_j + dark_j) g + r^2 + q_j: Poisson electrons times g

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One pixel's exposures -> one radiance with its variance. See merge.c.
 #ifndef GONIO_CALIB_RADIANCE_MERGE_H
 #define GONIO_CALIB_RADIANCE_MERGE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The camera's gain and saturation from the reference frames.
 //
 // Photon transfer (EMVA 1288 release 4.0, section 2.2): the temporal variance of a linear camera grows with its mean as

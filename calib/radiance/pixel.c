@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One pixel of a pose: whether it sees the sample, and its exposures merged.
 #include "calib/internal.h"
 

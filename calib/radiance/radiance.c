@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One frame -> radiance and variance of every pixel, streaming: linearise, dark, flat, variance, no remapping.
 //
 //   L = (lin(DN) - bias - rate t - stray t m) / (K t m),  var = ((x + rate t + stray t m) g + r^2 + q) / (K t m)^2 +

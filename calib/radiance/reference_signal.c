@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The white reference: what it returns at the angles of a pixel.
 //
 // Its reflectance is stated as the radiance factor pi f_r of the reference geometry, light at 45 deg and camera at the

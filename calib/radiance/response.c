@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A given camera response: CSV rows "relative exposure, relative value", both 0..1 and increasing, undone by a table.
 #include "calib/internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Light that reaches the sensor otherwise than from the sample.
 //
 // Scattered by the room and the rig: a light trap on the table, the lamp on, shows it alone. It goes with the lamp, so

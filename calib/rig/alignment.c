@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Where an imperfect rig's arms stand, and how well their directions are known.
 #include "gonio/alignment.h"
 

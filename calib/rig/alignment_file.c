@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The file of an alignment: CSV, one row a parameter with its value and its row of the covariance.
 #include <errno.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What frames of board, ball and mirror should show, and how far they are from it (rig_axes.c tells the method).
 #include "calib/rig/bundle.h"
 

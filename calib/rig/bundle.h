@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The least-squares problem behind gonio_rig_calibrate: its parameters, its frames, its residuals.
 #ifndef GONIO_CALIB_RIG_BUNDLE_H
 #define GONIO_CALIB_RIG_BUNDLE_H

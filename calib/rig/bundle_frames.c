@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Views -> frames of the bundle: the board's corners in the sample's axes, and whether it lies as it was said to.
 #include "calib/rig/bundle.h"
 

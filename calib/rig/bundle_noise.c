@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // How noisy the frames of each object are, from their residuals, band by band of obliquity: corners that are
 // foreshortened are found less well, and a mirror's highlight at grazing incidence is drawn out. One figure for all
 // would claim too much of the oblique frames and ask too little of the others.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The true axes of both arms, from frames of a board, a polished ball and a flat mirror at known counters.
 //
 // One least-squares problem (a bundle adjustment; the arms are products of exponentials, alignment.h): parameters are

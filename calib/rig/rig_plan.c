@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The poses that tell a rig's axes: every axis at several positions, spread over its range.
 #include <math.h>
 #include <stddef.h>

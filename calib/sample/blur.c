@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a sample averages: its disc on the plate, the light's disc, the camera's aperture.
 //
 // Mean over the disc: every point is divided by its own irradiance (plate.c), so the mean is of f_r alone, each point

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Does a pose reach over the sample's edge? At 85 deg a beam's spot is eleven times as long as wide, and a pixel sees
 // eleven times its width; what then lies beyond the sample would be taken for it.
 #include "calib/internal.h"

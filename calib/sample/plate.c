@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A flat plate's pose -> one sample: f_r averaged over a disc of the sample about the centre of rotation.
 //
 // Every pixel is divided by the irradiance of its own point (the light is at a finite distance, and at 85 deg its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The angle and area terms, from the slope and curvature of a model that was fitted to the samples.
 //
 // A plate. The sample is stated at the nominal angles, but light and camera stood at the true ones. What was measured

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A sphere's frame -> thousands of samples: one a pixel (mono) or one a 2 x 2 quad (Bayer), each with the local
 // directions of its own point. The sample is isotropic, so phi_i is turned to 0.
 #include "calib/internal.h"

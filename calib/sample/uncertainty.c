@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The variances that a whole pose has in common, and their sums.
 #include "calib/internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Measure a sample, on the simulated rig or on the one that an INI file describes (docs/hardware.md), and keep samples
 // and model. A session that exists is gone on with, so that Ctrl-C, a fault or a power cut costs one pose.
 //

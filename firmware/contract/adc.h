@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: the slow analogue inputs. None blocks for more than 20 us.
 #ifndef FW_CONTRACT_ADC_H
 #define FW_CONTRACT_ADC_H

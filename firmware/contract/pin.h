@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: the outputs and inputs. Every contract function gets the core it works for (a
 // microcontroller has one and may ignore it). "Any" means: also from interrupts.
 #ifndef FW_CONTRACT_PIN_H

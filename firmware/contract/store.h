@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: two pages of flash for parameters. Bits fall from 1 to 0 when programmed and rise
 // when the page is erased. Main loop only, and only while nothing moves: a page erase may take tens of milliseconds.
 #ifndef FW_CONTRACT_STORE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: time and the order of its interrupts.
 //
 // Priorities, highest first: inputs (gonio_fw_interlock_input), step timer, UART receiver (gonio_fw_modbus_receive),

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: the line. The receiver's interrupt hands each byte to gonio_fw_modbus_receive with
 // the tick at which its stop bit ended.
 #ifndef FW_CONTRACT_UART_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What a board provides to the core: the watchdog and the way to start anew.
 #ifndef FW_CONTRACT_WATCHDOG_H
 #define FW_CONTRACT_WATCHDOG_H

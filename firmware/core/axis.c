@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/core/axis.h"
 
 #include "firmware/contract/pin.h"

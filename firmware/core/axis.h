@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Axes: coordinated moves of all axes with limits, backlash take-up, stop and halt.
 #ifndef FW_AXIS_H
 #define FW_AXIS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Time in ticks of 1 us, in 32 bits that wrap every 71 minutes; this is the one place that compares them.
 #ifndef FW_CLOCK_H
 #define FW_CLOCK_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The controller: all its state, and how a board, a test or a simulator runs it.
 //
 // A board has one struct fw_core in static memory (zeroed). It calls gonio_fw_core_init once, gonio_fw_core_poll for

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The enumerations of regmap.def as C constants: FW_STATE_IDLE, FW_ALARM_NONE, FW_CONTACT_estop, ...
 #ifndef FW_ENUMS_H
 #define FW_ENUMS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/core/homing.h"
 
 #include "firmware/core/core.h"

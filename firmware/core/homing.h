@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Homing: for each axis in its order fast approach, back off, slow approach, hold, leave.
 #ifndef FW_HOMING_H
 #define FW_HOMING_H

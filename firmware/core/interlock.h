@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Interlock: contacts, alarms and the safe state.
 #ifndef FW_INTERLOCK_H
 #define FW_INTERLOCK_H

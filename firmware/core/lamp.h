@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lamp with soft start and warm-up, shutter, photodiode monitor, camera trigger.
 #ifndef FW_LAMP_H
 #define FW_LAMP_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/core/modbus_slave.h"
 
 #include "firmware/contract/tick.h"

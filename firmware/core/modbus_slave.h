@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Modbus RTU slave: framing by silence and the function codes, as the two specifications have them:
 // "MODBUS Application Protocol Specification V1.1b3" (AP) and "MODBUS over Serial Line Specification and
 // Implementation Guide V1.02" (SL).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/core/parameters.h"
 
 #include <stddef.h>

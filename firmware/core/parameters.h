@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Parameters in flash: two slots, written in turn, so that a cut at any moment leaves the older one.
 #ifndef FW_PARAMETERS_H
 #define FW_PARAMETERS_H

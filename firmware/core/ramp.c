@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/core/ramp.h"
 
 #include "firmware/core/clock.h"

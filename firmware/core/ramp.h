@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Ramp: how far a move has come after a given time, for all its axes at once.
 //
 // A move runs along a straight line in joint space, q_i(t) = q_i(0) + D_i s(t), so its axes arrive together by

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The registers of regmap.def as memory, and their access by address as Modbus has it.
 #ifndef FW_REGISTERS_H
 #define FW_REGISTERS_H

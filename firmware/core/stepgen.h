@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Step generator: from a ramp to the edges on the step outputs, each at its own tick.
 //
 // Two interrupts share the work. The producer (gonio_fw_stepgen_produce, low priority) works out a segment of 256 ticks

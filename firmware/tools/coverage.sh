@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Branch coverage of firmware/core by tests/unit/test_fw_*.c and tests/property/test_fw_*.c. usage: coverage.sh FOLDER
 set -eu
 folder=$1

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Bound of the step interrupt in cycles, from its disassembly (arm-none-eabi-objdump -d).
 
 usage: cycles.py LISTING MHZ WAIT_STATES BYTES_A_FETCH

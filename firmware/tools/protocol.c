@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Writes docs/protocol.md from regmap.def to standard output.
 #include <inttypes.h>
 #include <stdint.h>

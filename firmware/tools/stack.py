@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Worst-case stack of a firmware image, from the compiler's own call graph (-fcallgraph-info=su).
 
 usage: stack.py ELF_SIZE_FILE FLASH_LIMIT RAM_LIMIT CI_FILE...

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The choice for small sets, in rounds, each scored by leave-one-out on all its samples:
 //   1. coordinates and base, at a level that suits the number of samples;
 //   2. how stiff each axis is;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What `--method auto` and an open `--method lsq` choose for small sets, by closed-form leave-one-out.
 #ifndef GONIO_FIT_AUTO_CHOOSE_H
 #define GONIO_FIT_AUTO_CHOOSE_H

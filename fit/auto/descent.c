@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Coordinate descent in lambda, stiffness and level: each solve begins where the last one ended, or at the multilevel
 // start; a step is kept where the held-out samples are predicted better.
 #include "fit/auto/descent.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One candidate of a large set: a form and a base, solved and scored with what was held out.
 #ifndef GONIO_FIT_AUTO_DESCENT_H
 #define GONIO_FIT_AUTO_DESCENT_H

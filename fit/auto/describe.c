@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What was chosen, in words, and its neighbours: the next better and the next cheaper one.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The choice and the fit of large sets.
 //
 // Closed forms cost n^3, so choices are scored on a fifth of the geometries that the fit has not seen. Every candidate

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Least squares on large sets: level, lambda and form chosen on inner held-out geometries, solved by iteration.
 #ifndef GONIO_FIT_AUTO_ITERATIVE_H
 #define GONIO_FIT_AUTO_ITERATIVE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Methods "auto" and "lsq": least-squares splines, with or without a lobe under them.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // From a scatter to the parts of a CBMBA model.
 #include "fit/bilevel/bilevel.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Making a compressed bi-level model (CBMBA; Kameya 2002, chapter 6).
 #ifndef GONIO_FIT_BILEVEL_BILEVEL_H
 #define GONIO_FIT_BILEVEL_BILEVEL_H

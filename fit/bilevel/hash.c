@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Building the minimal perfect hash: libcmph, algorithm BDZ.
 //
 // libcmph draws its seeds from rand(), and the same keys must give the same file. So rand() gets a state of its own

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Method "cbmba": (D,S,C) as given, or the smallest that keeps --max-error.
 #include <math.h>
 #include <stdio.h>

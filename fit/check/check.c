@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Physical plausibility of a model.
 //
 // The directional albedo is an integral over a hemisphere that may hold a lobe of any width, so it is estimated with a

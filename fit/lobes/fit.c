@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lobe fits by Levenberg-Marquardt (cminpack) from several starts.
 //
 // The residual is the difference of link values (logarithms above the noise), since a least-squares fit of f_r itself

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Robust fits of one or two analytic lobes and a diffuse term, the base that a spline then corrects.
 #ifndef GONIO_FIT_LOBES_FIT_H
 #define GONIO_FIT_LOBES_FIT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Methods "cook-torrance" and "ggx": two lobes and a diffuse term, nothing else.
 #include <stdio.h>
 #include <stdlib.h>

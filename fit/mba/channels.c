@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The inner loop of a multilevel fit of several channels.
 //
 // The sums of 31 channels are 16 KB a cell: adding one sample at a time, loading and storing them takes longer than the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Choosing the level by inner folds.
 //
 // One multilevel fit passes through every level, so the held-out error of all levels costs one fit. The score is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which level a multilevel fit should use, from the training samples alone, and in which coordinates and domain it is.
 #ifndef GONIO_FIT_MBA_CHOOSE_H
 #define GONIO_FIT_MBA_CHOOSE_H

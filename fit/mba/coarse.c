@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A coarse level of a multilevel fit: chunks of samples with sums of their own.
 //
 // A lattice of few cells is touched everywhere by any chunk of samples, so threads cannot share it out; but it is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A fine level of a multilevel fit: the samples in the order of their cells along the first axis, so that only the
 // planes of control points that the current cells reach need sums.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The inner loop of a multilevel fit.
 //
 // A sample with weights w_a = x_i y_j z_k (a = i, j, k), weight q and residual r adds to each of its 4^d control points

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The inner loop of a multilevel fit: one chunk of sorted samples into its sums.
 #ifndef GONIO_FIT_MBA_KERNEL_H
 #define GONIO_FIT_MBA_KERNEL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // From the sums to the lattice: phi = numerator / denominator (Lee, Wolberg and Shin 1997, eq. 5), with the mirrored
 // samples' sums added first.
 #include "fit/mba/level.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One level of a multilevel fit: sums over the samples, then the lattice's update. What its two ways share.
 #ifndef GONIO_FIT_MBA_LEVEL_H
 #define GONIO_FIT_MBA_LEVEL_H

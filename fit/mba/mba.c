@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Multilevel B-spline approximation (MBA).
 //
 // One level, Lee, Wolberg and Shin 1997, eqs. 3 to 5 (Kameya 2002, 2.3.2): a sample with residual r among the 4^d

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Multilevel B-spline approximation of prepared samples, level after level.
 #ifndef GONIO_FIT_MBA_MBA_H
 #define GONIO_FIT_MBA_MBA_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Method "mba": multilevel B-splines on a dense lattice, in Nusselt coordinates and the linear domain unless told
 // otherwise; the level is chosen by held-out error where the options leave it open.
 #include <float.h>

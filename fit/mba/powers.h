@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Squares and cubes of a sample's basis functions: what every kernel of the fit multiplies.
 #ifndef GONIO_FIT_MBA_POWERS_H
 #define GONIO_FIT_MBA_POWERS_H

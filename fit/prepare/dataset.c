@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples -> geometries for least squares.
 //
 // Equal geometries are merged first: the leave-one-out errors that choose everything else would otherwise see a

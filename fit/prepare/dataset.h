@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples made ready for least squares: equal geometries merged, values as link values in double, weights.
 #ifndef GONIO_FIT_PREPARE_DATASET_H
 #define GONIO_FIT_PREPARE_DATASET_H

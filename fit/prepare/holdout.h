@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A part of a set held out inside the training samples, by which large fits are chosen.
 #ifndef GONIO_FIT_PREPARE_HOLDOUT_H
 #define GONIO_FIT_PREPARE_HOLDOUT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples -> scatter: the coordinates, the transform of each channel, the weights, and the order.
 #include "fit/prepare/scatter.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples made ready for a lattice fit: coordinates, transformed values, weights, sorted so that neighbours in space
 // are neighbours in memory.
 #ifndef GONIO_FIT_PREPARE_SCATTER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The order of prepared samples: by cell, so that samples which share control points follow each other.
 //
 // Samples are taken in blocks of 2^20 in the order given, and each block is radix-sorted by its cell at level 6 (3-D)

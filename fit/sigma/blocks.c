@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Leave-out predictions of a linear smoother.
 //
 // With Q = lambda (K + lambda)^-1 and r = Q t, the residuals of a block B of samples predicted by a fit without them

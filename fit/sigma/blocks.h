@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Predictions of left-out samples, in closed form: each sample alone, whole neighbourhoods, and all beyond an angle.
 #ifndef GONIO_FIT_SIGMA_BLOCKS_H
 #define GONIO_FIT_SIGMA_BLOCKS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What both solvers' uncertainties share: the channels' factors, the places where a law is asked, and the coarse spline
 // of ln sigma that the model carries. It lies in half-vector coordinates, where lobes of any width are wide.
 #include "fit/sigma/field.h"

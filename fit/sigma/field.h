@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Steps that the uncertainties of small and of large sets have in common.
 #ifndef GONIO_FIT_SIGMA_FIELD_H
 #define GONIO_FIT_SIGMA_FIELD_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The uncertainty of large sets.
 //
 // No closed form: the choice is fitted once more without some geometries, scattered ones, all within some balls, and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Fitting the law of fit/sigma/law.h.
 //
 // Every constant of the law but u is found by maximum likelihood of the residuals under Student's t with 5 degrees of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A law of the prediction error's variance, learnt from predictions of left-out samples.
 //
 // variance = noise N + scale e^(2 u(x)) U^p S^q G^r: N is the variance that a unit of the samples' noise leaves in the

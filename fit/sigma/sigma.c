@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The uncertainty of small sets: everything left out that can be, in closed form.
 //
 // The error of a prediction is made of the samples' noise, passed on by the fit, and of what smoothing and gaps leave

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The standard uncertainty that a fitted model carries (docs/fitting.md).
 #ifndef GONIO_FIT_SIGMA_SIGMA_H
 #define GONIO_FIT_SIGMA_SIGMA_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Gathering and scattering between samples and a lattice of doubles, by rows of four control points
 // (brdf/spline/rows.h).
 #include "fit/smooth/apply.h"

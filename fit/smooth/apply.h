@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Passes over the samples on a lattice of doubles: the spline at each sample, and what it adds to its control points.
 #ifndef GONIO_FIT_SMOOTH_APPLY_H
 #define GONIO_FIT_SMOOTH_APPLY_H

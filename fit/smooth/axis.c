@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The modes of an axis (fit/smooth/axis.h).
 #include "fit/smooth/axis.h"
 

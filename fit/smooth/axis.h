@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One axis of a lattice, in the eigenvectors of its second-difference penalty ("modes").
 #ifndef GONIO_FIT_SMOOTH_AXIS_H
 #define GONIO_FIT_SMOOTH_AXIS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Preconditioned conjugate gradients for the normal equations (B^T W B + lambda R) phi = B^T W t.
 //
 // One pass over the samples applies B^T W B: the spline at a sample is gathered from its 4^d control points and, times

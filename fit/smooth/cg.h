@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The iterative solver of large sets: preconditioned conjugate gradients on the lattice, no matrix stored.
 #ifndef GONIO_FIT_SMOOTH_CG_H
 #define GONIO_FIT_SMOOTH_CG_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Cholesky factors (fit/smooth/matrix.h), in blocks of columns so that nearly all work is in products of matrices.
 #include <math.h>
 #include <string.h>

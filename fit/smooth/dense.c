@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The direct least-squares solver (fit/smooth/dense.h).
 //
 // Sums over the lattice's modes run in blocks: all products of the last two axes' modes for one choice of the leading

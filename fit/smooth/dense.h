@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The direct solver of small sets: everything that depends on lambda in closed form, leave-one-out errors too.
 //
 // R is diagonal in products of the one-dimensional penalty's eigenvectors, so the smoothing prior's covariance between

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Eigenvectors and singular values (fit/smooth/matrix.h).
 //
 // Householder reflections I - tau v v^T make the matrix tridiagonal, a panel of columns at a time so that half of the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The function space and the penalty of a least-squares fit, shared by the direct and the iterative solver.
 //
 // Minimised is  sum_c w_c (f(x_c) - t_c)^2 + lambda R(f),  f a cubic B-spline on the lattice of a level, and

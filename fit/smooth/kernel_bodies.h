@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Included by fit/smooth/kernels.c once an instruction set, with
 //   VECTOR, LANES   the vector and its elements, 1 < LANES <= 8
 //   TARGET, NAME(x) the functions' attribute and names

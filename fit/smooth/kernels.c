@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The inner loops of fit/smooth for each instruction set, and the choice among them (fit/smooth/kernels.h).
 #include "fit/smooth/kernels.h"
 

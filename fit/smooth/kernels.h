@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The inner loops of fit/smooth, compiled for several instruction sets. Each works in lanes of eight doubles, however
 // many of them a register holds, so all give the same bits. (GCC keeps a generic vector that is wider than the
 // registers in memory: five times slower. So each set has its own width, and target_clones would not do.)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Leave-one-out scores, and the lambda that they choose.
 #include "fit/smooth/loo.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which fit predicts samples that it has not seen: leave-one-out scores of forms, bases and lambdas.
 #ifndef GONIO_FIT_SMOOTH_LOO_H
 #define GONIO_FIT_SMOOTH_LOO_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Products of matrices (fit/smooth/matrix.h), in the manner of Goto & van de Geijn 2008, "Anatomy of high-performance
 // matrix multiplication": tiles of the result stay in registers while packed panels of both factors stream by. Each
 // element is summed over stretches of DEPTH products, and these sums are added in turn: neither the tiles nor the blocks

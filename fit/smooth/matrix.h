@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Dense linear algebra whose bits depend on its input alone.
 //
 // A BLAS picks its kernels by the processor and splits its sums by the number of threads, so that the same fit gives

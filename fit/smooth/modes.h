@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The insides of the direct solver that its files share: the lattice's modes, taken in blocks.
 #ifndef GONIO_FIT_SMOOTH_MODES_H
 #define GONIO_FIT_SMOOTH_MODES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // R = 2^h sum_d stretch_d D_d^T D_d + ridge (fit/smooth/form.h), D_d the second differences along axis d. A plane of R
 // phi needs its own plane of phi and two on either side: planes are independent, so that any number of threads make
 // them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The smoothing penalty R of a lattice, applied plane by plane along its first axis.
 #ifndef GONIO_FIT_SMOOTH_PENALTY_H
 #define GONIO_FIT_SMOOTH_PENALTY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // How the direct solver's predictions depend on its samples, and how far they may be wrong.
 //
 // The smoothing prior makes the fit a Gaussian process (Rasmussen & Williams 2006, "Gaussian processes for machine

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A multilevel preconditioner: z = sum over all coarser lattices of  P_k D_k^-1 P_k^T r,  P_k the refinement of lattice
 // k to the finest one, D_k the diagonal of the normal equations there (Bramble, Pasciak and Xu 1990, "Parallel
 // multilevel preconditioners", eq. 1.6; with diagonals: Zhang 1992, "Multilevel Schwarz methods", section 3).

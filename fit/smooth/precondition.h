@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What makes conjugate gradients converge on a fine lattice: corrections from all coarser lattices at once.
 #ifndef GONIO_FIT_SMOOTH_PRECONDITION_H
 #define GONIO_FIT_SMOOTH_PRECONDITION_H

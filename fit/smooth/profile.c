@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The direct solver's profile: sums over the products of two axes' modes, as fit/smooth/dense.c has them over three.
 #include "fit/smooth/profile.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The direct solver's profile (brdf/spline/profile.h): a second term of the prior.
 #ifndef GONIO_FIT_SMOOTH_PROFILE_H
 #define GONIO_FIT_SMOOTH_PROFILE_H

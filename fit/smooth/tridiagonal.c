@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Symmetric tridiagonal eigenproblems (fit/smooth/tridiagonal.h).
 //
 // Small ones: implicit QR steps with Wilkinson's shift (Golub & Van Loan 2013, "Matrix computations", algorithm 8.3.2).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Eigenvalues and vectors of symmetric tridiagonal matrices, whose elements must lie well within the range whose squares
 // are numbers: callers scale.
 #ifndef GONIO_FIT_SMOOTH_TRIDIAGONAL_H

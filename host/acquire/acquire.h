@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The acquisition: plan -> steps -> frames -> samples -> model, journalled as it happens. gonio/acquire.h is what
 // others use of it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Rounding or change: what a replay makes of a session beside what the measure journalled.
 //
 // On another kind of processor, or with another C library, the mathematical functions round their last bit otherwise.

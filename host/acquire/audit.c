@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The lost-step audit. An open-loop axis that slips goes on as if nothing had happened; only its home switch can tell.
 // So every step is flagged until a homing has found the switch where it must be.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The setup as JSON texts in the journal: people read them, and a replay needs nothing else.
 //
 // One table a struct names every member once (base/keys.h); writing and reading both follow it.

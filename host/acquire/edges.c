@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Poses of a session that reach over the sample's edge.
 #include <stdio.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The frames of one step: fixed exposures for dark frames, bracketing for everything else.
 #include <math.h>
 #include <stdlib.h>

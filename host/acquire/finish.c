@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // All samples -> final samples and model.
 //
 // The pointing term of a sample's uncertainty needs the BRDF's slope there, and the slope needs a fit: so a first fit

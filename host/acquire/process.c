@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // From the session's frames to samples; a replay and a resume run this on what is stored.
 #include <pthread.h>
 #include <stdatomic.h>

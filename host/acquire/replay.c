@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Stored frames -> calibration -> samples -> model again, held against what the measure journalled.
 #include <errno.h>
 #include <math.h>

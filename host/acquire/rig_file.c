@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Rig files (INI, by libinih) and settings that override them -> an open rig.
 #include "host/acquire/rig_file.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // An open rig of a rig file, for those who need more of it than its devices.
 #ifndef GONIO_HOST_ACQUIRE_RIG_FILE_H
 #define GONIO_HOST_ACQUIRE_RIG_FILE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The host's own keys of a rig file, in one table.
 #include "host/acquire/rig_keys.h"
 

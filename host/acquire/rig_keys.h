@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The keys of a rig file that the host itself understands.
 #ifndef GONIO_HOST_ACQUIRE_RIG_KEYS_H
 #define GONIO_HOST_ACQUIRE_RIG_KEYS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Plan -> steps, in an order of short moves.
 #include <math.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which part of the sensor to read: the sample as the camera sees it, with a margin.
 #include <math.h>
 

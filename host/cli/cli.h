@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the verbs of the command line share: options, results, progress. Only under host/cli is anything printed.
 #ifndef GONIO_CLI_H
 #define GONIO_CLI_H

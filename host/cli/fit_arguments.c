@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/cli/fit_arguments.h"
 
 #include <stdio.h>

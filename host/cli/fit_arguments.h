@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The options of a fit on a command line: fit and measure take the same ones, from the fit's own table.
 #ifndef GONIO_CLI_FIT_ARGUMENTS_H
 #define GONIO_CLI_FIT_ARGUMENTS_H

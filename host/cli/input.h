@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // INPUT of a verb: a session's folder, a samples file or any BRDF file that can be read.
 #ifndef GONIO_CLI_INPUT_H
 #define GONIO_CLI_INPUT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Show a scan and its result on a terminal, and ask for the operator's hands.
 #include "host/cli/measuring.h"
 

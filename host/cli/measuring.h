@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What measure, resume and replay share: progress, the operator's hands, the result.
 #ifndef GONIO_CLI_MEASURING_H
 #define GONIO_CLI_MEASURING_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Table-driven options: every verb states its table once; parsing and --help both come from it.
 #include "base/number.h"
 #include "host/cli/cli.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Progress lines, the clock and Ctrl-C.
 #include "base/clock.h"
 #include "host/cli/cli.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Results and failures, for people and as JSON.
 #include "host/cli/cli.h"
 

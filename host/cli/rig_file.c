@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The rig options of the command line -> an open rig.
 #include "host/cli/rig_file.h"
 

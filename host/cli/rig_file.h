@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the command line says of a rig, and opening it.
 #ifndef GONIO_CLI_RIG_FILE_H
 #define GONIO_CLI_RIG_FILE_H

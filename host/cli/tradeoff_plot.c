@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Error against cost, drawn with cairo.
 #include "host/cli/tradeoff_plot.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Scatter plots of the trade-off as PNG.
 #ifndef GONIO_CLI_TRADEOFF_PLOT_H
 #define GONIO_CLI_TRADEOFF_PLOT_H

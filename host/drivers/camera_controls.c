@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/camera_controls.h"
 
 #include <linux/videodev2.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The controls that would change pixels behind our back, and those that set exposure and gain.
 #ifndef GONIO_DRIVERS_CAMERA_CONTROLS_H
 #define GONIO_DRIVERS_CAMERA_CONTROLS_H

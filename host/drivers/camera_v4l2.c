@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The stream runs all the time. A capture sets what changed, throws away what was exposed before it was asked for (by
 // the frames' timestamps, or by count where the driver's clock is another), and takes the first frame after that.
 #include "host/drivers/camera_v4l2.h"

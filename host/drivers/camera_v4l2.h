@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A camera behind V4L2: manual settings only, and frames that were exposed wholly after they were asked for.
 #ifndef GONIO_DRIVERS_CAMERA_V4L2_H
 #define GONIO_DRIVERS_CAMERA_V4L2_H

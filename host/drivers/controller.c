@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Requests to the controller: one exchange on the line, repeated within bounds, and what its registers say.
 #include "host/drivers/controller_internal.h"
 

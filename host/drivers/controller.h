@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The motion and lamp controller over Modbus: what stage, lamp and monitor share. One connection, counted users.
 //
 // Everything that is retried may be repeated without harm: reads; parameters, which are absolute; and commands, which

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Shared by controller.c (requests), controller_motion.c (commands) and controller_open.c (a connection's life).
 #ifndef GONIO_DRIVERS_CONTROLLER_INTERNAL_H
 #define GONIO_DRIVERS_CONTROLLER_INTERNAL_H

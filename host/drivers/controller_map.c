@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/controller_map.h"
 
 const char *gonio_controller_state_text(int state) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The controller's register table as the host sees it: compiled from firmware/regmap.def, never copied.
 #ifndef GONIO_DRIVERS_CONTROLLER_MAP_H
 #define GONIO_DRIVERS_CONTROLLER_MAP_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/controller_internal.h"
 
 #include <stdio.h>

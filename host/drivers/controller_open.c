@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A connection's life: opening, settling in, feeding the dead-man, sharing, closing.
 #include "host/drivers/controller_internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/debounce.h"
 
 // What raw has come to count as by the time `now_ns`.

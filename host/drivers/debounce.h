@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A contact: from edges and level readings to what it really did, glitches left out, short openings and lost edges not.
 //
 // libgpiod 1.6 neither debounces nor numbers its events, so both are done here: a level counts once it has held, and an

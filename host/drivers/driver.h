@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The drivers of a rig's devices. A driver is one file, its registration the last thing there, and one line in
 // drivers.def; `driver = NAME` in the device's section of a rig file chooses it, and its keys are then the section's.
 #ifndef GONIO_DRIVERS_DRIVER_H

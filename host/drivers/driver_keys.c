@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A key's value from the text of a rig file.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The list of drivers: by number, by device and name; putting a device into a rig.
 #include <stdio.h>
 #include <string.h>

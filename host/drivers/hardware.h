@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The real devices of a rig file: their settings by section and key, and opening them over a rig that is there.
 #ifndef GONIO_DRIVERS_HARDWARE_H
 #define GONIO_DRIVERS_HARDWARE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Emergency stop and door contacts on GPIO lines of the host.
 #ifndef GONIO_DRIVERS_INTERLOCK_GPIO_H
 #define GONIO_DRIVERS_INTERLOCK_GPIO_H

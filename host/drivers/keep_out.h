@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Keep-out zones: combinations of axis positions that must not be reached, nor passed.
 //
 // A zone is a box in the four axes (user degrees; an axis that is not named is free), or a narrow angle between camera

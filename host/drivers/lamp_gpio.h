@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lamp enable, shutter and camera trigger on GPIO lines of the host.
 #ifndef GONIO_DRIVERS_LAMP_GPIO_H
 #define GONIO_DRIVERS_LAMP_GPIO_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lamp and shutter behind the controller.
 #ifndef GONIO_DRIVERS_LAMP_MODBUS_H
 #define GONIO_DRIVERS_LAMP_MODBUS_H

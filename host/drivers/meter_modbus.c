@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/meter_modbus.h"
 
 #include <math.h>

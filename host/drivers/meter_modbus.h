@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The lamp's monitor photodiode behind the controller.
 #ifndef GONIO_DRIVERS_METER_MODBUS_H
 #define GONIO_DRIVERS_METER_MODBUS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Queries are repeated at will (reading changes nothing), so every fault of the transport is answered by a clear and a
 // bounded retry, an unplugged device by opening it again under the same serial number.
 #include "host/drivers/meter_usbtmc.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The reference detector: an optical power meter or photodiode amplifier that speaks SCPI over USBTMC / USB488.
 #ifndef GONIO_DRIVERS_METER_USBTMC_H
 #define GONIO_DRIVERS_METER_USBTMC_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A camera behind a cap: frames of the right size that are black.
 #include <string.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // An interlock that is always closed.
 #include <stddef.h>
 

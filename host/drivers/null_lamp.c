@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A lamp that is always warm and a shutter that always obeys.
 #include <stddef.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A lamp monitor that sees a constant lamp.
 #include <stddef.h>
 

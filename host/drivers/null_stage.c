@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A stage that is wherever it was told to be.
 #include <stdlib.h>
 #include <string.h>

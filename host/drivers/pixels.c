@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Layouts after the V4L2 documentation, "Image Formats" (Luma-Only, Raw Bayer): the MIPI packings follow CSI-2.
 #include "host/drivers/pixels.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The pixel formats a V4L2 camera may offer: which are fit for radiometry, and how their bytes become words.
 #ifndef GONIO_DRIVERS_PIXELS_H
 #define GONIO_DRIVERS_PIXELS_H

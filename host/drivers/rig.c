@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A rig as a whole.
 #include <stddef.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A real stage or lamp that simulated devices follow: real arms with a simulated camera, for tests and dry runs.
 //
 // The real device does the work and its faults count; the simulated one is told the same. Nominal times and positions

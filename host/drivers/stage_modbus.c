@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Positions are absolute steps in the controller; degrees are turned into steps here and nowhere else.
 #include "host/drivers/stage_modbus.h"
 

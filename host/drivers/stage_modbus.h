@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The four axes behind the controller.
 #ifndef GONIO_DRIVERS_STAGE_MODBUS_H
 #define GONIO_DRIVERS_STAGE_MODBUS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames at a camera's full rate: one thread takes them, another stores them in groups, with memory for some seconds of
 // them in between, so that a disk that pauses loses none.
 #include <math.h>

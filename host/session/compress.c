@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames that were stored as they are, made small afterwards. Checksums are of pixels, so none changes.
 #include <stdatomic.h>
 #include <stdlib.h>

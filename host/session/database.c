@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // SQLite with Gonio's errors.
 #include "host/session/internal.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Verify a session: the database, every frame's and every sample set's checksum, and what lies about; repair it.
 #include <dirent.h>
 #include <errno.h>

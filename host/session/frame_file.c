@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One frame <-> one PNG, in memory; its name and its hash.
 #include <png.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The frame store: files under frames/ and their rows in the journal.
 #include <errno.h>
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // SHA-256, by libcrypto.
 #include <errno.h>
 #include <openssl/evp.h>

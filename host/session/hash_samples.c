@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // SHA-256 of the CSV that a sample set writes.
 #include <openssl/evp.h>
 #include <stdio.h>

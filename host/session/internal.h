@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the files of host/session/ share.
 #ifndef GONIO_SESSION_INTERNAL_H
 #define GONIO_SESSION_INTERNAL_H

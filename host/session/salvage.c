@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A damaged journal: copy every row that SQLite still gives into a new one.
 //
 // Tables are read forward until damage stops them, then backward from the other end: what a damaged page between hides

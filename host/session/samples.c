@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples in the journal: one blob of little-endian doubles a step, with its SHA-256.
 //
 // A row is theta_i, phi_i, theta_o, phi_o (rad), then the values, the random and the systematic sigmas, a channel each.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Create, open and close a session folder.
 #include "gonio/session.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Settings and events of a session.
 #include <stdio.h>
 #include <stdlib.h>

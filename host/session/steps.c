@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The steps of a session: entered once, finished one by one, undone by the doctor.
 #include <stdio.h>
 #include <stdlib.h>

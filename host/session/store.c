@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The files of a step's frames, as one group: written, then synced, then named, so that a file of a final name is whole
 // and the disk gets one long stream instead of a wait for each file.
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The monotonic clock that every bound on a device is counted on.
 #ifndef GONIO_TRANSPORT_CLOCK_H
 #define GONIO_TRANSPORT_CLOCK_H

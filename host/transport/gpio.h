@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // GPIO lines of the host by libgpiod 1.6, behind a table so that a test can stand in for the kernel.
 #ifndef GONIO_TRANSPORT_GPIO_H
 #define GONIO_TRANSPORT_GPIO_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // libmodbus prints where it is asked to debug, and when it is given an empty name: neither happens here. Its own error
 // recovery sleeps and reconnects without a bound, so it stays off.
 #include "host/transport/modbus.h"

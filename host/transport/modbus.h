@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Modbus master, RTU and TCP, by libmodbus: single requests, each bounded, faults told apart. No retries here: what may
 // be repeated is for the driver to know. Every exchange can be recorded on a tape and replayed from one.
 #ifndef GONIO_TRANSPORT_MODBUS_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A tape of what went through a transport: recorded at a user's rig, replayed in a test.
 //
 // Text, one exchange a line: kind, request (hex), result (a number), reply (hex); "-" stands for no bytes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // USBTMC over libusb. Each Bulk-OUT transfer starts with a 12-byte header that carries a tag (USBTMC 1.0, table 1);
 // the reply repeats the tag, so that a stale reply shows.
 #include "host/transport/usbtmc.h"

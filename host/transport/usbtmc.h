@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // USBTMC and its USB488 subclass over libusb: messages out and in, and the recovery the standard gives them.
 //
 // Source: USB Test and Measurement Class Specification 1.0 and its USB488 subclass specification 1.0 (USB-IF, 2003);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/transport/v4l2.h"
 
 #include <errno.h>

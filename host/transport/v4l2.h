@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // V4L2 capture: formats, controls and memory-mapped streaming, single- and multi-planar; bytes out, no pixels.
 //
 // Source: the Linux media subsystem's userspace API, Video for Linux part. All system calls go through a table, so

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The three tables of system calls: the kernel, the kernel written down, and the tape.
 #include <errno.h>
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Measure a sample: open a rig, run a plan on it into a session, fit a model to the samples; go on with a session that
 // was stopped; compute a session's results again from its stored frames.
 //

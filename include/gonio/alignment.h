@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The true axes of a rig, as `gonio calibrate rig` estimated them, with their covariance.
 //
 // Every arm is a tilt axis that is carried by an azimuth axis. With R(axis, angle) the right-handed rotation about a

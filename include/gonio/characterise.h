@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Calibrating the devices themselves, apart from a scan: the sensor's noise, the camera's geometry, its response.
 // (What a scan needs of its own dark and reference frames is in calib.h.)
 #ifndef GONIO_CHARACTERISE_H

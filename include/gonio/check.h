@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Is a BRDF physical, and how simple is it: reciprocity, energy, isotropy, separability; and transforms that make
 // samples so.
 #ifndef GONIO_CHECK_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Directions, direction pairs and the coordinates that fits work in (docs/fitting.md).
 //
 // Directions are unit vectors that point away from the surface in the sample's frame: +z is the normal, +x the sample's

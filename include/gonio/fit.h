@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples -> model. Every method is one registration (fit/method.h); a caller names it and gets a model and a report.
 #ifndef GONIO_FIT_H
 #define GONIO_FIT_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Everything that Gonio offers: measure, calibrate, fit, evaluate. What a program needs of it can be included alone; a
 // renderer needs model.h only.
 //

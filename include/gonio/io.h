@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // BRDF files in and out; one file a format under io/. Formats are recognised by content, never by name.
 #ifndef GONIO_IO_H
 #define GONIO_IO_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every error figure that Gonio prints, computed in one place.
 #ifndef GONIO_METRICS_H
 #define GONIO_METRICS_H

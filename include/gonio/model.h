@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A fitted (or analytic) BRDF that can be evaluated: the only part of Gonio that a renderer needs.
 //
 // libgonio-eval holds what this header declares for model files and depends on libc and libm only. A model is immutable

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Which poses to measure.
 #ifndef GONIO_PLAN_H
 #define GONIO_PLAN_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Preview pictures: lit spheres or meshes of one or several models side by side.
 #ifndef GONIO_RENDER_H
 #define GONIO_RENDER_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The device interface: what a gonioreflectometer is to the scan loop, be it hardware or the simulator.
 //
 // Each device is a table of operations plus its own state. sim/ and host/drivers/ both fill these tables; only host/cli

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A set of scattered BRDF samples: what a measurement yields and what a fit consumes.
 #ifndef GONIO_SAMPLE_H
 #define GONIO_SAMPLE_H

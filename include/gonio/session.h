@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A session: a folder that holds all of an acquisition, self-describing from its first second (docs/formats.md).
 //
 // session.db (SQLite, WAL, full sync) journals settings, steps, frames, samples and events; frames/ holds the pixels,

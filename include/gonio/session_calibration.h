@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames -> radiance -> BRDF samples with an uncertainty.
 //
 // The order of calls: gonio_calib_new; the dark frames and the reference frames; gonio_calib_prepare; then for every

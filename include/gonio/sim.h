@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated rig: implements rig.h's operations; every effect comes from one seed and the stamps. It knows the
 // truth.
 #ifndef GONIO_SIM_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Status codes and the error context that every Gonio call fills.
 //
 // Libraries never print and never exit: a call returns a status (0 is success, negative failed) and writes the detail,

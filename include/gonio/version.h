@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The version of Gonio: of this header when a program is compiled, of the library when it runs. The build reads it
 // here.
 #ifndef GONIO_VERSION_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The main job through the library, stored as users get it: the default simulated rig measures
 // ward:rho_d=0.3,rho_s=0.2,alpha=0.15 with nusselt:1400 into a session.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Accuracy of the least-squares fits, each figure as "asked, measured". usage: bench_accuracy [PART ...], PART one of
 //
 //   simulated  lsq against multilevel approximation (level 6) on the same samples, 20 iterations against the plain

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The fitter's figures, as ratios against the plain transcription of the thesis (tests/golden/oracle.h), which is built
 // with the same flags and timed in the same run, alternating; each figure is the least of several repetitions.
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What an evaluation costs, kind by kind, against the dense lattice of the same level, coordinates and domain in the
 // same run: cbmba, the automatic choice, and lobe-splines of every base. The runs of all models take turns; a figure is
 // the median of the ratios of neighbouring runs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Accuracy of the samples of a simulated flat plate against the truth, default rig, nusselt:1400, one session: median
 // and 95th percentile of the relative error for theta <= 75 deg, and apart where the specular term exceeds 10 % of the
 // diffuse one. Then what the uncertainty consists of, and what calibration found of the camera.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Is sigma true? Simulated sessions, each seed with its own reference scale, zero errors, lamp drift and flat field;
 // few poses a seed, spread over theta bands and over lobe and base. A small camera of 56 x 56 pixels sees the same disc
 // of 5 mm radius as the default one. usage: calib_coverage [SEEDS [SCENARIO [POSES]]] (default 200, all, 0)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Are the stated uncertainties of camera and axes true, and how good are they? 200 simulated cameras and 200 simulated
 // rigs at the level of corners and highlights, with the noise that rendered frames show; then cameras and rigs from
 // rendered frames, of cameras three times as many. usage: calib_geometry [TRIALS [RENDERED]] (200, 5)

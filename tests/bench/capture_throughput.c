@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames at a camera's full rate into a session: 1280 x 1024 Y16, 60 frames/s, 30 s (an argument: other seconds), none
 // lost. The camera's driver and the session are the real ones; the kernel is stood in for by a source that, like a
 // capture driver, fills a queued buffer every 1/60 s by the clock and loses the frame where none is queued.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // 50 million samples, streamed: memory predicted before it starts, and measured; time; error at directions not seen.
 // An argument sets another number of samples.
 #include <sys/resource.h>

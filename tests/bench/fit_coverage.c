@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // How often a model's error lies within 2 of its sigmas, pooled over seeds: materials x noise, and in each where
 // samples are dense, sparse, and where there are none, in the lobe (specular above a tenth of the diffuse term) and in
 // the base apart, and in bands of the larger theta. Wanted: 90 to 99 % and a median |error|/sigma of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Variance of the merge over the Cramer-Rao bound (exact, Poisson + Gaussian + rounding) and its bias, over five
 // decades of radiance above SNR 1, beside the classical hat-weight merge of the observed values (Debevec and Malik
 // 1997, linear form). As many pixels a point as bring the mean's standard error to 0.03 %.

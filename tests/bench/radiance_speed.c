@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Throughput: 1280 x 1024 frames of 16 bits to radiance and variance, beside a memcpy of the same frames (in and out
 // bytes: 2 read, 8 written a pixel) in the same run. Asked: at least 100 frames/s on 2 cores. What is timed is checked.
 #include <time.h>

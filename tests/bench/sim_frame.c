@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // How fast the simulated camera delivers frames: a window and a full frame of a flat Ward sample, one thread, beside
 // the bare evaluations of the same BRDF in the same run.
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The thesis' evaluation (Kameya 2002), once more and with held-out figures beside the training ones: tables as CSV,
 // pictures as PNG, into the folder named by the first argument. Run by `make thesis-tables`; real data from
 // $GONIO_DATA.

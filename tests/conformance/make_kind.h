@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Models of every kind, for tests that go over the list of kinds.
 //
 // A kind has at least one line in the table below, a line for each form that its file can take; tests/conformance/

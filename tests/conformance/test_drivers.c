@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every driver of the list: its operations are whole, its keys are its own and are refused with their line where they
 // are wrong, a device that is not there is named, the null ones answer everything, and docs/hardware.md names what
 // there is.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every format of the list: its files are its own alone; what it writes it reads; a damaged file is refused with its
 // place or read in part, and nothing is misread in silence; its options are its own.
 #include <math.h>

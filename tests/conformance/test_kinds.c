@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every kind of model in brdf/kinds.def, in every form that its file takes, isotropic and not, with 1, 3 and 31
 // channels: a file brings the same bits back, the ways to evaluate agree, and a damaged file is refused or answers
 // finite numbers.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every method of the list, in every coordinates and domain: what was asked for is what the model says; and what all
 // methods promise of scaling, order, threads and the smallest sets.
 #include <math.h>

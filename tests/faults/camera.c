@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A camera behind the table of V4L2 system calls, in the world's time. What a frame shows is rendered only where it is
 // the frame that was asked for: begun after the capture was called, with the exposure that was set. Every other one
 // shows nonsense, so that taking it shows in the samples.

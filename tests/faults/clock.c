@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Nobody waits: sleeping, and waiting in the drivers' thread, let the world's time pass. That thread (the one that
 // feeds the controller's dead-man) becomes a coroutine that has its turn whenever the other one sleeps, and is as
 // repeatable as everything else.

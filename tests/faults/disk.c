@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The disk under the session: a process that dies in the middle of a write, power that goes (what was not synced is
 // then partly lost), a disk that is full or fails. System calls of SQLite and of the frame store end here.
 #include <errno.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The fault campaign: measures of a modelled rig by the real drivers, each with faults that follow from its seed. Each
 // must end with the samples of the undisturbed one, or with a named fault and a session that goes on to those samples.
 #include <ftw.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # The fault campaign: its models stand in for system calls and for libusb, so it is a program of its own.
 FAULTS ?= 10000
 FAULTS_BIN := $(B)/tests/faults/faults

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The computer: a measure or its continuation, with the real drivers for stage, lamp, meter and camera. What the camera
 // sees and the meter reads is simulated, for the arms where they truly stand and the lamp as it truly burns.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The serial line between the host and the controller: the system calls of libmodbus end here. RTU at 115200 baud, each
 // byte at its time, and between the two ends whatever the seed has in store.
 #include <errno.h>

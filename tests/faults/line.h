@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #ifndef GONIO_TESTS_FAULTS_LINE_H
 #define GONIO_TESTS_FAULTS_LINE_H
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A USBTMC power meter at libusb's calls: the transport and the driver above run unchanged. Written from the standard
 // (USBTMC 1.0), as tests/unit/usbtmc_model.h is; that one also runs libusb itself.
 #include <libusb.h>

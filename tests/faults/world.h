@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The world of the fault campaign: one clock that nobody waits for, the controller's machine, and what goes wrong.
 //
 // Everything that the real drivers reach beyond this process ends here: the serial line (line.c), USB (usb.c), the

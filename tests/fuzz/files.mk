@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # libFuzzer targets for everything that reads what users give or devices answer; bounded by FUZZ_SECONDS a target.
 FUZZ_SECONDS ?= 20
 FUZZ_TARGETS ?= read model spec plan rig modbus usbtmc devices

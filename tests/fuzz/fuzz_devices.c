@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What devices answer and what a rig file asks of them: keys, tapes of a controller and of a camera, raw frames.
 #include <stdlib.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // libFuzzer on the slave: bytes with arbitrary gaps, then the same as one well-formed frame.
 #include <stdlib.h>
 #include <string.h>

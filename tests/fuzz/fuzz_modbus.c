@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any bytes on the line in answer to the Modbus master: the real controller core answers behind a line that the input
 // tells how to spoil. Serial (a pseudo-terminal) and TCP, in a thread of its own, through libmodbus.
 #include <arpa/inet.h>

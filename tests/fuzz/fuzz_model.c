@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any bytes as a model file, aligned or not: refused, or evaluated without harm. The checksum would turn every mutation
 // away, so this build does not compare it.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any text as a plan: a preset, or the content of a plan file.
 #include <string.h>
 

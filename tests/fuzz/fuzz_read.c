@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any bytes as a BRDF file: read as samples, which must then be sound and come back from a CSV; and as a table, which
 // must evaluate to finite numbers.
 #include <math.h>

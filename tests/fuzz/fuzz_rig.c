@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any text as a rig file, and any as a setting: refused with a message, or keys that every device took. Nothing is
 // opened: the linker puts the functions below in place of those that would (--wrap).
 #include <stdlib.h>

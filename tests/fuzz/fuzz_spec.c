@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any text as a spec: refused with a message, or a model of finite values.
 #include <math.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Any answers of a USB device to the USBTMC transport and the meter on it. libusb is stood in for: its functions are
 // defined here, and the input says what each transfer gives.
 #include <libusb.h>

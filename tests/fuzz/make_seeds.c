@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Small sound files to begin fuzzing from. usage: make_seeds read|model|spec|plan FOLDER
 #include <stdio.h>
 #include <stdlib.h>

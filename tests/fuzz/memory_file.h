@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Bytes as a file that can be opened by path.
 #ifndef GONIO_FUZZ_MEMORY_FILE_H
 #define GONIO_FUZZ_MEMORY_FILE_H

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Run fuzz targets of a build folder for some seconds each, as many at a time as there are processors; a crash is a
 # failure, and its input stays in the build folder. Each begins with the committed inputs (tests/fuzz/corpus/NAME) and
 # with what was found before.

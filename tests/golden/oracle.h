@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The thesis' algorithm, transcribed plainly: the oracle that the fast kernels are held against, and the baseline of
 // the benches. Scalar code, float32 lattices, double sums, samples in the order given, no weights, no offset.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Readers against entries of the real files, worked out by hand or by another route. Skipped without GONIO_DATA.
 #include <math.h>
 #include <setjmp.h>

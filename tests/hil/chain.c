@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A USB serial adapter to the controller: libmodbus, tty, ftdi_sio, USB, and the firmware behind it.
 // usage: chain TTY BOARD HOME_ORDER    home_order 0: axes without a home switch are at home where they stand
 #include <math.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # Device tests that need the kernel's simulated devices: programs for the virtual machine of make test-vm.
 HIL_BINS := $(addprefix $(B)/tests/hil/,vivid gpio usbtmc usbtmc_gadget loopback chain)
 $(HIL_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a

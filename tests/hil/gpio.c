@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Contacts, lamp and a move on lines of the kernel's gpio-sim. The arms are the controller's posix board.
 // usage: gpio SYSFS_FOLDER_OF_THE_CHIP CONTROLLER_PORT    lines 0..3: gonio-estop, gonio-door, gonio-lamp,
 // gonio-shutter

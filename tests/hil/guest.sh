@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # What runs in the test machine: independent groups side by side, each with its own simulated devices.
 # /tests holds the programs, /modules the kernel modules and, a file a module, what has to be loaded for it in order.
 up() { cut -d' ' -f1 /proc/uptime; }

@@ -1,4 +1,5 @@
 #!/bin/busybox sh
+# SPDX-License-Identifier: BSD-3-Clause
 # First process of the test machine: everything it needs is in memory. Its results go to the second serial line.
 export PATH=/tests:/bin:/sbin:/usr/bin HOME=/tmp TMPDIR=/tmp LANG=C
 /bin/busybox --install -s /bin

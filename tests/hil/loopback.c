@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A camera made of a session: feeds v4l2loopback the frames of a simulated measure, one for each trigger pulse, in the
 // order in which they were captured. Around a frame's window the picture is 1, so that a wrong window shows.
 // usage: loopback SESSION WIDTH HEIGHT VIDEO_DEVICE TRIGGER_VALUE_FILE

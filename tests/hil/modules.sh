@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The stock Debian kernel, and beside it gpio-sim and v4l2loopback built from Debian's sources: the stock kernel has
 # neither. Nothing of it is installed; all stays in the folder.
 # usage: tests/hil/modules.sh FOLDER     says on stdout what cannot be had; status 1 where there is no kernel

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Device tests in a virtual machine: the stock Debian kernel with simulated devices and, in memory, Gonio's programs.
 # usage: tests/hil/run.sh BUILD_FOLDER [GROUP ...]     groups: chain vivid usbtmc gpio measure; prints TAP and a summary; SKIP where QEMU or the kernel cannot be had
 set -u

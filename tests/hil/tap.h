@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One line a check, as tests/run.sh counts them. A program's status says whether all passed.
 #ifndef GONIO_TESTS_HIL_TAP_H
 #define GONIO_TESTS_HIL_TAP_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The meter's driver on the USBTMC gadget, through the kernel's USB stack: readings, recovery, plugging.
 // usage: usbtmc GADGET_FOLDER UDC    the gadget is bound to the UDC, its serial number is S1
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A USBTMC / USB488 power meter behind FunctionFS: what the kernel's USB stack sees of a real one. Written from USBTMC
 // 1.0. A query that begins with one of the words below misbehaves the first time that it is asked, and is answered as
 // MEAS:POW? is from then on.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The camera driver on the kernel's vivid: formats, gain, injected errors, a pulled plug, record and replay.
 // usage: vivid DEVICE MULTIPLANAR_DEVICE TAPE
 #include <fcntl.h>

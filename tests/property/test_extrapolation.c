@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Fits of few samples never leave a sensible range, wherever they are evaluated: up to the horizon, far from the
 // samples.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Random commands, contacts and times against a simple model of the machine: no limit is passed, no position is lost,
 // nothing moves when it must not. GONIO_FW_SEQUENCES sets how many (`make firmware-soak`: ten million), GONIO_FW_STEPS
 // after how many steps of random moves the count must be exact (a thousand million), GONIO_FW_BYTES how many random

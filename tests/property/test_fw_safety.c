@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What must happen, whatever comes together: every command in every state, with every kind of limit contact, homing,
 // door and lamp, at the very moment a contact changes and after the main loop has seen it; at rest and under way. The
 // tables are written here once more, independently of the firmware.

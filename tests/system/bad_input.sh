@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Bad input: the status, the message with its line, the JSON, and nothing half-written.
 . tests/system/lib.sh
 

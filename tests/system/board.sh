@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # A measure whose arms are the emulated board: the cross-built firmware in QEMU behind a serial line, instruction
 # counting, so that emulated time runs as it can. Equal seeds, equal samples, as with the simulated arms alone.
 . tests/system/lib.sh

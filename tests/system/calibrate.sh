@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # gonio calibrate: the simulated sensor's own figures, real photographs, and refusals with their exit status.
 set -u
 . "$(dirname "$0")/lib.sh"

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # gonio calibrate rig end to end: a simulated rig with axes 0.5 deg askew takes frames of board, ball and mirror, its
 # axes are found, and what it then measures is right where the uncalibrated rig's is not. And what is refused.
 set -u

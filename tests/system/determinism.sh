@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The same bits from one session and from one set of samples, whatever the threads, the processors and the variables that
 # numeric libraries read; on another kind of processor the same bits, or rounding, which replay tells from change.
 # Prints TAP.

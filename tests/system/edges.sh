@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Poses that reach over the sample's edge: plan --check names them, measure leaves them out or counts them, samples
 # lists them. And a camera that moved between start and end.
 set -u

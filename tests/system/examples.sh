@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Gonio as a C library, as it is installed: headers that stand alone in C and C++, one version everywhere, the README's
 # program and docs/examples built by pkg-config and run.
 set -u

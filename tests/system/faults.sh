@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # 300 seeds of the fault campaign (`make faults` runs 10,000; docs/reliability.md). Prints TAP.
 set -u
 . "$(dirname "$0")/lib.sh"

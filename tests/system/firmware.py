@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Driven by firmware.sh. Every check prints a TAP line; the registers' addresses come from firmware/regmap.def."""
 import ctypes
 import ctypes.util

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The controller as its hosts see it: the Linux process and both emulated boards, through pymodbus, libmodbus and mbpoll.
 python=/usr/bin/python3 # Debian's, which has Debian's pymodbus
 if ! $python -c 'import pymodbus, serial' 2>/dev/null; then

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # fit, eval, compare, convert as users call them: what they print, and that their figures are true.
 . tests/system/lib.sh
 

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The options of a fit: measure takes what fit takes; what was asked for survives a kill, resume and replay; an option
 # that the method does not have is wrong usage. Prints TAP.
 set -u

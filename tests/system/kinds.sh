@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # `gonio kinds` lists every kind and formula; docs/kinds.md is its page; a formula's parameters as listed make a SPEC.
 . tests/system/lib.sh
 exits "kinds lists them" 0 "$GONIO" kinds

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # TAP for scripts that drive the program. Source it; then `check NAME COMMAND ...`, and `finish` at the end.
 # $GONIO is the program, $work a folder that vanishes at the end.
 : "${GONIO:=$PWD/build/gonio}" "${GONIO_DATA:=../shared/data}"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A Modbus TCP slave by pymodbus that has the controller's table as far as identification and status go, made from
 regmap.def: it stands in an alarm and refuses every command."""
 import re

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # gonio render as users meet it: the picture, the JSON, exit statuses, and that nothing half-written stays. Prints TAP.
 set -u
 work=$(mktemp -d)

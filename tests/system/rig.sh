@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # Real drivers through the program: the controller as a process (TCP and pty), an independent Modbus slave, simulated
 # camera on real arms, and the actions of `gonio rig`.
 . tests/system/lib.sh

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # measure, resume, replay, samples, doctor on tiny simulated sessions: what is stopped anywhere ends as if it had not
 # been stopped. Prints TAP.
 set -u

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # The libraries share a program's one space of names with everything else that it links: all that they define begins with
 # gonio_.
 set -u

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # libgonio-eval stands on libc and libm alone: a renderer's program links with nothing else and evaluates a model file.
 set -u
 work=$(mktemp -d)

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
 # gonio tradeoff, and what the default method tells about its choice.
 . tests/system/lib.sh
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the tests of frames -> samples share.
 #ifndef GONIO_TESTS_CALIB_SCAN_H
 #define GONIO_TESTS_CALIB_SCAN_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A controller to talk to: the firmware's simulated machine in a process of its own, behind a pty (RTU) or TCP, in
 // accelerated time, and between it and the driver a line that delays, drops, flips, splits, merges, repeats, adds noise
 // and closes, by seed.

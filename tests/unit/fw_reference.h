@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The seven phases of a ramp in plain long double, by integrating phase after phase: the oracle for gonio_fw_ramp_at
 // and the step times. It shares the phase lengths with the firmware, nothing else.
 #ifndef FW_REFERENCE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the firmware's tests share: a machine with quick axes.
 #ifndef FW_RIG_H
 #define FW_RIG_H

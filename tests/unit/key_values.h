@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A value of a key that is possible and not the default of gonio_fit_options.
 #ifndef GONIO_TESTS_KEY_VALUES_H
 #define GONIO_TESTS_KEY_VALUES_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // One clone of the lobe-spline's kernels, compiled for GONIO_TEST_TARGET, against those of the library (under
 // sanitizers, which allow no dispatch, the plain ones; otherwise what the loader picked): the same bits.
 #include <setjmp.h>

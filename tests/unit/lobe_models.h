@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lobe-splines of every make, from random parts, and what libm and the plain sums say of them.
 #ifndef GONIO_TESTS_LOBE_MODELS_H
 #define GONIO_TESTS_LOBE_MODELS_H

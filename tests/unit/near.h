@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // cmocka compares floats only; this compares doubles, within an absolute tolerance, and shows both.
 #ifndef GONIO_TESTS_NEAR_H
 #define GONIO_TESTS_NEAR_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A temporary file with given bytes, for tests of readers.
 #ifndef GONIO_TESTS_SCRATCH_H
 #define GONIO_TESTS_SCRATCH_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A folder for one test, and the path of a session in it: cmocka's set_up and tear_down.
 #pragma once
 #include <stdio.h>

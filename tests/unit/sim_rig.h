@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A simulated rig for tests: opened with settings, homed, lit, and posed, in few lines.
 #ifndef GONIO_TESTS_SIM_RIG_H
 #define GONIO_TESTS_SIM_RIG_H

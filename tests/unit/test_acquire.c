@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The acquisition: steps in short and repeatable order, windows around the sample, a setup that comes back exactly, and
 // a scan that a stop anywhere does not change.
 #include <math.h>

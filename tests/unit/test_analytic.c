@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Analytic BRDFs: their properties, then values from formulae worked out independently, then the specs' errors.
 #include <math.h>
 #include <setjmp.h>

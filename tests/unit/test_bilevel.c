@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // CBMBA: the hash against libcmph's own look-up, the bricks against the dense lattice, dropping, the error-driven
 // choice.
 #include <cmph.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A correction for what a sample averages is no larger than what the fitted model can vouch for.
 #include <setjmp.h>
 #include <stdarg.h>

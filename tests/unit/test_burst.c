@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames stored as they are, bursts of them, and compressing afterwards: the pixels and their checksums never change.
 #include <fcntl.h>
 #include <math.h>

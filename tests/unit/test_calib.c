@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames -> samples on the simulated rig: what calibration finds of the camera, the samples' values, exposure control,
 // and every polite failure.
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames -> samples on the simulated rig: what is taken off the values, and what the budget and sigma say of them.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated camera: radiometry against closed forms written here anew, noise by its moments, formats, windows,
 // determinism.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The camera driver on a modelled device in virtual time: fresh frames with the right exposure, faults, record, replay.
 #include <math.h>
 #include <setjmp.h>

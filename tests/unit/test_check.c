@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Physical checks: figures known beforehand, and transforms that do what they say.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Channels to linear sRGB, and the transfer function.
 #include <math.h>
 #include <setjmp.h>

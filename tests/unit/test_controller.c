@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Stage, lamp and monitor against the firmware's simulated machine over pty and TCP, on good and on bad lines.
 #include <math.h>
 #include <setjmp.h>

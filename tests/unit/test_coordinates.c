@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The coordinate systems: in range everywhere, the symmetries that fits rely on, values by hand.
 #include <math.h>
 #include <setjmp.h>

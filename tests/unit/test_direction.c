@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Directions and angles: exact at the pole and the horizon, degrees that come back.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Poses that reach over the sample's edge: what is flagged, held against what the simulated lamp really lights.
 #include <setjmp.h>
 #include <stdarg.h>

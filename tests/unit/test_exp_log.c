@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The vector functions of evaluation over the whole range of float: every exponent, both signs, each function within
 // 0.50001 units in the last place of float, and within 8 of double, of libm's in long double.
 #include <math.h>

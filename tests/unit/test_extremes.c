@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The extremes: what breaks a fitter first. docs/fitting.md has a line for each.
 #include <float.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The fit driver: choices, splits, tolerance, limits, streaming.
 #include <math.h>
 #include <setjmp.h>

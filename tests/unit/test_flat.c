@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The flat field's file, the white reference's own BRDF, and its certificate.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Moves on the simulated machine: coordination, limits, backlash, stop and halt, bookkeeping.
 #include "tests/unit/fw_rig.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Homing on the simulated machine: where it ends, how well it repeats, and what it says of a bad switch.
 #include "tests/unit/fw_rig.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Emergency stop, dead-man, door, watchdog and the safe state on the simulated machine.
 #include "tests/unit/fw_rig.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lamp, monitor and trigger on the simulated machine.
 #include "tests/unit/fw_rig.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The slave, byte by byte: framing, every function code's good and bad requests, atomic writes, ids and tokens.
 #include "tests/unit/fw_rig.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Parameters in flash that loses power: one slot is always valid.
 #include "tests/unit/fw_rig.h"
 

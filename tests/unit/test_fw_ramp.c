@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The ramp against the closed form of its seven phases, and its limits.
 #include <math.h>
 #include <setjmp.h>

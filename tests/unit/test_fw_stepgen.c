@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Every step edge against the exact time of its step.
 #include <math.h>
 #include <setjmp.h>

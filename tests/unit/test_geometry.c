@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Rays, hits and projections against the convention that rig.h states.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Contacts: the filter against a plain statement of what it must say, and the interlock on modelled lines.
 #include <errno.h>
 #include <pthread.h>

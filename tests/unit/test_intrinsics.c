@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Camera calibration: real chessboard photographs against their published intrinsics, simulated corners against the
 // truth with its stated uncertainties, rendered ChArUco boards, and what is refused.
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Large least-squares fits: the penalty's planes, the multilevel preconditioner, and grazing factors.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Keep-out zones against dense sampling of the path, and the guard in front of a stage.
 #include <math.h>
 #include <setjmp.h>

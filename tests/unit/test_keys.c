@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Tables of members: text to value and back, what is refused, and that the fit's table names every member.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated lamp and its monitor.
 //
 // Statistics: 2000 fixed seeds; bounds are 5 standard errors, 6e-7 each for fresh seeds, fewer than ten of them.

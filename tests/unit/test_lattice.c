@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lattices: what refinement, evaluation and gradient must satisfy whatever the control points are.
 #include <math.h>
 #include <setjmp.h>

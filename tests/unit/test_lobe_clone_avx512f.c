@@ -1,2 +1,3 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #define GONIO_TEST_TARGET "avx512f"
 #include "tests/unit/lobe_clones.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The fast evaluation of lobe-splines against the plain formula, and every way to ask against every other.
 #include <setjmp.h>
 #include <stdarg.h>

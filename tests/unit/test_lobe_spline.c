@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Lobe fits, lobe-spline models and their files, the automatic choice and its uncertainty.
 #include <math.h>
 #include <setjmp.h>

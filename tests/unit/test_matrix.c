@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Products, Cholesky factors, eigenvectors and singular values, held against what defines them.
 #include <float.h>
 #include <math.h>

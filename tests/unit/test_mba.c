@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The fast multilevel fit against the plain transcription of the thesis, and what it must satisfy by itself.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Measuring through the public calls alone: what is stopped and gone on with ends as if it had not been, wrong requests
 // leave nothing behind, a replay finds the same, and the process is afterwards what it was.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The merge of one pixel's exposures: exactness, invariances, bias and variance against the Cramer-Rao bound, and what
 // it refuses.
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Meshes from files: what is read, and what is refused with a clear error.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The error figures against values worked by hand.
 #include <math.h>
 #include <setjmp.h>

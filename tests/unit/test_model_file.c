@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Model files: what is written comes back, and damage of every kind is named, not followed.
 #include <math.h>
 #include <setjmp.h>

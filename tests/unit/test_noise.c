@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Photon transfer on frames whose making is known: own simulated sensor (tests/pixel.h) with a tilted illumination,
 // PRNU, offsets and defects.
 #include <setjmp.h>

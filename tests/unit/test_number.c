@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Numbers in text are the same whatever locale the process has set: a German one, with a comma as the decimal point, is
 // made for the test, and everything that reads or writes numbers is run in it and in "C".
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The k-th smallest against a full sort.
 #include <math.h>
 #include <setjmp.h>

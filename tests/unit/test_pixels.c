@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Unpacking against the layouts written out by hand, round trips through independent packers, and the choice of format.
 #include <setjmp.h>
 #include <stdarg.h>

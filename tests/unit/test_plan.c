@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Plans: what a grid and a stratified set must hold, then their errors.
 #include <math.h>
 #include <setjmp.h>

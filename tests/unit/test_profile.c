@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The direct solver's further terms, a profile and the lobes' shares: leave-one-out against leaving out, and models
 // with them, evaluated, saved and opened again.
 #include <math.h>

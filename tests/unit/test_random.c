@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The generator against its authors' vectors; the distributions by their moments.
 //
 // Statistics: seeds are fixed, so the runs are reproducible; each bound is 5 standard errors, a false alarm of 6e-7 for

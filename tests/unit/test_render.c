@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The preview against closed forms: a Lambert sphere's every pixel, exposure, strips, shadows, meshes, tangent frames.
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Response curves: recovered from simulated exposure stacks of real cameras' curves (DoRF), and from the photographs of
 // the Stanford memorial church against the published radiance map.
 #include <setjmp.h>

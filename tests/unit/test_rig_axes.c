@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The rig's axes from corners and highlights: the truth is found, stated uncertainties are true, and what is refused.
 #include <setjmp.h>
 #include <stdarg.h>

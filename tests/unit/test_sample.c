@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Sample sets and their splits.
 #include <math.h>
 #include <setjmp.h>

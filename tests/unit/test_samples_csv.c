@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Samples CSV and recognition by content: exact round trips, then every kind of bad input with its line.
 #include <locale.h>
 #include <math.h>

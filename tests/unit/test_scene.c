@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What one ray of the camera sees, against the BRDF itself and against geometry written out anew.
 #include <math.h>
 #include <setjmp.h>

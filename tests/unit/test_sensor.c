@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The pixel maps: the undistorted coordinates against the forward model, the fixed patterns by their moments.
 //
 // Statistics: fixed seeds; bounds are 5 standard errors, 6e-7 each for fresh seeds, five of them.

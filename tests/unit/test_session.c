@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The session: what is stored comes back bit for bit, a step is there as a whole or not at all, and damage is found.
 #include <fcntl.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The model's sigma: left-out predictions in closed form against fits without those samples, the law against residuals
 // of a known one, and simulated truth.
 #include <math.h>

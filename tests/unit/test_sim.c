@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated rig as a whole: specs, settings, truth, response files, bad input.
 //
 // Statistics: 2000 fixed seeds; one bound of 5 standard errors, 6e-7 for fresh seeds.

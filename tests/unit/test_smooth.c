@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Least-squares splines: properties, a dense solve as golden, and that nothing is worse than where it began.
 #include <math.h>
 #include <setjmp.h>

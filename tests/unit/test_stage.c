@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The simulated axes: durations against the trapezoid's closed forms and the machine's own time, limits, homing,
 // pointing, backlash, faults.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Medians and quantiles against a full sort; the generator against numbers of its paper's reference code; the nearest
 // against all distances in order.
 #include <math.h>

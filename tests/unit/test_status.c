@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Status codes: names, exit statuses, and the error that calls fill.
 #include <math.h>
 #include <setjmp.h>

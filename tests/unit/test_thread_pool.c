@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Loops on a pool: every item exactly once, nested and from many callers at once; the same error whatever the number of
 // threads; helpers that sleep, take no signal and leave nothing behind for the child of a fork.
 #include <pthread.h>

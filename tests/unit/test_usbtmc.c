@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The USBTMC transport and the meter on it, against the device model of usbtmc_model.h under umockdev.
 #include <math.h>
 #include <setjmp.h>

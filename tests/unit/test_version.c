@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The version of the library is that of the header, part by part.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A USBTMC / USB488 power meter emulated under umockdev: usbfs requests in, the standard's behaviour and its faults
 // out. Written from the standard (USBTMC 1.0), not from the driver.
 #ifndef GONIO_TESTS_USBTMC_MODEL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A camera behind the table of V4L2 system calls, in virtual time: each pixel carries the exposure that made it, so
 // that a frame taken with the wrong setting or at the wrong time shows.
 #ifndef GONIO_TESTS_V4L2_MODEL_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/board/cortex_m/cortex_m.h"
 
 #include <stddef.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the Cortex-M boards share: core peripherals (ARMv7-M Architecture Reference Manual, B3), start-up, time, mark.
 #ifndef FW_CORTEX_M_H
 #define FW_CORTEX_M_H

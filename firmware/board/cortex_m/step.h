@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The step timer's interrupt as the Cortex-M boards have it, put together by the compiler from what a board's pins and
 // timer need: no calls, no tables.
 //

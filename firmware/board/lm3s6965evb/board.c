@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The lm3s6965evb: 50 MHz Cortex-M3.
 //
 //     PB0-3 step   PC4-7 direction   PE0-3 motor on   PF0 lamp (PWM)   PG0 shutter   PG1 camera trigger

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Registers of the LM3S6965 that this board uses (Stellaris LM3S6965 Microcontroller data sheet).
 #ifndef FW_LM3S6965_H
 #define FW_LM3S6965_H

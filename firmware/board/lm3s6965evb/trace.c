@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/board/lm3s6965evb/trace.h"
 
 #include "firmware/contract/watchdog.h"

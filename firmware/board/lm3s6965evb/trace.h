@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A variant of the program (FW_TRACE) that moves by itself and tells, by semihosting, when its step edges really left.
 // What it adds to the step interrupt is half a dozen instructions, so that the timing stays what it is without.
 #ifndef FW_TRACE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "firmware/board/posix/machine.h"
 
 #include <stddef.h>

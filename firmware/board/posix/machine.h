@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A simulated machine around the firmware core: motors, switches, lamp, flash and a clock, in memory.
 //
 // It implements contract/ and runs the core from event to event in simulated time, as fast as it can: the posix board

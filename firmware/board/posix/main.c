@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The controller as a Linux process: the simulated machine behind a pseudo-terminal (Modbus RTU) or a TCP port (Modbus
 // TCP), in real or accelerated time. Lines on standard input move its contacts:
 //     hold CONTACT 0|1     release CONTACT     temperature MILLIDEGREES     position AXIS STEPS     quit

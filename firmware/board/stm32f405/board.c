@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // An STM32F405 board with an 8 MHz crystal: 168 MHz Cortex-M4.
 //
 //     PC0-3 step   PC4-7 direction   PC8-11 motor on   PA6 lamp (PWM)   PA4 shutter   PA5 camera trigger

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Registers of the STM32F405 that this board uses (RM0090, "STM32F405/415 ... reference manual").
 #ifndef FW_STM32F405_H
 #define FW_STM32F405_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What the verbs that look at boards share: the board's options, and the file of a camera's intrinsics.
 #include <errno.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // The devices' calibrations behind `gonio calibrate`, one file each.
 #ifndef GONIO_HOST_CLI_CALIBRATE_CALIBRATE_H
 #define GONIO_HOST_CLI_CALIBRATE_CALIBRATE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate camera: photographs of a board -> intrinsics with uncertainties, as a rig file's [camera] section.
 #include <math.h>
 #include <stdio.h>

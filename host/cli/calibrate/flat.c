@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate flat: flat field and vignetting with their uncertainty, from a rig's white reference or from a list
 // of frames of an evenly lit field, into a file for [camera] flat.
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // A list of frames with their exposures, as CSV.
 #include <errno.h>
 #include <libgen.h>

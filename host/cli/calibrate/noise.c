@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate noise: photon transfer on a list of frames, or on frames taken by a rig looking at its reference.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate reference: a white standard's certificate -> the [reference] section of a rig file.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate response: the curve of a camera that is not linear, from images of one scene.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate rig: the true axes of both arms, from frames that a rig takes of itself or from a list of frames.
 #include <errno.h>
 #include <libgen.h>

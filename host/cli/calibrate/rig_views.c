@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // Frames that show a rig's axes: put board, ball and mirror on the table in turn and look at each from many poses.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 #include "host/cli/rig/actions.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What `gonio rig` does to the devices of a rig, one function an action.
 #ifndef GONIO_HOST_CLI_RIG_ACTIONS_H
 #define GONIO_HOST_CLI_RIG_ACTIONS_H

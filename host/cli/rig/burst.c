@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio rig burst: frames at the camera's own rate, into a session.
 #include <math.h>
 #include <stdlib.h>

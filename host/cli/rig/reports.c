@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // What is plugged in, without a rig file: cameras and USB instruments.
 #include <linux/videodev2.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate: dispatch to the device's own calibration.
 #include <stdio.h>
 #include <string.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio compare: the error figures of a model on an input's samples.
 #include <stdio.h>
 

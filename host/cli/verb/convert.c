@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio convert: what can be read, a session, a model or an analytic BRDF -> any format that has a writer, or a model
 // file.
 #include <stdio.h>

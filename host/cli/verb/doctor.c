@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio doctor: what a session is, and whether all of it is sound.
 #include <stdio.h>
 #include <stdlib.h>

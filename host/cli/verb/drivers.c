@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio drivers: the drivers of a rig's devices, and the keys of a rig file that belong to each.
 #include <stdio.h>
 #include <string.h>

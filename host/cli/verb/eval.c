@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio eval: a model's values at the directions of a CSV.
 #include <stdio.h>
 #include <stdlib.h>

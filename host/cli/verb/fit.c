@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio fit: samples -> model.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio formats: what can be read and written, and with which options.
 #include <stdio.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio kinds: the kinds of model, and the analytic formulae that a SPEC can name.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio measure: a plan on a rig, into a session.
 #include <string.h>
 

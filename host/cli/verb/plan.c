@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio plan: the poses of a plan in the order they would be measured, and what that takes.
 #include <stdio.h>
 #include <stdlib.h>

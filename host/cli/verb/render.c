@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio render: a picture of one or more models.
 #include <stdio.h>
 #include <string.h>

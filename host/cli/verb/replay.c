@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio replay: stored frames -> calibration -> samples -> fit again, held against what the measure journalled.
 #include <math.h>
 #include <stdio.h>

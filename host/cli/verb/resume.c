@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio resume: go on where a stopped, killed or powered-off measure was.
 #include "host/cli/measuring.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio rig: ask the devices of a rig.
 #include <math.h>
 #include <stdio.h>

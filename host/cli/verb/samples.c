@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio samples: a session's scattered samples, and the uncertainty budget of one direction.
 #include <math.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: BSD-3-Clause
 // gonio tradeoff: every method on the same samples; a CSV, two plots, the Pareto front.
 #include <errno.h>
 #include <math.h>
