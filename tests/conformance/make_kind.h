@@ -165,14 +165,17 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     gonio_error error = {0};
     gonio_fit_options_default(&options);
     options.method = maker->method;
-    options.level = options.specular_level = isotropic ? 3 : 1;
-    options.diffuse_level = 1;
-    options.drop_percent = 50;
-    options.storage = maker->storage;
     options.hold_out = 0;
-    options.domain = maker->domain;
-    options.coordinates = maker->coordinates;
-    options.domain_set = options.coordinates_set = true;
+    if (strcmp(maker->kind, "lobe-spline") != 0) { // lobes alone have neither level nor domain
+        options.level = isotropic ? 3 : 1;
+        options.domain = maker->domain;
+        options.coordinates = maker->coordinates;
+    }
+    if (maker->storage != NULL) {
+        options.diffuse_level = 1;
+        options.drop_percent = 50;
+        options.storage = maker->storage;
+    }
     if (gonio_fit(samples, &options, &model, NULL, &error) != GONIO_OK) {
         simulate_die(&error);
     }

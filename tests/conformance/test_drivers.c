@@ -14,8 +14,10 @@
 
 #include <cmocka.h>
 
-#include "host/cli/rig_file.h"
+#include "gonio/acquire.h"
+#include "gonio/sim.h"
 #include "host/drivers/driver.h"
+#include "host/drivers/hardware.h"
 #include "host/drivers/null.h"
 #include "tests/fuzz/memory_file.h"
 
@@ -34,12 +36,12 @@ static int tell(void **state) {
 
 // Open the rig that a text describes. sample: of a simulated one, else NULL.
 static gonio_status open_text(const char *text, const char *sample, gonio_error *error) {
-    const cli_rig_options options = {
-        .rig = memory_file((const uint8_t *)text, strlen(text)), .sample = sample, .seed = 1, .threads = 1};
-    cli_rig rig;
+    const gonio_rig_file_options options = {
+        .path = memory_file((const uint8_t *)text, strlen(text)), .sample = sample, .seed = 1, .threads = 1};
+    gonio_rig_file *rig = NULL;
     *error = (gonio_error){.line = -1, .byte = -1};
-    const gonio_status status = cli_rig_open(&options, &rig, error);
-    cli_rig_close(&rig);
+    const gonio_status status = gonio_rig_file_open(&options, &rig, error);
+    gonio_rig_file_close(rig);
     return status;
 }
 

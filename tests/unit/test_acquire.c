@@ -20,7 +20,6 @@
 #include "tests/unit/key_values.h"
 #include "tests/unit/session_folder.h"
 
-
 typedef struct bench {
     gonio_sim *sim;
     gonio_rig rig;

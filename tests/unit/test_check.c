@@ -78,8 +78,8 @@ static void samples_are_judged_by_a_fit(void **state) {
     gonio_samples *s;
     gonio_check_report of_model, of_samples, again;
     assert_int_equal(gonio_plan_make("nusselt:1500", 1, &plan, NULL), GONIO_OK);
-    assert_int_equal(gonio_samples_of_model(m, plan->poses, plan->n, &s, NULL), GONIO_OK);
-    assert_int_equal(gonio_check_model(m, &of_model, NULL), GONIO_OK);
+    assert_int_equal(gonio_samples_of_model(m, plan->poses, plan->n, 0, &s, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, 0, &of_model, NULL), GONIO_OK);
     assert_int_equal(gonio_check_samples(s, 1, 1, &of_samples, NULL), GONIO_OK);
     assert_int_equal(gonio_check_samples(s, 1, 3, &again, NULL), GONIO_OK);
     assert_memory_equal(&of_samples, &again, sizeof again);

@@ -33,19 +33,20 @@ static double at(gonio_matrix m, size_t i, size_t j) { return m.at[i * m.row_ste
 // Sizes that fill tiles, blocks and stretches of sums and that do not, each factor stored either way.
 static void test_products(void **state) {
     (void)state;
-    static const size_t sizes[][3] = {{1, 1, 1}, {8, 4, 3}, {33, 5, 257}, {7, 31, 40}, {40, 1, 300}, {1, 40, 12}, {3, 3, 0}};
+    static const size_t sizes[][3] = {{1, 1, 1},    {8, 4, 3},   {33, 5, 257}, {7, 31, 40},
+                                      {40, 1, 300}, {1, 40, 12}, {3, 3, 0}};
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         const size_t m = sizes[s][0], n = sizes[s][1], depth = sizes[s][2];
         double *x = filled(m * depth, 1 + s), *y = filled(n * depth, 2 + s), *z = filled(m * n, 3 + s);
         for (int way = 0; way < 8; way++) {
-            const gonio_matrix a = (way & 1) != 0 ? gonio_matrix_transposed(gonio_matrix_of(x, depth, m))
-                                                  : gonio_matrix_of(x, m, depth);
-            const gonio_matrix b = (way & 2) != 0 ? gonio_matrix_transposed(gonio_matrix_of(y, n, depth))
-                                                  : gonio_matrix_of(y, depth, n);
+            const gonio_matrix a =
+                (way & 1) != 0 ? gonio_matrix_transposed(gonio_matrix_of(x, depth, m)) : gonio_matrix_of(x, m, depth);
+            const gonio_matrix b =
+                (way & 2) != 0 ? gonio_matrix_transposed(gonio_matrix_of(y, n, depth)) : gonio_matrix_of(y, depth, n);
             double *out = malloc(m * n * sizeof *out);
             memcpy(out, z, m * n * sizeof *out);
-            const gonio_matrix c = (way & 4) != 0 ? gonio_matrix_transposed(gonio_matrix_of(out, n, m))
-                                                  : gonio_matrix_of(out, m, n);
+            const gonio_matrix c =
+                (way & 4) != 0 ? gonio_matrix_transposed(gonio_matrix_of(out, n, m)) : gonio_matrix_of(out, m, n);
             const double beta = way % 3 == 0 ? 0 : 0.5;
             gonio_multiply(-2, a, b, beta, c);
             const gonio_matrix before = {z, m, n, c.row_step, c.column_step};
@@ -144,7 +145,9 @@ static double *symmetric(int kind, size_t n) {
                            : kind == 1 ? exp(-8 * away * away)
                            : kind == 2 ? 3 * (i == j)
                            : kind == 3 ? (i == j) + (j < 3 ? x[j * n + i] : 0)
-                           : kind == 4 ? (i == j ? 2 : i == j + 1 ? -1 : 0)
+                           : kind == 4 ? (i == j       ? 2
+                                          : i == j + 1 ? -1
+                                                       : 0)
                                        : 0;
         }
     }
@@ -255,8 +258,9 @@ static void test_instruction_sets_agree(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_products),    cmocka_unit_test(test_lower_product),   cmocka_unit_test(test_cholesky),
-        cmocka_unit_test(test_eigenvectors), cmocka_unit_test(test_singular_values), cmocka_unit_test(test_instruction_sets_agree),
+        cmocka_unit_test(test_products),        cmocka_unit_test(test_lower_product),
+        cmocka_unit_test(test_cholesky),        cmocka_unit_test(test_eigenvectors),
+        cmocka_unit_test(test_singular_values), cmocka_unit_test(test_instruction_sets_agree),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -314,7 +314,7 @@ static void many_calls(void) {
     gonio_image_free(&image);
     snprintf(file, sizeof file, "%s/model.gonio", path); // not an image, and OpenCV would say so
     assert_int_equal(gonio_image_read(file, true, &image, &error), GONIO_E_INPUT);
-    assert_int_equal(gonio_check_model(model, &report, &error), GONIO_OK);
+    assert_int_equal(gonio_check_model(model, 0, &report, &error), GONIO_OK);
     gonio_model_free(model);
     gonio_outcome_free(&outcome);
 }

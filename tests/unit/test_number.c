@@ -78,7 +78,7 @@ static void texts_of_base_and_fit(FILE *all) {
     DO(gonio_model_from_spec("ward:rho_d=0.31,rho_s=0.25,alpha=0.15", &model, &error));
     DO(gonio_plan_make("nusselt:30,theta_max=71.5", 1, &plan, &error));
     add_bytes(all, plan->poses, plan->n * sizeof *plan->poses);
-    DO(gonio_samples_of_model(model, plan->poses, plan->n, &samples, &error));
+    DO(gonio_samples_of_model(model, plan->poses, plan->n, 0, &samples, &error));
     strcpy(samples->channel_names[0], "550.5nm");
     add_bytes(all, samples->values, samples->n * sizeof *samples->values);
     DO(gonio_write_samples(samples, in_root("samples.csv"), &error));

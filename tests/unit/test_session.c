@@ -20,7 +20,6 @@
 #include "gonio/session.h"
 #include "tests/unit/session_folder.h"
 
-
 static uint32_t next(uint32_t *state) { return *state = *state * 1664525u + 1013904223u; }
 
 static gonio_exposure make_exposure(int64_t step, int frame, int width, int height, int bits, uint32_t seed) {
