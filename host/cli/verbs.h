@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The verbs, one X(name) each, defined in cmd_<name>.c as `const cli_verb cmd_<name>`.
+// The verbs, one X(name) each, defined in host/cli/verb/<name>.c as `const cli_verb cmd_<name>`.
 #define CLI_VERBS(X)                                                                                                   \
     X(measure)                                                                                                         \
     X(resume)                                                                                                          \
