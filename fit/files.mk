@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Samples -> model.
 lib-y  += $(call sources,fit)
-pkgs-y += cmph openblas lapacke cminpack
-deps-y += libcmph-dev libopenblas-dev liblapacke-dev libcminpack-dev
+pkgs-y += cmph cminpack
+deps-y += libcmph-dev libcminpack-dev

@@ -41,7 +41,7 @@ put = install -d $(DESTDIR)$(2) && install -m $(1) $(3) $(DESTDIR)$(2)
 COMPLETIONS := $(DATADIR)/bash-completion/completions
 # What static linking needs besides: `pkg-config --static`.
 fill-pc = sed -e 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@INCLUDEDIR@|$(INCLUDEDIR)|; s|@VERSION@|$(VERSION)|' \
-    -e 's|@REQUIRES@|$(sort $(pkgs-y))|; s|@LIBS@|$(sort $(libs-y)) -lstdc++ -lm -fopenmp|'
+    -e 's|@REQUIRES@|$(sort $(pkgs-y))|; s|@LIBS@|$(sort $(libs-y)) -lstdc++ -lm|'
 install: all ## under $(DESTDIR)$(PREFIX): program, libraries, headers, manual pages, completion, udev rules
 	$(call put,755,$(BINDIR),$(B)/gonio)
 	$(call put,644,$(LIBDIR),$(B)/libgonio.a $(B)/libgonio-eval.a $(LIB_SO) $(EVAL_SO))
