@@ -43,26 +43,20 @@ double gonio_lattice_fit_memory(const gonio_fit_size *size, double n) {
     return gonio_lattices_fit_memory(size, n, false);
 }
 
-static double levels_memory(const gonio_fit_size *s, double n) {
-    const char *name = s->method;
-    const gonio_method *method = gonio_method_find(&name);
-    return method != NULL ? method->memory(s, n) : gonio_lattice_fit_memory(s, n);
-}
-
 // Holding out: the split, the rest as a set of its own, its fit, the predictions; the model is there already.
-static double hold_out_memory(const gonio_fit_size *s) {
+static double hold_out_memory(const gonio_fit_size *s, gonio_method_memory *method) {
     const double n = (double)s->samples, rest = n * (1 - s->hold_out);
     const double kept = n * (sizeof(int) + 1 + 8.0 * s->channels);
     const double split = n * (8 + 2 * 16 + 1); // ranks, keys and what sorting them takes
-    return lattice_memory(s) + kept + fmax(split, samples_memory(s, rest) + levels_memory(s, rest));
+    return lattice_memory(s) + kept + fmax(split, samples_memory(s, rest) + method(s, rest));
 }
 
-double gonio_fit_memory(const gonio_fit_size *size) {
+double gonio_fit_memory_of(const gonio_fit_size *size, gonio_method_memory *method) {
     const double n = (double)size->samples;
     // The saved model's own lattice stays while its error on the samples is taken.
     const double errors = lattice_memory(size) + n * 8 * (size->channels + 1);
-    const double held_out = size->hold_out > 0 ? hold_out_memory(size) : 0;
-    return PROGRAM_BYTES + samples_memory(size, n) + fmax(fmax(levels_memory(size, n), errors), held_out);
+    const double held_out = size->hold_out > 0 ? hold_out_memory(size, method) : 0;
+    return PROGRAM_BYTES + samples_memory(size, n) + fmax(fmax(method(size, n), errors), held_out);
 }
 
 gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_options *options, int level) {
@@ -78,8 +72,7 @@ gonio_fit_size gonio_fit_size_of(const gonio_samples *samples, const gonio_fit_o
                             .threads = options->threads};
 }
 
-// What the kernel could give without swapping, the page cache among it.
-static double available_memory(void) {
+double gonio_available_memory(void) {
     double kilobytes = 0;
     FILE *file = fopen("/proc/meminfo", "r");
     char line[128];
@@ -97,43 +90,5 @@ double gonio_fit_memory_limit(const gonio_samples *samples, const gonio_fit_opti
         return (double)options->max_memory;
     }
     const gonio_fit_size size = gonio_fit_size_of(samples, options, 0);
-    return available_memory() + samples_memory(&size, (double)samples->n) + PROGRAM_BYTES;
-}
-
-// The samples that fit at level 0.
-static size_t fitting_samples(gonio_fit_size size, double limit) {
-    size_t least = 0, most = size.samples; // least fits, most does not
-    size.level = 0;
-    while (most - least > 1) {
-        size.samples = least + (most - least) / 2;
-        *(gonio_fit_memory(&size) <= limit ? &least : &most) = size.samples;
-    }
-    return least;
-}
-
-gonio_status gonio_fit_check_memory(const gonio_fit_size *size, double limit, gonio_error *error) {
-    limit = limit > 0 ? limit : available_memory();
-    const double needed = gonio_fit_memory(size);
-    if (needed <= limit) {
-        return GONIO_OK;
-    }
-    gonio_fit_size fits = *size;
-    while (fits.level >= 0 && gonio_fit_memory(&fits) > limit) {
-        fits.level--;
-    }
-    char enough[64];
-    if (fits.level >= 0) {
-        snprintf(enough, sizeof enough, "enough for level %d", fits.level);
-    } else {
-        snprintf(enough, sizeof enough, "enough for %zu samples at level 0", fitting_samples(*size, limit));
-    }
-    return gonio_fail(error, GONIO_E_MEMORY,
-                      "%zu samples of %d channels at level %d need %.3g GB; there are %.3g GB, %s", size->samples,
-                      size->channels, size->level, needed / 1e9, limit / 1e9, enough);
-}
-
-gonio_status gonio_fit_check_options(const gonio_samples *samples, const gonio_fit_options *options, int level,
-                                     gonio_error *error) {
-    const gonio_fit_size size = gonio_fit_size_of(samples, options, level);
-    return gonio_fit_check_memory(&size, gonio_fit_memory_limit(samples, options), error);
+    return gonio_available_memory() + samples_memory(&size, (double)samples->n) + PROGRAM_BYTES;
 }

@@ -28,6 +28,10 @@ typedef struct gonio_method_form {
 #define GONIO_METHOD_FORM_AUTO                                                                                         \
     { GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_DOMAIN_AUTO }
 
+// Bytes that fitting n samples takes at most beside the samples themselves, a model that comes out of it included.
+// size->samples is not looked at: n is of a part.
+typedef double gonio_method_memory(const gonio_fit_size *size, double n);
+
 typedef struct gonio_method {
     const char *name;
     const char *summary;                // one line for --help
@@ -38,9 +42,7 @@ typedef struct gonio_method {
     // report, level, coordinates, domain, options and note; the driver fills the rest. On failure nothing leaks.
     gonio_status (*fit)(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                         gonio_fit_report *report, gonio_error *error);
-    // Bytes that fitting n samples takes at most beside the samples themselves, a model that comes out of it included.
-    // size->samples is not looked at: n is of a part.
-    double (*memory)(const gonio_fit_size *size, double n);
+    gonio_method_memory *memory;
     const gonio_method_form *forms; // rows of the trade-off
     int forms_n;
 } gonio_method;

@@ -11,8 +11,6 @@
 extern const gonio_key gonio_fit_keys[];
 enum { GONIO_FIT_KEYS_COMMON = 5, GONIO_FIT_KEYS = 20 };
 
-const char *const *gonio_storage_names(void); // of gonio_storage, NULL-terminated
-
 // The method that the options ask for (the thesis' form is mba's); NULL: there is none of that name.
 const gonio_method *gonio_fit_method_of(const gonio_fit_options *options);
 bool gonio_method_has(const gonio_method *method, const gonio_key *key);

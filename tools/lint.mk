@@ -8,8 +8,8 @@ lint: export FLAGS = $(LINT_FLAGS)
 lint: deps ## what compilers, clang-tidy, cppcheck and the house's own rules object to
 	$(Q)tools/deps.sh clang clang-tidy cppcheck
 	$(Q)tools/spdx
-	$(Q)if [ -x tools/floors ]; then tools/floors; fi
 	$(Q)tools/lint.sh clang $(LINT_SOURCES) $(LINT_TESTS)
 	$(Q)tools/lint.sh cppcheck $(LINT_SOURCES)
 	$(Q)tools/lint.sh tidy $(LINT_SOURCES)
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit bench-build B=$(B)/lint WERROR=1
+	$(Q)tools/floors $(B)/lint

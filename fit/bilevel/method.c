@@ -5,9 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/keys.h"
 #include "fit/bilevel/bilevel.h"
 #include "fit/memory.h"
-#include "fit/options.h"
+#include "fit/names.h"
 
 #define DIFFUSE_DEFAULT 4
 #define SPECULAR_DEFAULT 6

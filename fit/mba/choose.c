@@ -234,7 +234,7 @@ static gonio_status compare_levels(const gonio_samples *samples, const gonio_fit
 
 static bool fits(const gonio_samples *samples, const gonio_fit_options *options, int level) {
     const gonio_fit_size size = gonio_fit_size_of(samples, options, level);
-    return gonio_fit_memory(&size) <= gonio_fit_memory_limit(samples, options);
+    return gonio_fit_memory_of(&size, gonio_lattice_fit_memory) <= gonio_fit_memory_limit(samples, options);
 }
 
 gonio_status gonio_mba_choose(const gonio_samples *samples, const gonio_fit_options *options, gonio_mba_choice *choice,

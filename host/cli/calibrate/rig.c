@@ -12,7 +12,6 @@
 #define HEADER "file,object,light_theta,light_phi,camera_theta,camera_phi"
 #define VIEWS_MAX 4096
 
-const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS] = {"board", "ball", "mirror"};
 static const char *const axis_names[4] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
 
 // ---- frames from a list ----

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The names of domains, symmetries and storages.
+#include "fit/names.h"
+
+#include "brdf/spline/sparse.h"
+#include "gonio/fit.h"
+
+#define NAME(id, number, name, summary) [number] = name,
+
+const char *const *gonio_domain_names(void) {
+    static const char *const names[] = {GONIO_DOMAIN_TABLE(NAME)[GONIO_DOMAINS] = NULL};
+    return names;
+}
+
+const char *const *gonio_symmetry_names(void) {
+    static const char *const names[] = {GONIO_SYMMETRY_TABLE(NAME) NULL};
+    return names;
+}
+
+const char *const *gonio_storage_names(void) {
+    static const char *const names[] = {GONIO_STORAGE_TABLE(NAME)[GONIO_STORAGES] = NULL};
+    return names;
+}
+
+const char *gonio_domain_name(gonio_domain domain) {
+    return domain == GONIO_DOMAIN_AUTO ? "auto" : gonio_domain_names()[domain];
+}
