@@ -64,7 +64,7 @@ int main(int argc, char **argv) {
     if (argc < 3 || gonio_read(argv[1], &read, &samples, NULL, &error) != GONIO_OK ||
         gonio_fit(samples, &options, &model, &report, &error) != GONIO_OK ||
         gonio_model_save(model, argv[2], &error) != GONIO_OK || gonio_model_open(argv[2], &opened, &error) != GONIO_OK ||
-        gonio_errors_model(opened, samples, NULL, &errors, &error) != GONIO_OK) {
+        gonio_errors_model(opened, samples, NULL, 0, &errors, &error) != GONIO_OK) {
         fprintf(stderr, "%s\n", error.message);
         return 1;
     }
@@ -76,7 +76,7 @@ int main(int argc, char **argv) {
 }
 C
 printf 'theta_i,phi_i,theta_o,phi_o,r\n10,0,10,180,0.25\n30,0,30,90,0.25\n60,0,20,0,0.25\n' >"$work/samples.csv"
-check "a program links with both" ${CC:-cc} -std=c17 -Iinclude "$work/both.c" -L"$GONIO_BUILD" -lgonio -lgonio-eval -Wl,-rpath,"$PWD/$GONIO_BUILD" -o "$work/both"
+check "a program links with both" ${CC:-cc} -std=c17 -Wall -Wextra -Werror -Iinclude "$work/both.c" -L"$GONIO_BUILD" -lgonio -lgonio-eval -Wl,-rpath,"$PWD/$GONIO_BUILD" -o "$work/both"
 "$work/both" "$work/samples.csv" "$work/model" >"$work/out" 2>&1
 [ $? -eq 0 ] && grep -qE '^[a-z-]+ same 0.000$' "$work/out"
 ok $? "fits, saves, opens, compares: $(head -n 1 "$work/out")"
