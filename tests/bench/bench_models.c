@@ -54,7 +54,6 @@ static gonio_model *fitted(const char *method, size_t n, int channels) {
     o.level = LEVEL;
     o.coordinates = GONIO_HALF_VECTOR;
     o.domain = GONIO_LOG;
-    o.coordinates_set = o.domain_set = true;
     o.hold_out = 0;
     check(gonio_fit(samples, &o, &model, NULL, &error), &error);
     gonio_samples_free(samples);
