@@ -189,7 +189,11 @@ typedef union value {
 
 static bool parse_single(const gonio_key *key, const char *text, value *v) {
     if (key->automatic && strcmp(text, "auto") == 0) {
-        *v = key->kind == GONIO_KEY_REAL ? (value){.real = -1} : (value){.integer = -1};
+        if (key->kind == GONIO_KEY_REAL) {
+            v->real = -1;
+        } else {
+            v->integer = -1;
+        }
         return true;
     }
     switch (key->kind) {

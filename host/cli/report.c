@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 int cli_json(json_t *object) {
     json_dumpf(object, stdout, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17));
@@ -58,7 +59,9 @@ const cli_figure cli_figures[] = {
     FIGURE(rmse), FIGURE(max_abs), FIGURE(max_rel), FIGURE(median_rel), FIGURE(rms_log), FIGURE(rmse_70), {0}};
 
 double cli_figure_of(const cli_figure *figure, const gonio_errors *errors) {
-    return *(const double *)((const char *)errors + figure->offset);
+    double value;
+    memcpy(&value, (const char *)errors + figure->offset, sizeof value);
+    return value;
 }
 
 json_t *cli_json_errors(const gonio_errors *e) {
