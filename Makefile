@@ -57,7 +57,7 @@ BENCH_BINS := $(addprefix $(B)/,$(basename $(bench-y)))
 .DELETE_ON_ERROR:
 
 all: program shared manual ## build the program, the libraries and the manual pages
-program: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a
+program: $(B)/gonio $(B)/libgonio.a $(B)/libgonio-eval.a ## build the program and the static libraries alone
 
 help: ## list the targets
 	@grep -hE '^[a-z][a-z -]*:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-18s %s\n", $$1, $$2}' | sort
@@ -74,9 +74,9 @@ test: deps ## set up, build and run every test
 	$(Q)tests/run.sh $(B)
 
 # Unit and property tests run under ASan and UBSan; system tests drive the program as users get it.
-test-build: all
+test-build: all ## build what `make test` runs
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
-unit: $(UNIT_BINS)
+unit: $(UNIT_BINS) ## build the unit, property, golden and conformance tests, without sanitizers
 
 test-slow: deps ## a minute of fuzzing a target, the virtual machine and the packages, as CI runs them after the tests
 	$(Q)tests/slow.sh $(B)
@@ -85,7 +85,7 @@ bench: deps ## speed and accuracy figures, as ratios against references of the s
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all bench-build
 	$(Q)for b in $(BENCH_BINS); do echo "== $$b"; $$b || exit 1; done
 .PHONY: bench-build
-bench-build: $(BENCH_BINS)
+bench-build: $(BENCH_BINS) ## build what `make bench` runs
 
 asan: ## build the program and the tests with AddressSanitizer
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'

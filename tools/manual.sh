@@ -123,18 +123,50 @@ words() { # an option's spellings, of one help
     printf -- --help
 }
 line() { tr '\n' ' ' | sed 's/ $//'; }
+# What an option may be, as "option<TAB>words": where its argument reads "a|b|c", or its text begins with "a, b or c" or, of formats,
+# with "a (.x), b (.y)".
+values() {
+    options "$help/$1" | awk -F '\t' '{
+        list = ""
+        if ($3 ~ /^[a-z]+([|][a-z]+)+$/) list = $3
+        else if (match($4, /^[a-z0-9-]+(, [a-z0-9-]+)* or [a-z0-9-]+/)) { list = substr($4, 1, RLENGTH); sub(/ or /, ", ", list) }
+        else if (match($4, /^[a-z0-9-]+ \([.][a-z]+\)(, [a-z0-9-]+ \([.][a-z]+\))*/)) { list = substr($4, 1, RLENGTH); gsub(/ \([.][a-z]+\)/, "", list) }
+        gsub(/[|,]+ */, " ", list)
+        if (list != "") print $1 "\t" list
+    }'
+}
+# What may follow a verb: its kinds, or the actions that its summary lists.
+seconds() {
+    names "$help/$1"
+    if head -n 1 "$help/$1" | grep -q ' ACTION '; then sed -n '2s/ \[[^]]*\]//gp' "$help/$1" | grep -oE '[a-z]+'; fi
+}
 completion() {
     echo "# bash completion for gonio $version, made by tools/manual.sh"
     cat <<'BASH'
 _gonio() {
     local cur=${COMP_WORDS[COMP_CWORD]} words=
     COMPREPLY=()
+    case "${COMP_WORDS[1]} ${COMP_WORDS[2]} ${COMP_WORDS[COMP_CWORD - 1]}" in
+BASH
+    (cd "$help" && ls) | while read -r page; do
+        values "$page" | while IFS="$(printf '\t')" read -r option list; do
+            case $page in *-*) pattern="\"${page%%-*} ${page#*-} --$option\"" ;; *) pattern="\"$page \"*\" --$option\"" ;; esac
+            printf '    %s) words="%s" ;;\n' "$pattern" "$list"
+        done
+    done
+    cat <<'BASH'
+    esac
+    if [[ $words ]]; then
+        COMPREPLY=($(compgen -W "$words" -- "$cur"))
+        return
+    fi
     case "$COMP_CWORD ${COMP_WORDS[1]} ${COMP_WORDS[2]}" in
 BASH
     printf '    "1 "*) words="%s --help --version" ;;\n' "$(echo "$verbs" | line)"
     for verb in $verbs; do
         kinds=$(names "$help/$verb")
-        [ -z "$kinds" ] || printf '    "2 %s "*) words="%s --help" ;;\n' "$verb" "$(echo "$kinds" | line)"
+        following=$(seconds "$verb" | line)
+        [ -z "$following" ] || printf '    "2 %s "*) words="%s --help" ;;\n' "$verb" "$following"
         for kind in $kinds; do printf '    *" %s %s") words="%s" ;;\n' "$verb" "$kind" "$(words "$verb-$kind")"; done
         [ -n "$kinds" ] || printf '    *" %s "*) [[ $cur != -* ]] || words="%s" ;;\n' "$verb" "$(words "$verb")"
     done

@@ -17,7 +17,7 @@ EVAL_SO := $(B)/libgonio-eval.so.$(SOVERSION)
 LIB_SO  := $(B)/libgonio.so.$(SOVERSION)
 SHARED  := -shared -Wl,-z,defs -Wl,--as-needed -Wl,-Bsymbolic-functions
 .PHONY: shared manual install uninstall deb test-packages
-shared: $(EVAL_SO) $(LIB_SO)
+shared: $(EVAL_SO) $(LIB_SO) ## build the shared libraries
 $(B)/libgonio-eval.map: $(EVAL_OBJS) $(LISTS)
 	$(Q)LC_ALL=C readelf -sW $(EVAL_OBJS) | awk '$$5 == "GLOBAL" && $$6 == "DEFAULT" && $$7 != "UND" { print $$8 ";" }' | sort \
 	| { echo "GONIO_$(SOVERSION) { global:"; cat; echo "}; GONIO_PRIVATE { global: gonio_*; local: *; };"; } > $@
@@ -31,7 +31,7 @@ $(LIB_SO): $(filter-out $(EVAL_OBJS),$(LIB_OBJS)) $(EVAL_SO) tools/libgonio.map
 	$(Q)ln -sf $(@F) $(@:.$(SOVERSION)=)
 
 MANUAL := $(B)/manual/gonio.bash
-manual: $(MANUAL)
+manual: $(MANUAL) ## write the manual pages and the bash completion
 $(MANUAL): $(B)/gonio tools/manual.sh NEWS
 	$(call say,MAN,$(@D))
 	$(Q)tools/manual.sh $< $(VERSION) $(@D)

@@ -9,7 +9,7 @@ fuzz: deps ## fuzz what is read and answered for FUZZ_SECONDS (20) each, with cl
 	$(Q)tools/deps.sh clang libclang-rt-14-dev
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory fuzz-build B=$(B)/fuzz CC=clang CXX=clang++ OPT='-O1 -g' SANITIZE='-DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 	$(Q)tests/fuzz/run.sh $(B)/fuzz $(FUZZ_SECONDS) $(FUZZ_TARGETS)
-fuzz-build: $(FUZZ_BINS) $(B)/tests/fuzz/make_seeds
+fuzz-build: $(FUZZ_BINS) $(B)/tests/fuzz/make_seeds ## build the fuzz targets (with the flags that `make fuzz` gives)
 # Waits and devices are stood in for by functions of the target itself.
 comma := ,
 wrap = $(addprefix -Wl$(comma)--wrap=,$(1))

@@ -6,7 +6,7 @@ $(HIL_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a -Wl,--as-needed $(PKG_LIBS) -lpthread
 -include $(HIL_BINS:=.d)
 .PHONY: test-vm hil-build
-hil-build: $(HIL_BINS)
+hil-build: $(HIL_BINS) ## build the device tests of the virtual machine
 test-vm: deps ## device tests in a virtual machine with the kernel's simulated devices (SKIP without QEMU)
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory all hil-build
 	$(Q)tests/hil/run.sh $(B)

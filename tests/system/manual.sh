@@ -36,8 +36,19 @@ ok $? "$options options of $(echo "$verbs" | wc -l) verbs:$missing"
 complete() { bash -c '. "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _gonio; echo "${COMPREPLY[*]}"' - "$manual/gonio.bash" "$@"; }
 [ "$(complete gonio rep)" = replay ] && [ "$(complete gonio fit --coord)" = --coordinates ] &&
     [ "$(complete gonio calibrate cam)" = camera ] && [ "$(complete gonio calibrate camera --squ)" = --square-mm ] &&
-    [ -z "$(complete gonio fit sam)" ]
-ok $? "completes verbs, kinds and options, and leaves files to bash"
+    [ "$(complete gonio rig iden)" = identify ] && [ -z "$(complete gonio fit sam)" ]
+ok $? "completes verbs, kinds, actions and options, and leaves files to bash"
+# Whatever is in the lists of methods and formats.
+uncompleted=
+for method in $("$GONIO" fit --help | sed -nE 's/^  --method NAME +(.*):.*/\1/p' | sed 's/ or /, /; s/,//g'); do
+    [ "$(complete gonio fit --method "$method")" = "$method" ] && complete gonio measure --method '' | grep -qwF -- "$method" || uncompleted="$uncompleted $method"
+done
+for format in $("$GONIO" formats | awk '/^[a-z].* from / { print $1 }'); do
+    [ "$(complete gonio convert in out --to "$format")" = "$format" ] || uncompleted="$uncompleted $format"
+done
+[ -n "$format" ] && [ -z "$uncompleted" ] && [ "$(complete gonio fit --coordinates half-vector-n)" = half-vector-narrow ] &&
+    [ "$(complete gonio check in --negatives k)" = keep ] && [ -z "$(complete gonio fit --coordinates sam)" ]
+ok $? "completes what options may be, as the lists of methods and formats have it:$uncompleted"
 
 for tool in "mandoc -T lint -W warning" "man --warnings -E UTF-8 -l"; do
     if ! command -v "${tool%% *}" >/dev/null; then

@@ -11,11 +11,14 @@ version=$(awk '/define GONIO_VERSION_(MAJOR|MINOR|PATCH) /{ v = v s $3; s = "." 
 ok $? "header, program, packages and NEWS are of one version, $version"
 
 # The libraries' headers that the build needs, but for those of tests.
-cat ./*/files.mk ./*/*/files.mk | sed -nE 's/^deps-y *\+= *//p' | tr ' ' '\n' | grep -E '^lib.*-dev$' | grep -vE '^lib(cmocka|umockdev)-dev$' | sort -u >"$work/needed"
+cat ./*/files.mk ./*/*/files.mk | sed -nE 's/^deps-y *\+= *//p' | tr ' ' '\n' | grep -E '^z?lib.*-dev$' | grep -vE '^lib(cmocka|umockdev)-dev$' | sort -u >"$work/needed"
 missing=
 while read -r package; do
     [ "$(grep -cE "(^|[ ,])$package(,|\$)" debian/control)" -ge 2 ] || missing="$missing $package"
 done <"$work/needed"
 [ -s "$work/needed" ] && [ -z "$missing" ]
 ok $? "debian/control names what is linked with, to build and beside libgonio-dev:$missing"
+grep -oE '^[ A-Z].*' debian/control | grep -oE 'lib[a-z0-9.+-]*-dev|zlib1g-dev' | grep -vx libgonio-dev | sort -u | comm -23 - "$work/needed" >"$work/unneeded"
+[ ! -s "$work/unneeded" ]
+ok $? "and nothing else: $(tr '\n' ' ' <"$work/unneeded")"
 finish
