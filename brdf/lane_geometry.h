@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Four direction pairs at a time: the coordinates of brdf/coordinates.c and the lobes of brdf/kind/lobes.c, which
+// Four direction pairs at a time: the coordinates of brdf/coordinates.c and the lobes of brdf/analytic/, which
 // explain the formulae; here each is written for vectors, with the functions of brdf/exp_log.h. The operations up to
 // the half and the difference vector are those of brdf/coordinates.c one by one, so that pairs at which the azimuth of
 // one of them is rounding alone (retro-reflection) get the coordinates that the fit gave them.

@@ -2,8 +2,7 @@
 // Analytic BRDFs: what a formula is, and the geometry that all of them are written in.
 //
 // A formula joins with one file and one line: brdf/analytic/NAME.c opens with the formula and its source and ends with
-// its registration, `const gonio_formula gonio_formula_NAME`; the line is X(NAME) in formulae.def (and the file's name
-// in files.mk). SPECs, their error messages, `gonio kinds`, docs/kinds.md, the model files of kind "analytic" and the
+// its registration, `const gonio_formula gonio_formula_NAME`; the line is X(NAME) in formulae.def. SPECs, their error messages, `gonio kinds`, docs/kinds.md, the model files of kind "analytic" and the
 // tests of every formula loop over that list.
 //
 // A formula takes a gonio_lobe_geometry, so a fitter that varies only the parameters computes the geometry once a
