@@ -26,7 +26,8 @@ suite fuzz "clang builds the targets, then $seconds s each" $make fuzz FUZZ_SECO
 suite firmware "clang builds the Modbus slave, then $seconds s" $make fuzz-firmware FUZZ_SECONDS="$seconds"
 # A machine without KVM that others load as well may take minutes.
 suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
-suite packages "the Debian packages in a fresh system" $make test-packages
+# Building, unpacking and installing takes some minutes; a mirror that hangs must not take hours.
+suite packages "the Debian packages in a fresh system" timeout -k 60 2400 $make test-packages
 skipped=$(cat "$logs"/slow-*.tap | grep -c '^ok .*# SKIP')
 passed=$(cat "$logs"/slow-*.tap | grep '^ok ' | grep -vc '# SKIP')
 failed=$(cat "$logs"/slow-*.tap | grep -c '^not ok ')

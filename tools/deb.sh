@@ -11,5 +11,5 @@ if git rev-parse --git-dir >/dev/null 2>&1; then git ls-files -co --exclude-stan
 cd "$folder/source"
 DEB_BUILD_OPTIONS="${DEB_BUILD_OPTIONS:-parallel=$(nproc)}" dpkg-buildpackage -us -uc -b
 cd ..
-lintian --no-tag-display-limit --fail-on error ./*.changes
+lintian --allow-root --tag-display-limit 0 --fail-on error ./*.changes
 ls -l ./*.deb
