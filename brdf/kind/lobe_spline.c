@@ -61,8 +61,8 @@ void gonio_lobe_shares(const gonio_lobe_base *base, const double *mean, const do
     }
 }
 
-double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength, const double *units,
-                            gonio_link_kind kind, const gonio_link *link) {
+double gonio_lobe_base_transformed(const gonio_lobe_base *base, const double *strength, const double *units,
+                                   gonio_transform_kind kind, const gonio_transform *transform) {
     if (base->lobes == 0) {
         return units[0];
     }
@@ -70,7 +70,7 @@ double gonio_lobe_base_link(const gonio_lobe_base *base, const double *strength,
     for (int j = 0; j < base->lobes; j++) {
         sum += strength[1 + j] * units[1 + j];
     }
-    return gonio_link_apply(kind, link, fmin(sum, GONIO_LOBE_CEILING * link->scale));
+    return gonio_transform_apply(kind, transform, fmin(sum, GONIO_LOBE_CEILING * transform->scale));
 }
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
@@ -98,7 +98,7 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
     const double shape = gonio_lobe_spline_sigma_shape(m, &wi, &wo);
     for (int c = 0; c < model->channels; c++) {
         const double sigma_t = shape * m->parts.sigma_factor[c];
-        out[c] *= m->parts.kind == GONIO_LINK_LINEAR ? sigma_t : fmin(sigma_t, 2);
+        out[c] *= m->parts.kind == GONIO_TRANSFORM_LINEAR ? sigma_t : fmin(sigma_t, 2);
     }
 }
 
@@ -122,21 +122,21 @@ static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
 static void fill_tables(gonio_lobe_spline *m) {
     const gonio_lobe_spline_parts *p = &m->parts;
     for (int c = 0; c < p->channels; c++) {
-        const gonio_link *link = &p->links[c];
+        const gonio_transform *transform = &p->transforms[c];
         double *t = m->tables + c;
         for (int j = 0; j <= p->base.lobes; j++) {
             const ptrdiff_t at = c * (1 + GONIO_LOBES_MAX) + j;
             t[(size_t)(GONIO_LOBE_STRENGTH + j) * m->stride] =
-                p->base.lobes > 0 ? p->base.strength[at] / link->scale : 0;
+                p->base.lobes > 0 ? p->base.strength[at] / transform->scale : 0;
             t[(size_t)(GONIO_LOBE_SHARE + j) * m->stride] = p->shares != NULL ? p->shares[at] : 0;
         }
-        const double top = gonio_link_apply(p->kind, link, link->scale);
+        const double top = gonio_transform_apply(p->kind, transform, transform->scale);
         t[GONIO_LOBE_LOW * m->stride] = p->range != NULL ? p->range[2 * c] : -INFINITY;
         t[GONIO_LOBE_HIGH * m->stride] = p->range != NULL ? p->range[2 * c + 1] : INFINITY;
-        t[GONIO_LOBE_EPS * m->stride] = link->eps;
-        t[GONIO_LOBE_HALF_PER * m->stride] = 1 / (2 * link->eps);
-        t[GONIO_LOBE_TOP * m->stride] = p->kind == GONIO_LINK_POSITIVE ? exp(top) : top;
-        t[GONIO_LOBE_SCALE * m->stride] = link->scale;
+        t[GONIO_LOBE_EPS * m->stride] = transform->eps;
+        t[GONIO_LOBE_HALF_PER * m->stride] = 1 / (2 * transform->eps);
+        t[GONIO_LOBE_TOP * m->stride] = p->kind == GONIO_TRANSFORM_POSITIVE ? exp(top) : top;
+        t[GONIO_LOBE_SCALE * m->stride] = transform->scale;
     }
 }
 
@@ -161,13 +161,13 @@ static gonio_status prepare(gonio_lobe_spline *m, gonio_error *error) {
     m->head.isotropic = p->dims == 3;
     m->head.control_points =
         (p->lattice.points != NULL ? p->lattice.count : 0) + (p->profile.points != NULL ? p->profile.count : 0);
-    m->head.bytes = sizeof *m + c * sizeof *p->links + (p->base.lobes > 0 ? c * 3 * sizeof(double) : 0) +
+    m->head.bytes = sizeof *m + c * sizeof *p->transforms + (p->base.lobes > 0 ? c * 3 * sizeof(double) : 0) +
                     GONIO_LOBE_TABLES * m->stride * sizeof *m->tables + m->head.control_points * c * sizeof(float);
     return GONIO_OK;
 }
 
 void gonio_lobe_spline_parts_release(gonio_lobe_spline_parts *parts) {
-    free(parts->links);
+    free(parts->transforms);
     free(parts->base.strength);
     free(parts->sigma_factor);
     free(parts->range);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Evaluation of the kind "lobe-spline" (brdf/kind/lobe_spline.h), one pair or many.
 //
-// f_r = link^-1(link(base) + spline): of the positive link, whose logarithm is taken of y + eps, e^(ln E + t) = E e^t,
-// so the base needs no logarithm and each channel one exponential, of the spline alone. Everything is in double, with
-// the functions of brdf/exp_log.h and the sums of brdf/spline/rows_double.h; the float of eval_f32 is that double,
-// rounded.
+// f_r = T^-1(T(base) + spline), T the transform: of the positive transform, whose logarithm is taken of y + eps, e^(ln
+// E + t) = E e^t, so the base needs no logarithm and each channel one exponential, of the spline alone. Everything is
+// in double, with the functions of brdf/exp_log.h and the sums of brdf/spline/rows_double.h; the float of eval_f32 is
+// that double, rounded.
 //
 // Four pairs are located together, a lane each; one pair alone fills all four lanes. The channels of a pair are then
 // four lanes each, of a model of one channel four pairs. Every number goes through the same operations whatever lies
@@ -126,19 +126,19 @@ GONIO_INLINE void table4(const gonio_lobe_spline *m, int table, size_t c, const 
     *out = spread ? GONIO_ALL4(*at) : *(const gonio_d4 *)at;
 }
 
-// Base of the positive link: e to its link value.
+// Base of the positive transform: e to its transformed value.
 GONIO_INLINE void positive_base(const gonio_d4 *y, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *out) {
     const gonio_l4 low = *y < *eps;
     *out = *y + *eps;
     if ((low[0] | low[1] | low[2] | low[3]) != 0) {
         gonio_d4 share = 2 * (*y * *half_per);
-        share = GONIO_MAX4(share, GONIO_ALL4(GONIO_LINK_FLOOR));
+        share = GONIO_MAX4(share, GONIO_ALL4(GONIO_POSITIVE_FLOOR));
         gonio_sqrt4(&share);
         *out = GONIO_SELECT4(low, 2 * *eps * share, *out);
     }
 }
 
-// y and dy/dt of e^t of the positive link (brdf/link.h); t is held within 60 of 0, e^60 = 1e26.
+// y and dy/dt of e^t of the positive transform (brdf/transform.h); t is held within 60 of 0, e^60 = 1e26.
 GONIO_INLINE void positive_value(gonio_d4 *value, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *slope) {
     const gonio_d4 low_end = GONIO_ALL4(0x1.5ae191a99585ap-87), high_end = GONIO_ALL4(0x1.79dbc9dc53c66p+86);
     gonio_d4 e = GONIO_MAX4(*value, low_end);
@@ -156,11 +156,11 @@ GONIO_INLINE void signed_base(gonio_d4 *y, const gonio_d4 *half_per) {
     *y = GONIO_SELECT4(z < 0, -*y, *y);
 }
 
-// value: the spline's -> f_r; slope: d f_r / d link value.
+// value: the spline's -> f_r; slope: d f_r / d transformed value.
 GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread, const gonio_d4 *units,
                          const gonio_d4 *shares, gonio_d4 *value, gonio_d4 *slope) {
     const int lobes = m->parts.base.lobes;
-    const gonio_link_kind kind = m->parts.kind;
+    const gonio_transform_kind kind = m->parts.kind;
     gonio_d4 t = *value, base = {0}, a, eps, half_per, top;
     for (int j = 0; j <= lobes && m->parts.shares != NULL; j++) {
         table4(m, GONIO_LOBE_SHARE + j, c, spread, &a);
@@ -181,7 +181,7 @@ GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread
     table4(m, GONIO_LOBE_EPS, c, spread, &eps);
     table4(m, GONIO_LOBE_HALF_PER, c, spread, &half_per);
     table4(m, GONIO_LOBE_TOP, c, spread, &top);
-    if (kind == GONIO_LINK_POSITIVE) {
+    if (kind == GONIO_TRANSFORM_POSITIVE) {
         gonio_exp4(&t);
         if (lobes > 0) {
             a = base;
@@ -189,7 +189,7 @@ GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread
             t *= base;
         }
     } else if (lobes > 0) {
-        if (kind == GONIO_LINK_ASINH) {
+        if (kind == GONIO_TRANSFORM_ASINH) {
             signed_base(&base, &half_per);
         }
         t += base;
@@ -199,9 +199,9 @@ GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread
         t = GONIO_MIN4(t, top);
     }
     *slope = GONIO_ALL4(1.0);
-    if (kind == GONIO_LINK_POSITIVE) {
+    if (kind == GONIO_TRANSFORM_POSITIVE) {
         positive_value(&t, &eps, &half_per, slope);
-    } else if (kind == GONIO_LINK_ASINH) {
+    } else if (kind == GONIO_TRANSFORM_ASINH) {
         gonio_d4 rise = t;
         gonio_sinh4(&t);
         gonio_exp4(&rise);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The file section of models of kind "lobe-spline".
 //
-// Section: 64 bytes of description, the lobes' shapes, their strengths, the links, the control points, the sigma
+// Section: 64 bytes of description, the lobes' shapes, their strengths, the transforms, the control points, the sigma
 // lattice's points and the channels' sigma factors, each part aligned (brdf/model_file.h).
 #include <math.h>
 #include <stdlib.h>
@@ -11,28 +11,38 @@
 
 #define NO_LEVEL UINT32_MAX
 #define HAS_RANGES 1u
-#define HAS_TERMS 2u                         // a profile or shares: readers that do not know them refuse the file
-#define LINK_GRAZING (GONIO_LINK_ASINH + 1u) // the positive link with a grazing factor: older readers refuse it
+#define HAS_TERMS 2u // a profile or shares: readers that do not know them refuse the file
+#define FILE_POSITIVE 1u
+#define FILE_GRAZING 3u // the positive transform with a grazing factor: older readers refuse it
 #define GRAZING_MAX 2.0F
 
 typedef struct description {
-    uint32_t dims, level, coordinates, link, lobes, family, sigma_level;
+    uint32_t dims, level, coordinates, transform, lobes, family, sigma_level;
     float cosine_min;           // 0: none, as in files that are older than it
     uint32_t flags;             // what follows; in older files a spline is held nowhere
     uint32_t sigma_coordinates; // 0: the model's, as in older files; 1: half-vector
-    float grazing;              // with LINK_GRAZING
+    float grazing;              // with FILE_GRAZING
     uint32_t profile;           // level of the profile's lattice + 1; 0: none
     uint32_t shares;            // 1: with lobes, multiples of their shares follow
     uint32_t reserved[3];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
+// The file's number of the transform: for lobe-splines 1 has always been the positive one.
+static uint32_t kind_number(const gonio_lobe_spline_parts *p) {
+    return p->base.grazing > 0 ? FILE_GRAZING : p->kind == GONIO_TRANSFORM_POSITIVE ? FILE_POSITIVE : (uint32_t)p->kind;
+}
+
+static gonio_transform_kind kind_of(uint32_t number) {
+    return number == FILE_POSITIVE || number == FILE_GRAZING ? GONIO_TRANSFORM_POSITIVE : (gonio_transform_kind)number;
+}
+
 gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, gonio_error *error) {
     const gonio_lobe_spline_parts *p = &((const gonio_lobe_spline *)model)->parts;
     const description about = {.dims = (uint32_t)p->dims,
                                .level = p->lattice.points != NULL ? (uint32_t)p->lattice.level : NO_LEVEL,
                                .coordinates = (uint32_t)p->coordinates,
-                               .link = p->base.grazing > 0 ? LINK_GRAZING : (uint32_t)p->kind,
+                               .transform = kind_number(p),
                                .grazing = p->base.grazing,
                                .lobes = (uint32_t)p->base.lobes,
                                .family = (uint32_t)p->base.family,
@@ -47,7 +57,7 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, 
     memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
     memcpy(shapes + GONIO_LOBES_MAX, p->base.f0, sizeof p->base.f0);
     const size_t c = (size_t)model->channels;
-    gonio_file_part parts[10] = {{&about, sizeof about}, {p->links, c * sizeof *p->links}};
+    gonio_file_part parts[10] = {{&about, sizeof about}, {p->transforms, c * sizeof *p->transforms}};
     int n = 2;
     if (p->base.lobes > 0) {
         parts[n++] = (gonio_file_part){shapes, sizeof shapes};
@@ -75,7 +85,7 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, 
 static bool level_possible(uint32_t level) { return level == NO_LEVEL || level <= 9; }
 
 static bool grazing_possible(const description *about) {
-    return about->link == LINK_GRAZING
+    return about->transform == FILE_GRAZING
                ? about->lobes == 0 && about->cosine_min > 0 && about->grazing > 0 && about->grazing <= GRAZING_MAX
                : about->grazing == 0;
 }
@@ -94,8 +104,8 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
     }
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
-        !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES || about->link > LINK_GRAZING ||
-        about->lobes > GONIO_LOBES_MAX || about->family >= GONIO_LOBE_FAMILIES ||
+        !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES ||
+        about->transform > FILE_GRAZING || about->lobes > GONIO_LOBES_MAX || about->family >= GONIO_LOBE_FAMILIES ||
         about->flags > (HAS_RANGES | HAS_TERMS) || about->sigma_coordinates > 1 ||
         !(about->cosine_min >= 0 && about->cosine_min <= 1) || !grazing_possible(about) || !terms_possible(about)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
@@ -138,7 +148,7 @@ static bool take_parts(const gonio_mapped *mapped, const description *about, siz
     const size_t c = (size_t)mapped->channels;
     const int dims = (int)about->dims;
     bool complete = true;
-    p->links = take(mapped, &at, c, sizeof *p->links, &complete);
+    p->transforms = take(mapped, &at, c, sizeof *p->transforms, &complete);
     if (p->base.lobes > 0) {
         take_base(mapped, &at, &p->base, &complete);
     }
@@ -169,7 +179,7 @@ static bool all_finite(const double *numbers, size_t n) {
 // The numbers of which there are few; control points are not looked at.
 static bool numbers_possible(const gonio_lobe_spline_parts *p) {
     const size_t c = (size_t)p->channels, row = 1 + GONIO_LOBES_MAX;
-    bool possible = gonio_scales_possible(&p->links->scale, c, p->kind != GONIO_LINK_LINEAR) &&
+    bool possible = gonio_scales_possible(&p->transforms->scale, c, p->kind != GONIO_TRANSFORM_LINEAR) &&
                     all_finite(p->base.strength, c * row) && all_finite(p->range, 2 * c) &&
                     all_finite(p->sigma_factor, c) && all_finite(p->shares, c * row);
     for (int j = 0; j < p->base.lobes; j++) {
@@ -186,11 +196,10 @@ gonio_status gonio_lobe_spline_read_parts(gonio_mapped *mapped, gonio_lobe_splin
     if (status != GONIO_OK) {
         return status;
     }
-    const bool grazing = about->link == LINK_GRAZING;
     *parts = (gonio_lobe_spline_parts){.channels = mapped->channels,
                                        .dims = (int)about->dims,
                                        .coordinates = (gonio_coordinates)about->coordinates,
-                                       .kind = grazing ? GONIO_LINK_POSITIVE : (gonio_link_kind)about->link,
+                                       .kind = kind_of(about->transform),
                                        .base = {.lobes = (int)about->lobes,
                                                 .family = (gonio_lobe_family)about->family,
                                                 .cosine_min = about->cosine_min,

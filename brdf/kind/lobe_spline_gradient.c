@@ -211,21 +211,21 @@ static dual add_shares(const gonio_lobe_spline *m, const dual *units, int channe
     return sum.v > 0 ? gonio_dual_add(value, gonio_dual_div(weighted, sum)) : value;
 }
 
-// e to the positive link's value of a base y.
+// e to the positive transform's value of a base y.
 static dual positive_base(dual y, double eps) {
     if (y.v >= eps) {
         return gonio_dual_shift(y, eps);
     }
-    const dual share = gonio_dual_max(gonio_dual_scale(y, 1 / eps), gonio_dual_constant(GONIO_LINK_FLOOR));
+    const dual share = gonio_dual_max(gonio_dual_scale(y, 1 / eps), gonio_dual_constant(GONIO_POSITIVE_FLOOR));
     return gonio_dual_scale(gonio_dual_sqrt(share), 2 * eps);
 }
 
 // Base and spline together -> y.
 static dual value_of(const gonio_lobe_spline *m, dual t, const dual *y, int channel) {
-    const gonio_link_kind kind = m->parts.kind;
+    const gonio_transform_kind kind = m->parts.kind;
     const double eps = entry(m, GONIO_LOBE_EPS, channel);
     const dual top = gonio_dual_constant(entry(m, GONIO_LOBE_TOP, channel));
-    if (kind == GONIO_LINK_POSITIVE) {
+    if (kind == GONIO_TRANSFORM_POSITIVE) {
         t = gonio_dual_exp(gonio_dual_hold(t, -708, 709));
         if (y != NULL) {
             const dual base = positive_base(*y, eps);
@@ -236,10 +236,10 @@ static dual value_of(const gonio_lobe_spline *m, dual t, const dual *y, int chan
         return over.v >= 1 ? gonio_dual_shift(t, -eps) : gonio_dual_scale(gonio_dual_square(over), eps);
     }
     if (y != NULL) {
-        const dual base = kind == GONIO_LINK_ASINH ? gonio_dual_asinh(gonio_dual_scale(*y, 1 / eps)) : *y;
+        const dual base = kind == GONIO_TRANSFORM_ASINH ? gonio_dual_asinh(gonio_dual_scale(*y, 1 / eps)) : *y;
         t = gonio_dual_min(gonio_dual_add(t, base), gonio_dual_max(base, top));
     }
-    return kind == GONIO_LINK_ASINH ? gonio_dual_chain(t, eps * sinh(t.v), eps * cosh(t.v)) : t;
+    return kind == GONIO_TRANSFORM_ASINH ? gonio_dual_chain(t, eps * sinh(t.v), eps * cosh(t.v)) : t;
 }
 
 void gonio_lobe_spline_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double out[4]) {

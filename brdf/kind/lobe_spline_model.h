@@ -9,15 +9,15 @@
 #include "brdf/model_file.h"
 
 // What evaluation needs of each channel, one array a quantity so that a vector load takes four channels; everything in
-// units of the link's scale. Computed when a model is made, never stored.
+// units of the transform's scale. Computed when a model is made, never stored.
 enum {
     GONIO_LOBE_STRENGTH,                                          // diffuse, lobes
     GONIO_LOBE_SHARE = GONIO_LOBE_STRENGTH + 1 + GONIO_LOBES_MAX, // multiples of the shares
     GONIO_LOBE_LOW = GONIO_LOBE_SHARE + 1 + GONIO_LOBES_MAX,      // the range of the spline's value
     GONIO_LOBE_HIGH,
-    GONIO_LOBE_EPS,      // the link's
+    GONIO_LOBE_EPS,      // the transform's
     GONIO_LOBE_HALF_PER, // 1 / (2 eps)
-    GONIO_LOBE_TOP,      // what an answer may reach above the base: link(1), of the positive link its e-th power
+    GONIO_LOBE_TOP,      // what an answer may reach above the base: T(1), of the positive transform its e-th power
     GONIO_LOBE_SCALE,
     GONIO_LOBE_TABLES,
 };
@@ -38,12 +38,12 @@ static inline const double *gonio_lobe_table(const gonio_lobe_spline *m, int tab
 }
 
 // Channels first .. first + count of one pair, into values, narrow (each may be NULL); slopes (may be NULL): d f_r /
-// d link value.
+// d transformed value.
 void gonio_lobe_spline_eval(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo, size_t first,
                             size_t count, double *values, float *narrow, double *slopes);
 void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo,
                                  double *values);
-// The standard uncertainty that the sigma lattice gives to link values, for a factor of 1.
+// The standard uncertainty that the sigma lattice gives to transformed values, for a factor of 1.
 double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo);
 void gonio_lobe_spline_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double out[4]);
 

@@ -50,7 +50,7 @@ static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool 
                               gonio_error *error) {
     lobe_job job = {.data = data};
     // Two lobes and a diffuse term have seven numbers: below some thirty samples they follow the noise.
-    if (lobes && data->kind == GONIO_LINK_POSITIVE && data->n >= 30) {
+    if (lobes && data->kind == GONIO_TRANSFORM_POSITIVE && data->n >= 30) {
         gonio_pool_run(pool, GONIO_LOBE_FAMILIES, fit_family, &job);
     }
     gonio_status status = gonio_smooth_base_init(&choice->bases[choice->bases_n++], data, NULL, error);
@@ -103,7 +103,8 @@ static size_t model_bytes(const gonio_dataset *data, const gonio_smooth_form *fo
     const size_t c = (size_t)data->channels;
     const size_t points = gonio_lattice_count(data->dims, form->level) +
                           (form->profile > 0 ? gonio_lattice_count(2, form->profile_level) : 0);
-    return points * c * sizeof(float) + c * sizeof(gonio_link) + (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
+    return points * c * sizeof(float) + c * sizeof(gonio_transform) +
+           (base->lobes.lobes > 0 ? c * 3 * sizeof(double) : 0);
 }
 
 // How far a trial exceeds a limit; at most 1: not at all.

@@ -94,7 +94,7 @@ static void add_peak(const gonio_descent *s, gonio_smooth_score *score) {
         const double rms = sqrt(squares / (double)held->n);
         score->score += log((rms + RMS_FLOOR) / (rms + 1e-6)) / (double)c;
     }
-    score->score += PEAK_WEIGHT * log(score->rmse / held->links[0].scale + 1e-9);
+    score->score += PEAK_WEIGHT * log(score->rmse / held->transforms[0].scale + 1e-9);
 }
 
 // Residuals of the points now, on the held-out.
@@ -112,7 +112,7 @@ static gonio_status score_points(gonio_descent *s, gonio_smooth_score *score, go
     }
     if (status == GONIO_OK) {
         *score = gonio_smooth_score_of(&s->in->held, s->in->residuals, s->in->work);
-        if (s->in->held.kind != GONIO_LINK_LINEAR) {
+        if (s->in->held.kind != GONIO_TRANSFORM_LINEAR) {
             add_peak(s, score);
         }
     }

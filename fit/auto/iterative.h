@@ -55,7 +55,7 @@ gonio_status gonio_iterative_parts(const gonio_dataset *data, gonio_deadline *wa
 // A choice fitted without some geometries, and what it makes of them. Some channels: all, or three spread over them.
 typedef struct gonio_left_out {
     gonio_dataset kept, held;
-    double *residuals; // [held n x held channels], of link values
+    double *residuals; // [held n x held channels], of transformed values
     double *replicate; // [held n]: what one draw of noise in the kept samples leaves there, in the noise's own units at
                        // full weight
 } gonio_left_out;

@@ -108,7 +108,7 @@ static void describe_neighbour(const gonio_iterative_choice *choice, const gonio
         snprintf(report->note + used, size, "; %s: none was found", label);
         return;
     }
-    const double unit = data->kind == GONIO_LINK_LINEAR ? 1.5 : 2.25;
+    const double unit = data->kind == GONIO_TRANSFORM_LINEAR ? 1.5 : 2.25;
     const size_t bytes = gonio_lattice_count(data->dims, best->form.level) * (size_t)data->channels * sizeof(float);
     snprintf(report->note + used, size, "; %s: %s level %d base %s (error %+.0f %%, %zu kB)", label,
              gonio_coordinates_name(best->form.coordinates), best->form.level, lobes_name(best->lobes),
@@ -132,11 +132,11 @@ static void describe_large(const gonio_iterative_choice *choice, const gonio_dat
     if (choice->ns > 0) {
         snprintf(cost, sizeof cost, "; an evaluation takes %.0f ns", choice->ns);
     }
-    snprintf(
-        report->note, sizeof report->note,
-        "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
-        100 * exp((choice->score.score - choice->start_score.score) / (data->kind == GONIO_LINK_LINEAR ? 1.5 : 2.25)),
-        choice->start_only ? ", so that is the answer" : "", cost);
+    snprintf(report->note, sizeof report->note,
+             "chosen on a fifth of %zu geometries held out; error %.1f %% of the multilevel start's%s%s", data->n,
+             100 * exp((choice->score.score - choice->start_score.score) /
+                       (data->kind == GONIO_TRANSFORM_LINEAR ? 1.5 : 2.25)),
+             choice->start_only ? ", so that is the answer" : "", cost);
     if (max_error > 0) {
         const size_t used = strlen(report->note);
         snprintf(report->note + used, sizeof report->note - used, "; held-out rmse %.3g%s", choice->score.rmse,
@@ -212,7 +212,7 @@ static gonio_status fit_large(const gonio_dataset *data, const gonio_samples *sa
     gonio_smooth_candidate candidates[GONIO_SMOOTH_CANDIDATES];
     gonio_lobe_base bases[GONIO_SMOOTH_GRAZING];
     gonio_smooth_grazing_bases(data, bases);
-    const gonio_lobe_base *grazing = data->kind == GONIO_LINK_POSITIVE ? bases : NULL;
+    const gonio_lobe_base *grazing = data->kind == GONIO_TRANSFORM_POSITIVE ? bases : NULL;
     const bool open = options->coordinates == GONIO_COORDINATES_AUTO;
     const gonio_smooth_form form =
         gonio_smooth_form_default(open ? GONIO_NUSSELT : options->coordinates, 0, data->mirror);
@@ -266,7 +266,7 @@ static gonio_status fit_any(const gonio_samples *samples, const gonio_fit_option
     if (status != GONIO_OK) {
         return status;
     }
-    report->domain = data.kind == GONIO_LINK_LINEAR ? GONIO_LINEAR : GONIO_LOG;
+    report->domain = data.kind == GONIO_TRANSFORM_LINEAR ? GONIO_LINEAR : GONIO_LOG;
     status = is_small(&data, options) ? fit_small(&data, samples, &watch, lobes, out, report, error)
                                       : fit_large(&data, samples, &watch, lobes, out, report, error);
     gonio_dataset_release(&data);

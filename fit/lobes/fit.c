@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Lobe fits by Levenberg-Marquardt (cminpack) from several starts.
 //
-// The residual is the difference of link values (logarithms above the noise), since a least-squares fit of f_r itself
-// sees the peak only; through the soft-L1 loss, sqrt(2 (sqrt(1 + (r/s)^2) - 1)), grazing samples that no lobe model
-// describes do not pull. Bounded parameters go through a logistic curve: an unbounded solver can then not leave the
-// range where the formulae are finite.
+// The residual is the difference of transformed values (logarithms above the noise), since a least-squares fit of f_r
+// itself sees the peak only; through the soft-L1 loss, sqrt(2 (sqrt(1 + (r/s)^2) - 1)), grazing samples that no lobe
+// model describes do not pull. Bounded parameters go through a logistic curve: an unbounded solver can then not leave
+// the range where the formulae are finite.
 #include "fit/lobes/fit.h"
 
 #include <cminpack.h>
@@ -29,9 +29,9 @@ typedef struct problem {
     int lobes;
     gonio_lobe_family family;
     const gonio_lobe_geometry *geometry; // [n]
-    const double *target;                // [n] link values
+    const double *target;                // [n] transformed values
     const double *unit;                  // n x lobes, shapes held fixed; NULL: shapes are parameters
-    gonio_link link;                     // scale 1: y
+    gonio_transform transform;           // scale 1: y
     double highest;                      // y; the largest sample
     double peak[GONIO_LOBES_MAX];        // with `unit`: of the unit lobes
 } problem;
@@ -88,7 +88,7 @@ static int residuals(void *context, int m, int n, const double *x, double *out, 
             y += s[1 + j] *
                  (p->unit != NULL ? p->unit[i * p->lobes + j] : unit_lobe(p->family, &p->geometry[i], alpha[j], f0[j]));
         }
-        const double d = gonio_link_apply(GONIO_LINK_POSITIVE, &p->link, y) - p->target[i];
+        const double d = gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p->transform, y) - p->target[i];
         out[i] = isfinite(d) ? soft(d) : 1e3;
     }
     return 0;
@@ -208,7 +208,7 @@ static gonio_status workspace_init(workspace *w, const gonio_dataset *data, goni
     }
     const size_t c = (size_t)data->channels;
     for (size_t k = 0; k < c; k++) {
-        w->scale = fmax(w->scale, data->links[k].scale);
+        w->scale = fmax(w->scale, data->transforms[k].scale);
     }
     for (size_t i = 0; i < w->n; i++) {
         const gonio_pair *p = &data->pairs[i * w->step];
@@ -224,7 +224,7 @@ static gonio_status workspace_init(workspace *w, const gonio_dataset *data, goni
 static double mean_eps(const gonio_dataset *data, double scale) {
     double sum = 0;
     for (int c = 0; c < data->channels; c++) {
-        sum += data->links[c].eps * (data->links[c].scale / scale) / data->channels;
+        sum += data->transforms[c].eps * (data->transforms[c].scale / scale) / data->channels;
     }
     return sum;
 }
@@ -232,21 +232,21 @@ static double mean_eps(const gonio_dataset *data, double scale) {
 static void fit_channel(const gonio_dataset *data, const workspace *w, problem *p, size_t channel, const double *start,
                         double *strength) {
     const size_t c = (size_t)data->channels;
-    const double share = data->links[channel].scale / w->scale;
-    p->link = (gonio_link){1, data->links[channel].eps * share};
+    const double share = data->transforms[channel].scale / w->scale;
+    p->transform = (gonio_transform){1, data->transforms[channel].eps * share};
     double *target = w->target, brightness = 0, mean = 0;
     for (size_t i = 0; i < w->n; i++) {
         const double y = data->values[i * w->step * c + channel] / w->scale;
-        target[i] = gonio_link_apply(GONIO_LINK_POSITIVE, &p->link, y);
+        target[i] = gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p->transform, y);
         brightness += target[i];
-        mean += gonio_link_apply(GONIO_LINK_POSITIVE, &p->link, w->mean[i]);
+        mean += gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p->transform, w->mean[i]);
     }
     p->target = target;
     p->highest = 0;
     for (size_t i = 0; i < w->n; i++) {
         p->highest = fmax(p->highest, data->values[i * w->step * c + channel] / w->scale);
     }
-    p->highest = fmax(p->highest, p->link.eps);
+    p->highest = fmax(p->highest, p->transform.eps);
     double x[1 + GONIO_LOBES_MAX];
     int pivots[1 + GONIO_LOBES_MAX];
     memcpy(x, start, (size_t)(1 + p->lobes) * sizeof *x);
@@ -291,7 +291,7 @@ float gonio_lobe_cosine_min(const gonio_dataset *data) {
 gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family, int lobes, gonio_lobe_base *base,
                             gonio_error *error) {
     *base = (gonio_lobe_base){.lobes = lobes, .family = family};
-    if (data->kind == GONIO_LINK_ASINH) {
+    if (data->kind == GONIO_TRANSFORM_ASINH) {
         return gonio_fail(error, GONIO_E_INPUT, "lobes cannot describe a signed quantity");
     }
     if (data->n < (size_t)(3 * lobes + 1)) {
@@ -309,11 +309,11 @@ gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family,
                  .family = family,
                  .geometry = w.geometry,
                  .target = w.target,
-                 .link = {1, mean_eps(data, w.scale)}};
-    p.highest = p.link.eps;
+                 .transform = {1, mean_eps(data, w.scale)}};
+    p.highest = p.transform.eps;
     for (size_t i = 0; i < w.n; i++) {
         p.highest = fmax(p.highest, w.mean[i]);
-        w.target[i] = gonio_link_apply(GONIO_LINK_POSITIVE, &p.link, w.mean[i]);
+        w.target[i] = gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p.transform, w.mean[i]);
     }
     double x[PARAMETERS_MAX];
     base->strength = calloc((size_t)data->channels * (1 + GONIO_LOBES_MAX), sizeof *base->strength);
@@ -337,7 +337,7 @@ void gonio_lobe_targets(const gonio_lobe_base *base, const gonio_dataset *data, 
         gonio_lobe_base_units(base, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), unit);
         for (size_t k = 0; k < c; k++) {
             const double *strength = base->lobes > 0 ? base->strength + k * (1 + GONIO_LOBES_MAX) : NULL;
-            targets[i * c + k] = gonio_lobe_base_link(base, strength, unit, data->kind, &data->links[k]);
+            targets[i * c + k] = gonio_lobe_base_transformed(base, strength, unit, data->kind, &data->transforms[k]);
         }
     }
 }

@@ -12,7 +12,7 @@ gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family,
                             gonio_error *error);
 // The smallest cosine of either direction among the geometries.
 float gonio_lobe_cosine_min(const gonio_dataset *data);
-// The base's link values at the data's geometries, n x channels.
+// The base's transformed values at the data's geometries, n x channels.
 void gonio_lobe_targets(const gonio_lobe_base *base, const gonio_dataset *data, double *targets);
 
 #endif

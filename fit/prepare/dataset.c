@@ -21,7 +21,7 @@ void gonio_dataset_release(gonio_dataset *data) {
     free(data->values);
     free(data->targets);
     free(data->weights);
-    free(data->links);
+    free(data->transforms);
     free(data->noise);
     *data = (gonio_dataset){0};
 }
@@ -97,10 +97,9 @@ static double relative_variance(const gonio_samples *samples, const gonio_datase
         if (!(sigma > 0 && isfinite(sigma))) {
             return 0;
         }
-        double slope;
-        const double t = gonio_link_apply(data->kind, &data->links[k], samples->values[i * c + k]);
-        gonio_link_invert(data->kind, &data->links[k], t, &slope);
-        // In units of the spread that the link leaves: ln for logs, the scale for linear values.
+        const double t = gonio_transform_apply(data->kind, &data->transforms[k], samples->values[i * c + k]);
+        const double slope = gonio_transform_slope(data->kind, &data->transforms[k], t);
+        // In units of the spread that the transform leaves: ln for logs, the scale for linear values.
         sum += (sigma / slope) * (sigma / slope);
     }
     return sum / (double)c;
@@ -113,10 +112,10 @@ static gonio_status allocate(gonio_dataset *data, size_t n, gonio_error *error) 
     data->values = calloc(n * c, sizeof *data->values);
     data->targets = malloc(n * c * sizeof *data->targets);
     data->weights = calloc(n, sizeof *data->weights);
-    data->links = malloc(c * sizeof *data->links);
+    data->transforms = malloc(c * sizeof *data->transforms);
     data->noise = calloc(c, sizeof *data->noise);
     const bool all = data->pairs != NULL && data->values != NULL && data->targets != NULL && data->weights != NULL &&
-                     data->links != NULL && data->noise != NULL;
+                     data->transforms != NULL && data->noise != NULL;
     if (!all) {
         gonio_dataset_release(data);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to prepare %zu samples (%.3g GB)", n,
@@ -144,7 +143,7 @@ static void merge(gonio_dataset *data, const gonio_samples *samples, const entry
     }
 }
 
-// ---- links ----
+// ---- transforms ----
 
 #define PROBES 1200 // geometries whose nearest neighbours tell the noise: enough for a median to 3 %
 
@@ -181,7 +180,7 @@ static gonio_status find_neighbours(const gonio_dataset *data, size_t step, size
 static double channel_noise(const gonio_dataset *data, size_t channel, size_t step, size_t probes, const size_t *near,
                             double *work) {
     const size_t c = (size_t)data->channels;
-    const double scale = data->links[channel].scale;
+    const double scale = data->transforms[channel].scale;
     for (size_t p = 0; p < probes; p++) {
         work[p] = fabs(data->values[p * step * c + channel]) / scale;
     }
@@ -211,10 +210,10 @@ static void median_sigmas(const gonio_samples *samples, gonio_dataset *data, dou
         for (size_t i = 0; i < samples->n && m < PROBES; i += step) {
             const double sigma = samples->sigma_random[i * c + k];
             if (isfinite(sigma)) {
-                work[m++] = sigma / data->links[k].scale;
+                work[m++] = sigma / data->transforms[k].scale;
             }
         }
-        data->links[k].eps = fmax(data->links[k].eps, gonio_order_statistic(work, m, m / 10));
+        data->transforms[k].eps = fmax(data->transforms[k].eps, gonio_order_statistic(work, m, m / 10));
     }
 }
 
@@ -222,13 +221,13 @@ static void median_sigmas(const gonio_samples *samples, gonio_dataset *data, dou
 static void level_eps(gonio_dataset *data, double *work) {
     const size_t c = (size_t)data->channels;
     for (size_t k = 0; k < c; k++) {
-        work[k] = data->links[k].eps * data->links[k].scale;
+        work[k] = data->transforms[k].eps * data->transforms[k].scale;
     }
     const double common = 0.5 * gonio_upper_median(work, c);
     for (size_t k = 0; k < c; k++) {
-        gonio_link *link = &data->links[k];
-        link->eps = fmax(link->eps, fmin(common / link->scale, 0.1));
-        link->eps = link->eps > 0 && isfinite(link->eps) ? fmax(link->eps, 1e-12) : 1e-6;
+        gonio_transform *transform = &data->transforms[k];
+        transform->eps = fmax(transform->eps, fmin(common / transform->scale, 0.1));
+        transform->eps = transform->eps > 0 && isfinite(transform->eps) ? fmax(transform->eps, 1e-12) : 1e-6;
     }
 }
 
@@ -242,8 +241,8 @@ static gonio_status choose_links(gonio_dataset *data, const gonio_samples *sampl
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to estimate the noise");
     if (status == GONIO_OK) {
         for (size_t k = 0; k < c; k++) {
-            data->links[k].scale = gonio_scatter_scale(data->n, data->values + k, c);
-            data->links[k].eps = channel_noise(data, k, step, probes, near, work);
+            data->transforms[k].scale = gonio_scatter_scale(data->n, data->values + k, c);
+            data->transforms[k].eps = channel_noise(data, k, step, probes, near, work);
         }
         if (samples->sigma_random != NULL) {
             median_sigmas(samples, data, work);
@@ -301,9 +300,8 @@ static gonio_status fill_noise(gonio_dataset *data, const gonio_samples *samples
     for (size_t k = 0; k < c; k++) {
         size_t m = 0;
         for (size_t i = 0; i < samples->n; i += step) {
-            double slope;
-            const double t = gonio_link_apply(data->kind, &data->links[k], samples->values[i * c + k]);
-            gonio_link_invert(data->kind, &data->links[k], t, &slope);
+            const double t = gonio_transform_apply(data->kind, &data->transforms[k], samples->values[i * c + k]);
+            const double slope = gonio_transform_slope(data->kind, &data->transforms[k], t);
             const double sigma = samples->sigma_random[i * c + k] / slope;
             work[m++] = isfinite(sigma) ? sigma : 0;
         }
@@ -316,7 +314,7 @@ static gonio_status fill_noise(gonio_dataset *data, const gonio_samples *samples
 static void fill_targets(gonio_dataset *data) {
     const size_t c = (size_t)data->channels;
     for (size_t i = 0; i < data->n * c; i++) {
-        data->targets[i] = gonio_link_apply(data->kind, &data->links[i % c], data->values[i]);
+        data->targets[i] = gonio_transform_apply(data->kind, &data->transforms[i % c], data->values[i]);
     }
 }
 
@@ -347,9 +345,9 @@ gonio_status gonio_dataset_init(gonio_dataset *data, const gonio_samples *sample
         status = choose_links(data, samples, error);
     }
     if (status == GONIO_OK) {
-        data->kind = options->domain == GONIO_LINEAR ? GONIO_LINK_LINEAR
-                     : is_signed(data)               ? GONIO_LINK_ASINH
-                                                     : GONIO_LINK_POSITIVE;
+        data->kind = options->domain == GONIO_LINEAR ? GONIO_TRANSFORM_LINEAR
+                     : is_signed(data)               ? GONIO_TRANSFORM_ASINH
+                                                     : GONIO_TRANSFORM_POSITIVE;
         fill_weights(data, samples, entries, n);
         fill_targets(data);
         status = fill_noise(data, samples, error);
@@ -372,7 +370,7 @@ gonio_status gonio_dataset_select(const gonio_dataset *data, const bool *keep, g
     if (status != GONIO_OK) {
         return status;
     }
-    memcpy(out->links, data->links, c * sizeof *out->links);
+    memcpy(out->transforms, data->transforms, c * sizeof *out->transforms);
     memcpy(out->noise, data->noise, c * sizeof *out->noise);
     size_t at = 0;
     for (size_t i = 0; i < data->n; i++) {
@@ -398,7 +396,7 @@ gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which,
     memcpy(out->weights, data->weights, data->n * sizeof *out->weights);
     for (size_t k = 0; k < (size_t)count; k++) {
         const size_t c = (size_t)data->channels, channel = (size_t)which[k];
-        out->links[k] = data->links[channel];
+        out->transforms[k] = data->transforms[channel];
         out->noise[k] = data->noise[channel];
         for (size_t i = 0; i < data->n; i++) {
             out->values[i * (size_t)count + k] = data->values[i * c + channel];

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Samples made ready for least squares: equal geometries merged, values as link values in double, weights.
+// Samples made ready for least squares: equal geometries merged, values as transformed values in double, weights.
 #ifndef GONIO_FIT_PREPARE_DATASET_H
 #define GONIO_FIT_PREPARE_DATASET_H
 
-#include "brdf/link.h"
+#include "brdf/transform.h"
 #include "gonio/fit.h"
 
 typedef struct gonio_dataset {
@@ -12,16 +12,16 @@ typedef struct gonio_dataset {
     bool mirror; // geometries are folded onto one side of the plane of incidence: f(phi) = f(-phi)
     gonio_pair *pairs;
     double *values;  // n x channels, f_r; equal geometries averaged
-    double *targets; // n x channels, link values
+    double *targets; // n x channels, transformed values
     double *weights; // n; their mean is 1
-    gonio_link_kind kind;
-    gonio_link *links; // [channels]
-    double *noise;     // [channels]: median standard uncertainty of the link values; 0 where the samples carry none
+    gonio_transform_kind kind;
+    gonio_transform *transforms; // [channels]
+    double *noise; // [channels]: median standard uncertainty of the transformed values; 0 where the samples carry none
 } gonio_dataset;
 
 typedef struct gonio_dataset_options {
     bool mirror;
-    gonio_domain domain; // GONIO_LOG: the positive link, or asinh for a signed quantity
+    gonio_domain domain; // GONIO_LOG: the positive transform, or asinh for a signed quantity
     bool reciprocal;     // add every geometry with its directions swapped
 } gonio_dataset_options;
 

@@ -71,7 +71,7 @@ static void base_slopes(const gonio_smooth_base *base, const gonio_dataset *data
             double units[1 + GONIO_LOBES_MAX], t[2];
             for (int s = 0; s < 2; s++) {
                 gonio_lobe_base_units(&side[s], wi, wo, units);
-                t[s] = gonio_lobe_base_link(&side[s], row[s], units, data->kind, &data->links[channel]);
+                t[s] = gonio_lobe_base_transformed(&side[s], row[s], units, data->kind, &data->transforms[channel]);
             }
             out[k * n + i] = (t[0] - t[1]) / (2 * step);
         }

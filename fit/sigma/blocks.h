@@ -16,7 +16,7 @@ typedef struct gonio_influence {
     double *map;      // n x n: Q, targets times root weights -> residuals times root weights
     double *square;   // n x n: Q Q
     double *residual; // n x channels, geometry fastest: Q times the targets
-    double *slopes;   // n x p: of the base's link value by each parameter's logarithm, times root weight
+    double *slopes;   // n x p: of the base's transformed value by each parameter's logarithm, times root weight
     double *pulled;   // n x p: the map times the slopes
     double *inverse;  // p x p: (slopes^T map slopes + prior)^-1
 } gonio_influence;

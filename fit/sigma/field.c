@@ -60,8 +60,8 @@ double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *h
     gonio_lobe_base_units(&free, wi, wo, units[1]);
     for (int k = 0; k < data->channels; k++) {
         const double *strength = held->strength + (ptrdiff_t)k * (1 + GONIO_LOBES_MAX);
-        const double step = gonio_lobe_base_link(&free, strength, units[1], data->kind, &data->links[k]) -
-                            gonio_lobe_base_link(held, strength, units[0], data->kind, &data->links[k]);
+        const double step = gonio_lobe_base_transformed(&free, strength, units[1], data->kind, &data->transforms[k]) -
+                            gonio_lobe_base_transformed(held, strength, units[0], data->kind, &data->transforms[k]);
         sum += HELD_BACK * step * step / (factor[k] * factor[k]) / data->channels;
     }
     return sum;

@@ -6,7 +6,7 @@
 #include "brdf/kind/lobe_spline.h"
 #include "fit/prepare/dataset.h"
 
-// Of the link's unit: no sigma is smaller, as no instrument's is; exact data fitted exactly leave rounding alone.
+// Of the transform's unit: no sigma is smaller, as no instrument's is; exact data fitted exactly leave rounding alone.
 #define GONIO_SIGMA_EXACT 1e-4
 
 // factor[c]: the spread of n x c residuals, the standard deviation of a normal with the same median size. work: [n].

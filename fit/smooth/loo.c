@@ -41,7 +41,7 @@ static void set_range(const gonio_dataset *data, gonio_smooth_base *base, size_t
         high = fmax(high, t);
     }
     const double quarter = 0.25 * (high - low);
-    const double margin = data->kind == GONIO_LINK_LINEAR ? quarter : fmin(quarter, log(4));
+    const double margin = data->kind == GONIO_TRANSFORM_LINEAR ? quarter : fmin(quarter, log(4));
     base->low[channel] = low - margin;
     base->high[channel] = high + margin;
 }
@@ -77,7 +77,7 @@ gonio_status gonio_smooth_base_init(gonio_smooth_base *base, const gonio_dataset
     return GONIO_OK;
 }
 
-// Residuals below a millionth of the link's unit are as good as none; without a floor exact data would score -inf.
+// Residuals below a millionth of the transform's unit are as good as none; without a floor exact data would score -inf.
 #define RESIDUAL_FLOOR 1e-6
 // A typical error of 0.2 % is below any instrument's: once there, only the worst still counts.
 #define MEDIAN_FLOOR 2e-3
@@ -90,7 +90,7 @@ static double channel_score(const gonio_dataset *data, const double *residuals, 
         squares += work[i] * work[i];
     }
     const double rms = log(sqrt(squares / (double)n) + RESIDUAL_FLOOR);
-    if (data->kind == GONIO_LINK_LINEAR) {
+    if (data->kind == GONIO_TRANSFORM_LINEAR) {
         return 1.5 * rms;
     }
     return rms + 0.5 * log(gonio_upper_median(work, n) + MEDIAN_FLOOR);
@@ -101,7 +101,8 @@ static double channel_square_error(const gonio_dataset *data, const double *resi
     double sum = 0;
     for (size_t i = 0; i < data->n; i++) {
         const double t = data->targets[i * c + channel] - residuals[i * c + channel];
-        const double d = gonio_link_invert(data->kind, &data->links[channel], t, NULL) - data->values[i * c + channel];
+        const double d =
+            gonio_transform_invert(data->kind, &data->transforms[channel], t) - data->values[i * c + channel];
         sum += d * d;
     }
     return sum / (double)data->n;
@@ -200,18 +201,18 @@ gonio_status gonio_smooth_parts_init(gonio_lobe_spline_parts *parts, const gonio
                                        .dims = data->dims,
                                        .coordinates = coordinates,
                                        .kind = data->kind,
-                                       .links = malloc(c * sizeof *data->links)};
+                                       .transforms = malloc(c * sizeof *data->transforms)};
     if (lobes != NULL && lobes->lobes > 0) {
         parts->base = *lobes;
         parts->base.strength = malloc(strengths * sizeof(double));
     } else if (lobes != NULL) {
         parts->base = (gonio_lobe_base){.cosine_min = lobes->cosine_min, .grazing = lobes->grazing};
     }
-    if (parts->links == NULL || (parts->base.lobes > 0 && parts->base.strength == NULL)) {
+    if (parts->transforms == NULL || (parts->base.lobes > 0 && parts->base.strength == NULL)) {
         gonio_lobe_spline_parts_release(parts);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
     }
-    memcpy(parts->links, data->links, c * sizeof *data->links);
+    memcpy(parts->transforms, data->transforms, c * sizeof *data->transforms);
     if (parts->base.lobes > 0) {
         memcpy(parts->base.strength, lobes->strength, strengths * sizeof(double));
     }

@@ -221,7 +221,7 @@ static void iteration_case(const gonio_samples *unseen) {
     double squares = 0;
     gonio_smooth_cg_eval(cg, &at, 6, points, predicted, 1, &error);
     for (size_t i = 0; i < at.n; i++) {
-        const double d = predicted[i] * data.links[0].scale - at.values[i];
+        const double d = predicted[i] * data.transforms[0].scale - at.values[i];
         squares += d * d / (double)at.n;
     }
     printf("20 iterations: %.0f ms, plain scalar fit %.0f ms: %.2f times, asked 2 %s\n", best * 1e3, plain * 1e3,

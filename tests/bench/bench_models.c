@@ -81,20 +81,20 @@ static gonio_model *assembled(const gonio_model *dense, const base_form *form) {
     gonio_lobe_spline_parts p = {.channels = dense->channels,
                                  .dims = 3,
                                  .coordinates = GONIO_HALF_VECTOR,
-                                 .kind = GONIO_LINK_POSITIVE,
+                                 .kind = GONIO_TRANSFORM_POSITIVE,
                                  .channel_names = dense->channel_names};
     gonio_error error = {0};
     gonio_model *model;
     p.lattice = *gonio_lattice_model_lattice(dense);
     p.lattice.points = copied(p.lattice.points, p.lattice.count * c * sizeof(float));
-    p.links = malloc(c * sizeof *p.links);
+    p.transforms = malloc(c * sizeof *p.transforms);
     p.base = (gonio_lobe_base){
         .lobes = form->lobes, .family = form->family, .alpha = {0.15, 0.4}, .f0 = {0.05, 0.3}, .cosine_min = 0.09F};
     p.base.strength = malloc(c * 3 * sizeof(double));
     p.range = malloc(c * 2 * sizeof(double));
     p.shares = form->terms ? malloc(c * 3 * sizeof(double)) : NULL;
     for (size_t k = 0; k < c; k++) {
-        p.links[k] = (gonio_link){4, 1e-4};
+        p.transforms[k] = (gonio_transform){4, 1e-4};
         p.range[2 * k] = -8;
         p.range[2 * k + 1] = 3;
         for (size_t j = 0; j < 3; j++) {
@@ -185,12 +185,13 @@ static double plain_value(const gonio_lobe_spline_parts *p, gonio_vec3 wi, gonio
     }
     t += p->base.lobes == 0 ? units[0] : 0;
     t = p->range != NULL ? fmin(fmax(t, p->range[2 * channel]), p->range[2 * channel + 1]) : t;
-    const gonio_link *link = &p->links[channel];
+    const gonio_transform *transform = &p->transforms[channel];
     if (p->base.lobes > 0) {
-        const double base = gonio_lobe_base_link(&p->base, p->base.strength + 3 * channel, units, p->kind, link);
-        t = fmin(base + t, fmax(base, gonio_link_apply(p->kind, link, link->scale)));
+        const double base =
+            gonio_lobe_base_transformed(&p->base, p->base.strength + 3 * channel, units, p->kind, transform);
+        t = fmin(base + t, fmax(base, gonio_transform_apply(p->kind, transform, transform->scale)));
     }
-    return gonio_link_invert(p->kind, link, t, NULL);
+    return gonio_transform_invert(p->kind, transform, t);
 }
 
 // One by one, batched and in float it is the same function, and the plain formula's.

@@ -121,8 +121,8 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
     gonio_lobe_spline_parts p = {.channels = channels,
                                  .dims = dims,
                                  .coordinates = maker->coordinates,
-                                 .kind = maker->domain == GONIO_LOG ? GONIO_LINK_POSITIVE : GONIO_LINK_LINEAR,
-                                 .links = malloc(c * sizeof *p.links),
+                                 .kind = maker->domain == GONIO_LOG ? GONIO_TRANSFORM_POSITIVE : GONIO_TRANSFORM_LINEAR,
+                                 .transforms = malloc(c * sizeof *p.transforms),
                                  .base = {.lobes = maker->lobes,
                                           .family = GONIO_LOBE_GGX,
                                           .alpha = {0.3, 0.5},
@@ -131,7 +131,7 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
                                           .grazing = (has & KIND_GRAZING) != 0 ? 0.5F : 0},
                                  .channel_names = (const char(*)[32])names};
     for (size_t k = 0; k < c; k++) {
-        p.links[k] = (gonio_link){0.5, 1e-3};
+        p.transforms[k] = (gonio_transform){0.5, 1e-3};
         snprintf(names[k], sizeof names[k], "%zunm", 400 + 10 * k);
     }
     p.base.strength = maker->lobes > 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.1) : NULL;

@@ -13,7 +13,7 @@
 typedef struct lobe_make {
     int channels, dims, lobes;
     gonio_coordinates coordinates;
-    gonio_link_kind kind;
+    gonio_transform_kind kind;
     gonio_lobe_family family;
     bool lattice, terms, range, grazing; // terms: shares and, where there can be one, a profile
     double rough;                        // size of the control points
@@ -43,10 +43,10 @@ static inline void lobe_random_lattice(gonio_lattice *l, int dims, int level, co
 
 static inline void lobe_random_channels(gonio_lobe_spline_parts *p, const lobe_make *make, uint64_t *seed) {
     for (int c = 0; c < make->channels; c++) {
-        p->links[c] = (gonio_link){ldexp(1, (int)lobe_between(seed, -3, 4)), exp(lobe_between(seed, -9, -2))};
+        p->transforms[c] = (gonio_transform){ldexp(1, (int)lobe_between(seed, -3, 4)), exp(lobe_between(seed, -9, -2))};
         for (int j = 0; j < 3; j++) {
             if (make->lobes > 0) {
-                p->base.strength[3 * c + j] = p->links[c].scale * exp(lobe_between(seed, -9, -1));
+                p->base.strength[3 * c + j] = p->transforms[c].scale * exp(lobe_between(seed, -9, -1));
             }
             if (p->shares != NULL) {
                 p->shares[3 * c + j] = lobe_between(seed, -0.5, 0.5);
@@ -71,7 +71,7 @@ static inline gonio_model *lobe_random_model(const lobe_make *make, uint64_t *se
         make->terms && make->lattice && make->dims == 3 && gonio_coordinates_are_half_vector(make->coordinates);
     gonio_error error = {0};
     gonio_model *model;
-    p.links = lobe_allocated(c, sizeof *p.links);
+    p.transforms = lobe_allocated(c, sizeof *p.transforms);
     p.base = (gonio_lobe_base){.lobes = make->lobes,
                                .family = make->family,
                                .alpha = {lobe_between(seed, 0.05, 0.3), lobe_between(seed, 0.2, 0.7)},
@@ -111,7 +111,7 @@ static inline void lobe_for_each_model(void (*f)(const lobe_make *make, const go
                                 .dims = k % 2 == 0 ? 3 : 4,
                                 .lobes = lobes,
                                 .coordinates = (gonio_coordinates)(k / 3 % GONIO_COORDINATES),
-                                .kind = k % 4 == 3 ? (gonio_link_kind)(k / 4 % 2 * 2) : GONIO_LINK_POSITIVE,
+                                .kind = k % 4 == 3 ? (gonio_transform_kind)(k / 4 % 2 * 2) : GONIO_TRANSFORM_POSITIVE,
                                 .family = (gonio_lobe_family)(k / 6 % 2),
                                 .lattice = lobes == 0 || k % 11 != 0,
                                 .terms = k % 5 < 3,
@@ -170,12 +170,13 @@ static inline double lobe_plain_value(const gonio_lobe_spline_parts *p, gonio_ve
     }
     t += p->base.lobes == 0 ? units[0] : 0;
     t = p->range != NULL ? fmin(fmax(t, p->range[2 * channel]), p->range[2 * channel + 1]) : t;
-    const gonio_link *link = &p->links[channel];
+    const gonio_transform *transform = &p->transforms[channel];
     if (p->base.lobes > 0) {
-        const double base = gonio_lobe_base_link(&p->base, p->base.strength + 3 * channel, units, p->kind, link);
-        t = fmin(base + t, fmax(base, gonio_link_apply(p->kind, link, link->scale)));
+        const double base =
+            gonio_lobe_base_transformed(&p->base, p->base.strength + 3 * channel, units, p->kind, transform);
+        t = fmin(base + t, fmax(base, gonio_transform_apply(p->kind, transform, transform->scale)));
     }
-    return gonio_link_invert(p->kind, link, t, NULL);
+    return gonio_transform_invert(p->kind, transform, t);
 }
 
 #endif

@@ -257,9 +257,10 @@ static void test_impossible_grazing_is_refused(void **state) {
     static const char names[1][32] = {"y"};
     static const float exponents[] = {-1, 3, NAN};
     for (size_t k = 0; k < 3; k++) {
-        gonio_lobe_spline_parts parts = {.channels = 1, .dims = 3, .kind = GONIO_LINK_POSITIVE, .channel_names = names};
-        parts.links = malloc(sizeof *parts.links);
-        parts.links[0] = (gonio_link){1, 0.1};
+        gonio_lobe_spline_parts parts = {
+            .channels = 1, .dims = 3, .kind = GONIO_TRANSFORM_POSITIVE, .channel_names = names};
+        parts.transforms = malloc(sizeof *parts.transforms);
+        parts.transforms[0] = (gonio_transform){1, 0.1};
         assert_int_equal(gonio_lattice_init(&parts.lattice, 3, 0, 1, NULL), GONIO_OK);
         parts.base = (gonio_lobe_base){.cosine_min = 0.1F, .grazing = exponents[k]};
         gonio_model *model, *read = NULL;

@@ -34,7 +34,7 @@ static void follows_the_formula(const lobe_make *make, const gonio_model *model)
         for (int c = 0; c < make->channels; c++) {
             const double plain = lobe_plain_value(p, wi[k], wo[k], c);
             // Of a linear or signed quantity, the terms may cancel.
-            const double unit = make->kind == GONIO_LINK_POSITIVE ? 0 : p->links[c].scale * (1 + make->rough);
+            const double unit = make->kind == GONIO_TRANSFORM_POSITIVE ? 0 : p->transforms[c].scale * (1 + make->rough);
             assert_near(values[c], plain, 1e-11 * (1 + make->rough) * (fabs(plain) + unit));
         }
     }
@@ -133,7 +133,7 @@ static void test_sigma_is_the_slope(void **state) {
                                 .dims = 3,
                                 .lobes = lobes,
                                 .coordinates = GONIO_HALF_VECTOR,
-                                .kind = GONIO_LINK_POSITIVE,
+                                .kind = GONIO_TRANSFORM_POSITIVE,
                                 .lattice = true,
                                 .rough = 0.1};
         gonio_model *model = lobe_random_model(&make, &seed);
@@ -154,7 +154,7 @@ static void test_sigma_is_the_slope(void **state) {
             }
             for (int c = 0; c < 31; c++) {
                 const double slope = (high[c] - low[c]) * 0x1p9, expected = slope * fmin(exp(ln_sigma) * 0.05, 2);
-                // Where the answer is held by its ceiling it does not move, and sigma is the link's all the same.
+                // Where the answer is held by its ceiling it does not move, and sigma is the transform's all the same.
                 if (slope > 0.9 * high[c] || lobes == 0) {
                     assert_near(sigma[c], expected, 2e-3 * expected);
                 }

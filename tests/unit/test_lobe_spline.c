@@ -76,23 +76,24 @@ static gonio_model *fitted(const gonio_samples *samples, const gonio_fit_options
     return model;
 }
 
-// The link and its inverse, on both sides of eps; the slope against a difference.
-static void test_links_invert(void **state) {
+// The transform and its inverse, on both sides of eps; the slope against a difference.
+static void test_transforms_invert(void **state) {
     (void)state;
-    for (int kind = 0; kind < 3; kind++) {
-        const gonio_link link = {4, 1e-3};
+    for (int kind = GONIO_TRANSFORM_LINEAR; kind <= GONIO_TRANSFORM_POSITIVE; kind++) {
+        const gonio_transform transform = {4, 1e-3};
         for (double z = 4e-4; z < 1e3; z *= 1.3) {
-            double slope, up, down;
-            const double t = gonio_link_apply((gonio_link_kind)kind, &link, z);
-            assert_near(gonio_link_invert((gonio_link_kind)kind, &link, t, &slope), z, 1e-12 * (z + 1e-3));
-            up = gonio_link_invert((gonio_link_kind)kind, &link, t + 1e-5, NULL);
-            down = gonio_link_invert((gonio_link_kind)kind, &link, t - 1e-5, NULL);
+            double up, down;
+            const double t = gonio_transform_apply((gonio_transform_kind)kind, &transform, z);
+            assert_near(gonio_transform_invert((gonio_transform_kind)kind, &transform, t), z, 1e-12 * (z + 1e-3));
+            const double slope = gonio_transform_slope((gonio_transform_kind)kind, &transform, t);
+            up = gonio_transform_invert((gonio_transform_kind)kind, &transform, t + 1e-5);
+            down = gonio_transform_invert((gonio_transform_kind)kind, &transform, t - 1e-5);
             assert_near((up - down) / 2e-5, slope, 1e-3 * slope);
         }
     }
-    const gonio_link link = {1, 1e-3};
+    const gonio_transform transform = {1, 1e-3};
     for (double t = -1e4; t < 1e4; t += 7.3) {
-        const double z = gonio_link_invert(GONIO_LINK_POSITIVE, &link, t, NULL);
+        const double z = gonio_transform_invert(GONIO_TRANSFORM_POSITIVE, &transform, t);
         assert_true(z > 0 && isfinite(z));
     }
 }
@@ -342,7 +343,7 @@ static void test_real_paint(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_links_invert),
+        cmocka_unit_test(test_transforms_invert),
         cmocka_unit_test(test_finds_the_lobe_that_made_the_samples),
         cmocka_unit_test(test_outliers_do_not_pull_the_lobe),
         cmocka_unit_test(test_files_give_the_same_bits),
