@@ -86,18 +86,25 @@ GONIO_INLINE void sum_many(const rows *r, size_t first, size_t count, double *va
         const size_t at = v + 8 <= count ? v : count - 8;
         gonio_d4 low[4], high[4];
         GONIO_UNROLL
-        for (size_t p = 0; p < 4; p++) {
-            const float *base = r->base + p * (size_t)r->channels + first + at;
-            gonio_d4 even[2] = {{0}}, odd[2] = {{0}};
+        for (size_t p = 0; p < 4; p += 2) { // two points at a time: eight sums hide the latency of additions
+            const float *base = r->base + p * (size_t)r->channels + first + at, *next = base + r->channels;
+            gonio_d4 even[4] = {{0}}, odd[4] = {{0}};
             for (int k = 0; k < r->count; k += 2) {
-                const float *a = base + r->offset[k], *b = base + r->offset[k + 1];
-                even[0] += r->weight[k] * WIDE4(a);
-                even[1] += r->weight[k] * WIDE4(a + 4);
-                odd[0] += r->weight[k + 1] * WIDE4(b);
-                odd[1] += r->weight[k + 1] * WIDE4(b + 4);
+                const double w = r->weight[k], x = r->weight[k + 1];
+                const size_t a = r->offset[k], b = r->offset[k + 1];
+                even[0] += w * WIDE4(base + a);
+                even[1] += w * WIDE4(base + a + 4);
+                even[2] += w * WIDE4(next + a);
+                even[3] += w * WIDE4(next + a + 4);
+                odd[0] += x * WIDE4(base + b);
+                odd[1] += x * WIDE4(base + b + 4);
+                odd[2] += x * WIDE4(next + b);
+                odd[3] += x * WIDE4(next + b + 4);
             }
             low[p] = even[0] + odd[0];
             high[p] = even[1] + odd[1];
+            low[p + 1] = even[2] + odd[2];
+            high[p + 1] = even[3] + odd[3];
         }
         const double *l = r->last;
         *(gonio_d4 *)(values + at) = (l[0] * low[0] + l[1] * low[1]) + (l[2] * low[2] + l[3] * low[3]);

@@ -280,11 +280,17 @@ static void bench(int channels, const queries *q) {
     free(values);
 }
 
-int main(void) {
+// Arguments: numbers of channels, instead of 1, 3 and 31.
+int main(int argc, char **argv) {
     queries *q = make_queries();
-    bench(1, q);
-    bench(3, q);
-    bench(31, q);
+    for (int k = 1; k < argc; k++) {
+        bench(atoi(argv[k]), q);
+    }
+    if (argc == 1) {
+        bench(1, q);
+        bench(3, q);
+        bench(31, q);
+    }
     free(q);
     printf("%d figures missed\n", failures);
     return 0;
