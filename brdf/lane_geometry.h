@@ -13,6 +13,7 @@
 #include "gonio/direction.h"
 
 #define GONIO_LANES 4
+#define GONIO_LANES_MAX 8
 
 _Static_assert(GONIO_COORDINATES == 5, "a new coordinate system needs its form for vectors here");
 

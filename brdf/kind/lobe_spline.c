@@ -144,7 +144,7 @@ static void fill_tables(gonio_lobe_spline *m) {
 static gonio_status prepare(gonio_lobe_spline *m, gonio_error *error) {
     const gonio_lobe_spline_parts *p = &m->parts;
     const size_t c = (size_t)p->channels;
-    m->stride = c + GONIO_LANES - 1;
+    m->stride = c + GONIO_LANES_MAX - 1;
     m->tables = calloc(GONIO_LOBE_TABLES * m->stride, sizeof *m->tables);
     if (m->tables == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);

@@ -120,98 +120,14 @@ static void spline_of(const gonio_lobe_spline *m, const batch *b, size_t k, size
     }
 }
 
-// Channels at c, or the channel at c in every lane.
-GONIO_INLINE void table4(const gonio_lobe_spline *m, int table, size_t c, const bool spread, gonio_d4 *out) {
-    const double *at = gonio_lobe_table(m, table, c);
-    *out = spread ? GONIO_ALL4(*at) : *(const gonio_d4 *)at;
-}
-
-// Base of the positive transform: e to its transformed value.
-GONIO_INLINE void positive_base(const gonio_d4 *y, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *out) {
-    const gonio_l4 low = *y < *eps;
-    *out = *y + *eps;
-    if ((low[0] | low[1] | low[2] | low[3]) != 0) {
-        gonio_d4 share = 2 * (*y * *half_per);
-        share = GONIO_MAX4(share, GONIO_ALL4(GONIO_POSITIVE_FLOOR));
-        gonio_sqrt4(&share);
-        *out = GONIO_SELECT4(low, 2 * *eps * share, *out);
-    }
-}
-
-// y and dy/dt of e^t of the positive transform (brdf/transform.h); t is held within 60 of 0, e^60 = 1e26.
-GONIO_INLINE void positive_value(gonio_d4 *value, const gonio_d4 *eps, const gonio_d4 *half_per, gonio_d4 *slope) {
-    const gonio_d4 low_end = GONIO_ALL4(0x1.5ae191a99585ap-87), high_end = GONIO_ALL4(0x1.79dbc9dc53c66p+86);
-    gonio_d4 e = GONIO_MAX4(*value, low_end);
-    e = GONIO_MIN4(e, high_end);
-    const gonio_d4 over = e * *half_per, low = *eps * over * over;
-    *value = GONIO_SELECT4(over >= 1, e - *eps, low);
-    *slope = GONIO_SELECT4(over >= 1, e, 2 * low);
-}
-
-// asinh(y / eps) of either sign.
-GONIO_INLINE void signed_base(gonio_d4 *y, const gonio_d4 *half_per) {
-    const gonio_d4 z = 2 * *half_per * *y, size = GONIO_MAX4(z, -z);
-    *y = GONIO_MIN4(size, GONIO_ALL4(1e150));
-    gonio_asinh4(y);
-    *y = GONIO_SELECT4(z < 0, -*y, *y);
-}
-
-// value: the spline's -> f_r; slope: d f_r / d transformed value.
-GONIO_INLINE void finish(const gonio_lobe_spline *m, size_t c, const bool spread, const gonio_d4 *units,
-                         const gonio_d4 *shares, gonio_d4 *value, gonio_d4 *slope) {
-    const int lobes = m->parts.base.lobes;
-    const gonio_transform_kind kind = m->parts.kind;
-    gonio_d4 t = *value, base = {0}, a, eps, half_per, top;
-    for (int j = 0; j <= lobes && m->parts.shares != NULL; j++) {
-        table4(m, GONIO_LOBE_SHARE + j, c, spread, &a);
-        t += a * shares[j];
-    }
-    if (lobes == 0) {
-        t += units[0];
-    }
-    table4(m, GONIO_LOBE_LOW, c, spread, &a);
-    t = GONIO_MAX4(t, a);
-    table4(m, GONIO_LOBE_HIGH, c, spread, &a);
-    t = GONIO_MIN4(t, a);
-    for (int j = 0; j <= lobes && lobes > 0; j++) {
-        table4(m, GONIO_LOBE_STRENGTH + j, c, spread, &a);
-        base += a * units[j];
-    }
-    base = GONIO_MIN4(base, GONIO_ALL4(GONIO_LOBE_CEILING));
-    table4(m, GONIO_LOBE_EPS, c, spread, &eps);
-    table4(m, GONIO_LOBE_HALF_PER, c, spread, &half_per);
-    table4(m, GONIO_LOBE_TOP, c, spread, &top);
-    if (kind == GONIO_TRANSFORM_POSITIVE) {
-        gonio_exp4(&t);
-        if (lobes > 0) {
-            a = base;
-            positive_base(&a, &eps, &half_per, &base);
-            t *= base;
-        }
-    } else if (lobes > 0) {
-        if (kind == GONIO_TRANSFORM_ASINH) {
-            signed_base(&base, &half_per);
-        }
-        t += base;
-    }
-    if (lobes > 0) {
-        top = GONIO_MAX4(base, top);
-        t = GONIO_MIN4(t, top);
-    }
-    *slope = GONIO_ALL4(1.0);
-    if (kind == GONIO_TRANSFORM_POSITIVE) {
-        positive_value(&t, &eps, &half_per, slope);
-    } else if (kind == GONIO_TRANSFORM_ASINH) {
-        gonio_d4 rise = t;
-        gonio_sinh4(&t);
-        gonio_exp4(&rise);
-        *slope = eps * 0.5 * (rise + 1 / rise);
-        t *= eps;
-    }
-    table4(m, GONIO_LOBE_SCALE, c, spread, &a);
-    *value = t * a;
-    *slope *= a;
-}
+#define GONIO_WIDTH 4
+#include "brdf/kind/lobe_spline_finish.h"
+#undef GONIO_WIDTH
+#ifdef GONIO_WIDE
+#define GONIO_WIDTH 8
+#include "brdf/kind/lobe_spline_finish.h"
+#undef GONIO_WIDTH
+#endif
 
 // count <= BLOCK channels from first of pair k; both arrays are padded to whole vectors.
 GONIO_CLONES static void lobe_spline_channels(const gonio_lobe_spline *m, const batch *b, size_t k, size_t first,
@@ -223,9 +139,37 @@ GONIO_CLONES static void lobe_spline_channels(const gonio_lobe_spline *m, const 
         shares[j] = m->parts.shares != NULL ? GONIO_ALL4(b->shares[g][j][lane]) : GONIO_ALL4(0.0);
     }
     for (size_t c = 0; c < count; c += GONIO_LANES) {
-        finish(m, first + c, false, units, shares, (gonio_d4 *)(values + c), &slope);
+        finish4(m, first + c, false, units, shares, (gonio_d4 *)(values + c), &slope);
         *(gonio_d4 *)(slopes + c) = slope;
     }
+}
+
+#ifdef GONIO_WIDE
+// The same, eight channels a vector.
+GONIO_WIDE_TARGET static void lobe_spline_channels_wide(const gonio_lobe_spline *m, const batch *b, size_t k,
+                                                        size_t first, size_t count, double *values, double *slopes) {
+    gonio_d8 units[1 + GONIO_LOBES_MAX], shares[1 + GONIO_LOBES_MAX], slope;
+    const size_t g = k / GONIO_LANES, lane = k % GONIO_LANES;
+    for (int j = 0; j <= m->parts.base.lobes; j++) {
+        units[j] = GONIO_ALL8(b->units[g][j][lane]);
+        shares[j] = m->parts.shares != NULL ? GONIO_ALL8(b->shares[g][j][lane]) : GONIO_ALL8(0.0);
+    }
+    for (size_t c = 0; c < count; c += 8) {
+        finish8(m, first + c, false, units, shares, (gonio_d8 *)(values + c), &slope);
+        *(gonio_d8 *)(slopes + c) = slope;
+    }
+}
+#endif
+
+static void channels_of(const gonio_lobe_spline *m, const batch *b, size_t k, size_t first, size_t count,
+                        double *values, double *slopes) {
+#ifdef GONIO_WIDE
+    if (count > GONIO_LANES && GONIO_WIDE) {
+        lobe_spline_channels_wide(m, b, k, first, count, values, slopes);
+        return;
+    }
+#endif
+    lobe_spline_channels(m, b, k, first, count, values, slopes);
 }
 
 // A model of one channel: four pairs are a vector.
@@ -233,7 +177,7 @@ GONIO_CLONES static void lobe_spline_pairs(const gonio_lobe_spline *m, const bat
     for (size_t k = 0; k < n; k += GONIO_LANES) {
         const size_t g = k / GONIO_LANES;
         gonio_d4 slope;
-        finish(m, 0, true, b->units[g], b->shares[g], (gonio_d4 *)(values + k), &slope);
+        finish4(m, 0, true, b->units[g], b->shares[g], (gonio_d4 *)(values + k), &slope);
     }
 }
 
@@ -263,7 +207,7 @@ static void eval_pair(const gonio_lobe_spline *m, const batch *b, size_t k, size
     for (size_t i = 0; i < blocks; i++) {
         const size_t begin = count * i / blocks, length = count * (i + 1) / blocks - begin;
         spline_of(m, b, k, first + begin, length, values);
-        lobe_spline_channels(m, b, k, first + begin, length, values, slopes);
+        channels_of(m, b, k, first + begin, length, values, slopes);
         answer(values, slopes, begin, length, out);
     }
 }

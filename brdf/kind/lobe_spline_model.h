@@ -27,7 +27,7 @@ typedef struct gonio_lobe_spline {
     gonio_lobe_spline_parts parts;
     double mean_strength[1 + GONIO_LOBES_MAX], per_alpha2[GONIO_LOBES_MAX];
     gonio_locator locator, sigma_locator;
-    size_t stride;       // of the tables, channels rounded up so that every channel can begin a load of four
+    size_t stride;       // of the tables, channels rounded up so that every channel can begin a load of eight
     double *tables;      // [GONIO_LOBE_TABLES][stride]
     char (*names)[32];   // NULL when they lie in the file
     gonio_mapped mapped; // base NULL: the arrays are our own

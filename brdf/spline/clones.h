@@ -23,6 +23,13 @@
 #define GONIO_CLONES
 #endif
 
+// Vectors of eight doubles are fast where they are registers, and in memory elsewhere: what gains from them has a
+// second form of its own, taken where GONIO_WIDE holds.
+#if defined(__x86_64__) && defined(__gnu_linux__)
+#define GONIO_WIDE __builtin_cpu_supports("avx512f")
+#define GONIO_WIDE_TARGET __attribute__((target("avx512f")))
+#endif
+
 // Unroll the next loop wholly (up to 64 times): its arrays of vectors then live in registers.
 #if defined(__clang__)
 #define GONIO_UNROLL _Pragma("clang loop unroll(full)")

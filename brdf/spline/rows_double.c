@@ -112,6 +112,33 @@ GONIO_INLINE void sum_many(const rows *r, size_t first, size_t count, double *va
     }
 }
 
+#ifdef GONIO_WIDE
+#define WIDE8(p)                                                                                                       \
+    ((gonio_d8){(double)(p)[0], (double)(p)[1], (double)(p)[2], (double)(p)[3], (double)(p)[4], (double)(p)[5],        \
+                (double)(p)[6], (double)(p)[7]})
+
+// As sum_many.
+GONIO_WIDE_TARGET static void sum_wide(const rows *r, size_t first, size_t count, double *values) {
+    const size_t c = (size_t)r->channels;
+    const double *l = r->last;
+    for (size_t v = 0; v < count; v += 8) {
+        const size_t at = v + 8 <= count ? v : count - 8;
+        const float *base = r->base + first + at;
+        gonio_d8 even[4] = {{0}}, odd[4] = {{0}};
+        for (int k = 0; k < r->count; k += 2) {
+            const float *a = base + r->offset[k], *b = base + r->offset[k + 1];
+            GONIO_UNROLL
+            for (size_t p = 0; p < 4; p++) {
+                even[p] += r->weight[k] * WIDE8(a + p * c);
+                odd[p] += r->weight[k + 1] * WIDE8(b + p * c);
+            }
+        }
+        *(gonio_d8 *)(values + at) = (l[0] * (even[0] + odd[0]) + l[1] * (even[1] + odd[1])) +
+                                     (l[2] * (even[2] + odd[2]) + l[3] * (even[3] + odd[3]));
+    }
+}
+#endif
+
 GONIO_INLINE void sum_one(const rows *r, size_t channel, double *value) {
     const size_t c = (size_t)r->channels;
     gonio_d4 even = {0}, odd = {0};
@@ -124,16 +151,20 @@ GONIO_INLINE void sum_one(const rows *r, size_t channel, double *value) {
     sum_ends(r, &even, value);
 }
 
+GONIO_INLINE void set_any_rows(const gonio_lattice *l, const gonio_position *position, rows *out) {
+    if (l->dims == 3) {
+        set_rows(l, position->x, 3, out);
+    } else if (l->dims == 4) {
+        set_rows(l, position->x, 4, out);
+    } else {
+        set_rows(l, position->x, 2, out);
+    }
+}
+
 GONIO_CLONES static void lattice_double(const gonio_lattice *l, const gonio_position *position, size_t first,
                                         size_t count, double *values) {
     rows r;
-    if (l->dims == 3) {
-        set_rows(l, position->x, 3, &r);
-    } else if (l->dims == 4) {
-        set_rows(l, position->x, 4, &r);
-    } else {
-        set_rows(l, position->x, 2, &r);
-    }
+    set_any_rows(l, position, &r);
     if (l->channels == 1) {
         sum_few(&r, 1, values);
     } else if (l->channels == 3 && count == 3) {
@@ -147,7 +178,22 @@ GONIO_CLONES static void lattice_double(const gonio_lattice *l, const gonio_posi
     }
 }
 
+#ifdef GONIO_WIDE
+GONIO_WIDE_TARGET static void lattice_wide(const gonio_lattice *l, const gonio_position *position, size_t first,
+                                           size_t count, double *values) {
+    rows r;
+    set_any_rows(l, position, &r);
+    sum_wide(&r, first, count, values);
+}
+#endif
+
 void gonio_lattice_eval_double(const gonio_lattice *lattice, const gonio_position *position, size_t first, size_t count,
                                double *values) {
+#ifdef GONIO_WIDE
+    if (count >= 8 && GONIO_WIDE) {
+        lattice_wide(lattice, position, first, count, values);
+        return;
+    }
+#endif
     lattice_double(lattice, position, first, count, values);
 }
