@@ -17,6 +17,9 @@
 
 #undef GONIO_CLONES
 #define GONIO_CLONES
+#ifndef GONIO_TEST_WIDE
+#undef GONIO_WIDE
+#endif
 #define gonio_lattice_eval_double clone_lattice_eval_double
 #define gonio_lobe_spline_eval clone_eval
 #define gonio_lobe_spline_eval_many clone_eval_many

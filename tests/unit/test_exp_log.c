@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The vector functions of evaluation over the whole range of float: every exponent, both signs, each function within
 // 0.50001 units in the last place of float, and within 8 of double, of libm's in long double.
+// tests/bench/exp_log_range.c goes through all floats.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -110,10 +111,48 @@ static void test_lanes_and_ends(void **state) {
     assert_memory_equal(&a, &b, sizeof a);
 }
 
+#ifdef GONIO_WIDE
+#define WIDE_FORM(name)                                                                                                \
+    GONIO_WIDE_TARGET static void name##_wide(gonio_d8 *x) { gonio_##name##8(x); }
+WIDE_FORM(exp)
+WIDE_FORM(log)
+WIDE_FORM(sinh)
+WIDE_FORM(asinh)
+
+static void compare_wide(void (*wide)(gonio_d8 *), function *narrow, double low, double high) {
+    for (int n = 0; n < 20000; n++) {
+        double eight[8], four[8];
+        for (int k = 0; k < 8; k++) {
+            eight[k] = four[k] = low + (high - low) * (8 * n + k) / 160000;
+        }
+        wide((gonio_d8 *)eight);
+        narrow((gonio_d4 *)four);
+        narrow((gonio_d4 *)(four + 4));
+        assert_memory_equal(eight, four, sizeof eight);
+    }
+}
+#endif
+
+static void test_eight_lanes_give_the_bits_of_four(void **state) {
+    (void)state;
+#ifdef GONIO_WIDE
+    if (GONIO_WIDE) {
+        compare_wide(exp_wide, exp4, -720, 720);
+        compare_wide(log_wide, log4, 1e-3, 1e3);
+        compare_wide(sinh_wide, sinh4, -90, 90);
+        compare_wide(asinh_wide, asinh4, 0, 100);
+        return;
+    }
+#endif
+    print_message("no vectors of eight doubles here\n");
+    skip();
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_errors_over_all_floats),
         cmocka_unit_test(test_lanes_and_ends),
+        cmocka_unit_test(test_eight_lanes_give_the_bits_of_four),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
