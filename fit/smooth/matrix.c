@@ -12,7 +12,7 @@
 enum {
     TILE_ROWS = GONIO_TILE_ROWS,
     TILE_COLUMNS = GONIO_TILE_COLUMNS,
-    ROWS = 32,   // of a block of `a`: packed, with DEPTH columns it takes 64 kB, in the second cache
+    ROWS = 64,   // of a block of `a`: packed, with DEPTH columns it takes 128 kB, in the second cache
     DEPTH = 256, // a tile's panel of `b` takes 8 kB, in the first
 };
 
