@@ -101,18 +101,12 @@ gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_fa
         calib->dark_rate == NULL || calib->stray == NULL || calib->flat == NULL || calib->flat_variance == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the maps of %zu pixels", pixels);
     }
-    if (status == GONIO_OK) {
-        status = cast_rays(calib, error);
-    }
+    status = status == GONIO_OK ? cast_rays(calib, error) : status;
     if (status == GONIO_OK && facts->response_path[0] != '\0') {
         status = gonio_response_load(facts->response_path, camera->bits, &calib->response, error);
     }
-    if (status == GONIO_OK && facts->reference_brdf[0] != '\0') {
-        status = gonio_white_open(calib, error);
-    }
-    if (status == GONIO_OK && facts->flat_path[0] != '\0') {
-        status = gonio_flat_open(calib, error);
-    }
+    status = status == GONIO_OK && facts->reference_brdf[0] != '\0' ? gonio_white_open(calib, error) : status;
+    status = status == GONIO_OK && facts->flat_path[0] != '\0' ? gonio_flat_open(calib, error) : status;
     if (status != GONIO_OK) {
         gonio_calib_free(calib);
         return status;
@@ -237,15 +231,9 @@ gonio_status gonio_calib_prepare(gonio_calib *calib, gonio_error *error) {
         return gonio_fail(error, GONIO_E_USAGE, "the calibration is prepared already");
     }
     gonio_status status = gonio_dark_prepare(calib, error);
-    if (status == GONIO_OK) {
-        status = gonio_transfer_prepare(calib, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_stray_prepare(calib, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_flat_prepare(calib, error);
-    }
+    status = status == GONIO_OK ? gonio_transfer_prepare(calib, error) : status;
+    status = status == GONIO_OK ? gonio_stray_prepare(calib, error) : status;
+    status = status == GONIO_OK ? gonio_flat_prepare(calib, error) : status;
     if (status == GONIO_OK) {
         gonio_stray_describe(calib);
         free_frames(&calib->dark);

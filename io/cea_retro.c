@@ -23,9 +23,7 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     for (int k = 0; k < 4 && status == GONIO_OK; k++) {
         status = gonio_text_number(text, fields[k], names[k], &numbers[k], error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_polar_rad(text, "theta_l", numbers[0], &pair.theta_i, error);
-    }
+    status = status == GONIO_OK ? gonio_polar_rad(text, "theta_l", numbers[0], &pair.theta_i, error) : status;
     if (status == GONIO_OK) {
         status = gonio_polar_rad(text, "theta_v", hypot(numbers[1], numbers[2]), &pair.theta_o, error);
     }

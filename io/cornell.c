@@ -61,12 +61,8 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
                                    error);
     }
     gonio_pair pair = {0};
-    if (status == GONIO_OK) {
-        status = gonio_polar_rad(text, names[0], numbers[0], &pair.theta_i, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_polar_rad(text, names[2], numbers[2], &pair.theta_o, error);
-    }
+    status = status == GONIO_OK ? gonio_polar_rad(text, names[0], numbers[0], &pair.theta_i, error) : status;
+    status = status == GONIO_OK ? gonio_polar_rad(text, names[2], numbers[2], &pair.theta_o, error) : status;
     if (status == GONIO_OK && !(fabs(numbers[1]) <= AZIMUTH_MAX && fabs(numbers[3]) <= AZIMUTH_MAX)) {
         status = gonio_text_fail(text, error, "phi: expected -2 pi to 2 pi radians, found %g and %g", numbers[1],
                                  numbers[3]);
@@ -109,12 +105,8 @@ static gonio_status read_cornell(const gonio_source *source, const gonio_format_
     } else {
         status = gonio_samples_new((int)channels, false, &sink.samples, error);
     }
-    if (status == GONIO_OK) {
-        status = read_wavelengths(&text, fields, sink.samples, error);
-    }
-    if (status == GONIO_OK) {
-        status = read_rows(&text, fields, &sink, error);
-    }
+    status = status == GONIO_OK ? read_wavelengths(&text, fields, sink.samples, error) : status;
+    status = status == GONIO_OK ? read_rows(&text, fields, &sink, error) : status;
     return gonio_row_collector_end(&sink, status, out, report, error);
 }
 

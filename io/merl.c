@@ -170,9 +170,7 @@ static gonio_status read_merl(const gonio_source *source, const gonio_format_val
                               gonio_read_report *report, gonio_error *error) {
     gonio_read_report own = {.format = "merl", .first_negative_line = -1};
     gonio_status status = check(source, error);
-    if (status == GONIO_OK) {
-        status = gonio_samples_new(3, false, out, error);
-    }
+    status = status == GONIO_OK ? gonio_samples_new(3, false, out, error) : status;
     if (status != GONIO_OK) {
         return status;
     }

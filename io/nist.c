@@ -53,9 +53,7 @@ static gonio_status parse_row(const gonio_text *text, char **fields, int element
     for (int k = 0; k < 5 && status == GONIO_OK; k++) {
         status = gonio_text_number(text, fields[k], names[k], &number[k], error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_text_number(text, fields[5], "f_r11", &f11, error);
-    }
+    status = status == GONIO_OK ? gonio_text_number(text, fields[5], "f_r11", &f11, error) : status;
     if (status == GONIO_OK && element > 0) {
         status = gonio_text_number(text, fields[5 + element], "Mueller element", &ratio, error);
     }
@@ -121,12 +119,8 @@ static gonio_status read_rows(gonio_text *text, nist_rows *all, gonio_error *err
         nist_row row;
         status = n == COLUMNS ? parse_row(text, fields, all->element, &row, error)
                               : gonio_text_fail(text, error, "expected %d columns, found %d", COLUMNS, n);
-        if (status == GONIO_OK) {
-            status = append(all, &row, error);
-        }
-        if (status == GONIO_OK) {
-            status = note_wavelength(text, all, row.lambda_um, error);
-        }
+        status = status == GONIO_OK ? append(all, &row, error) : status;
+        status = status == GONIO_OK ? note_wavelength(text, all, row.lambda_um, error) : status;
     }
     return status;
 }
@@ -223,9 +217,7 @@ static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collecto
     }
     size_t n;
     gonio_status status = group(text, all, groups, &n, error);
-    if (status == GONIO_OK) {
-        status = add_groups(text, all, groups, n, sink, error);
-    }
+    status = status == GONIO_OK ? add_groups(text, all, groups, n, sink, error) : status;
     free(groups);
     return status;
 }
@@ -246,9 +238,7 @@ static gonio_status read_nist(const gonio_source *source, const gonio_format_val
     if (status == GONIO_OK && values->wavelength_nm > 0) {
         status = choose(&text, &all, values->wavelength_nm / 1000, error);
     }
-    if (status == GONIO_OK) {
-        status = collect(&text, &all, &sink, error);
-    }
+    status = status == GONIO_OK ? collect(&text, &all, &sink, error) : status;
     free(all.rows);
     return gonio_row_collector_end(&sink, status, out, report, error);
 }

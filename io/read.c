@@ -94,9 +94,7 @@ gonio_status gonio_read(const char *path, const gonio_read_options *options, gon
     }
     gonio_format_values values;
     status = gonio_format_parse(format, options, &values, error);
-    if (status == GONIO_OK) {
-        status = format->read(&source, &values, out, report, error);
-    }
+    status = status == GONIO_OK ? format->read(&source, &values, out, report, error) : status;
     free(source.data);
     if (status == GONIO_OK) {
         status = gonio_channel_names_check(path, (const char(*)[GONIO_CHANNEL_NAME_MAX])(*out)->channel_names,

@@ -411,9 +411,7 @@ static gonio_status load(const tensor_file *file, rgl_model *m, gonio_error *err
         status = copy_stack(file, f[k + 2], stacks[k], error);
         m->head.bytes += f[k + 2]->count * sizeof(float);
     }
-    if (status == GONIO_OK) {
-        status = build_integrals(file, m, error);
-    }
+    status = status == GONIO_OK ? build_integrals(file, m, error) : status;
     m->head.bytes += f[4]->count * sizeof(float);
     m->head.control_points = f[5]->count / channels;
     return status == GONIO_OK ? name_channels(file, m, error) : status;
@@ -430,9 +428,7 @@ static gonio_status table_rgl(const gonio_source *source, gonio_model **out, gon
         m->head.isotropic = true;
         status = parse_container(source, file, error);
     }
-    if (status == GONIO_OK) {
-        status = load(file, m, error);
-    }
+    status = status == GONIO_OK ? load(file, m, error) : status;
     if (status != GONIO_OK && m != NULL) {
         release(&m->head);
         m = NULL;

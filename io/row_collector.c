@@ -93,9 +93,7 @@ gonio_status gonio_row_collector_end(gonio_row_collector *sink, gonio_status sta
     if (status == GONIO_OK && sink->report.rows == 0) {
         status = gonio_text_fail(sink->text, error, "no samples in it");
     }
-    if (status == GONIO_OK && sink->refused > 0) {
-        status = refuse(sink, error);
-    }
+    status = status == GONIO_OK && sink->refused > 0 ? refuse(sink, error) : status;
     if (report != NULL) {
         *report = sink->report;
     }

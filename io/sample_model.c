@@ -33,9 +33,7 @@ gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *
     *out = NULL;
     gonio_samples *s;
     gonio_status status = gonio_samples_new(model->channels, model->ops->sigma != NULL, &s, error);
-    if (status == GONIO_OK) {
-        status = gonio_samples_reserve(s, n, error);
-    }
+    status = status == GONIO_OK ? gonio_samples_reserve(s, n, error) : status;
     if (status != GONIO_OK) {
         gonio_samples_free(s);
         return status;

@@ -193,9 +193,7 @@ static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_
         return gonio_text_fail(text, error, "%d columns; at most %d are read", columns, COLUMNS_MAX);
     }
     gonio_status status = parse_header(text, fields, columns, l, error);
-    if (status == GONIO_OK) {
-        status = gonio_samples_new(l->channels, l->with_sigma, &sink->samples, error);
-    }
+    status = status == GONIO_OK ? gonio_samples_new(l->channels, l->with_sigma, &sink->samples, error) : status;
     if (status != GONIO_OK) {
         return status;
     }

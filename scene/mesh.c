@@ -238,16 +238,10 @@ gonio_status gonio_sim_mesh_read(const char *path, bool z_up, sim_mesh **out, go
     }
     sim_mesh *mesh = NULL;
     status = allocate(scene, path, &mesh, error);
-    if (status == GONIO_OK) {
-        status = copy(scene, path, z_up, mesh, error);
-    }
+    status = status == GONIO_OK ? copy(scene, path, z_up, mesh, error) : status;
     aiReleaseImport(scene);
-    if (status == GONIO_OK) {
-        status = normalise(mesh, path, error);
-    }
-    if (status == GONIO_OK && !normals) {
-        status = gonio_sim_normals_smooth(mesh, error);
-    }
+    status = status == GONIO_OK ? normalise(mesh, path, error) : status;
+    status = status == GONIO_OK && !normals ? gonio_sim_normals_smooth(mesh, error) : status;
     if (status != GONIO_OK) {
         gonio_sim_mesh_free(mesh);
         return status;

@@ -191,9 +191,7 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
     sim_mesh *mesh = NULL;
     sim_caster *caster = NULL;
     gonio_status status = o->mesh != NULL ? gonio_sim_mesh_read(o->mesh, o->mesh_z_up, &mesh, error) : GONIO_OK;
-    if (status == GONIO_OK) {
-        status = gonio_sim_caster_new(mesh, &caster, error);
-    }
+    status = status == GONIO_OK ? gonio_sim_caster_new(mesh, &caster, error) : status;
     const size_t size = (size_t)o->width * (size_t)o->height;
     for (int k = 0; k < n && status == GONIO_OK; k++) {
         tile t = {.model = models[k],
@@ -228,12 +226,8 @@ gonio_status gonio_render(const gonio_model *const *models, int n, const gonio_r
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for an image of %d x %d (%.3g MB)", width, height,
                             (double)(size * sizeof *pixels + stride * (size_t)height) / 1e6);
     }
-    if (status == GONIO_OK) {
-        status = trace_strip(models, n, options, pixels, error);
-    }
-    if (status == GONIO_OK && options->exposure_auto) {
-        status = automatic_scale(pixels, size, &scale, error);
-    }
+    status = status == GONIO_OK ? trace_strip(models, n, options, pixels, error) : status;
+    status = status == GONIO_OK && options->exposure_auto ? automatic_scale(pixels, size, &scale, error) : status;
     if (status == GONIO_OK) {
         develop(pixels, n, options, scale, image, stride);
         status = write_png(path, width, height, image, error);

@@ -211,12 +211,8 @@ static gonio_status prepare_devices(gonio_sim *sim, gonio_error *error) {
     if (status == GONIO_OK) {
         status = gonio_sim_response_new(sim->settings.camera.response, &sim->response, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_model_from_spec(BALL_SPEC, &sim->ball, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_model_from_spec(MIRROR_SPEC, &sim->mirror, error);
-    }
+    status = status == GONIO_OK ? gonio_model_from_spec(BALL_SPEC, &sim->ball, error) : status;
+    status = status == GONIO_OK ? gonio_model_from_spec(MIRROR_SPEC, &sim->mirror, error) : status;
     if (status == GONIO_OK) {
         status = gonio_sim_sensor_new(&sim->settings, &info, sim->seed, sim->threads, &sim->sensor, error);
     }
@@ -233,9 +229,7 @@ gonio_status gonio_sim_open(gonio_sim *sim, int threads, gonio_rig *rig, gonio_e
     draw_truth(sim);
     draw_axes(sim);
     status = gonio_sim_stage_start(sim, error);
-    if (status == GONIO_OK) {
-        status = prepare_devices(sim, error);
-    }
+    status = status == GONIO_OK ? prepare_devices(sim, error) : status;
     if (status != GONIO_OK) {
         release_devices(sim);
         return status;

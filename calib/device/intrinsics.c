@@ -158,9 +158,7 @@ gonio_status gonio_camera_calibrate(int n, const gonio_corners *corners, int wid
         status = gonio_opencv_calibrate(n, corners, RADIAL_MAX, views, out, error);
         out->views_used = used--;
     } while (status == GONIO_OK && reject_worst(n, views));
-    if (status == GONIO_OK) {
-        status = hold_k3(n, corners, views, out, error);
-    }
+    status = status == GONIO_OK ? hold_k3(n, corners, views, out, error) : status;
     const double spread = spread_deg(n, views);
     if (status == GONIO_OK && !(spread >= SPREAD_MIN_DEG && out->sigma[0] < FOCAL_SIGMA_MAX * out->value[0])) {
         status =

@@ -478,12 +478,8 @@ gonio_status gonio_noise_solve(gonio_noise *noise, gonio_noise_report *report, g
     *report = (gonio_noise_report){0};
     dark_model dark = {0};
     gonio_status status = solve_dark(noise, &dark, error);
-    if (status == GONIO_OK) {
-        status = solve_saturation(noise, &dark, report, error);
-    }
-    if (status == GONIO_OK) {
-        status = solve_gain(noise, &dark, report, error);
-    }
+    status = status == GONIO_OK ? solve_saturation(noise, &dark, report, error) : status;
+    status = status == GONIO_OK ? solve_gain(noise, &dark, report, error) : status;
     if (status == GONIO_OK) {
         solve_linearity(noise, &dark, report);
         status = solve_dsnu(noise, &dark, report, error);

@@ -279,9 +279,7 @@ static gonio_status fit_family(problem *q, gonio_response_curve *curve, gonio_er
         unpack_times(q, p, tau);
         set_weights(q, ln_exposure);
         status = round > 0 ? downweight_outliers(q, ln_exposure, tau, error) : GONIO_OK;
-        if (status == GONIO_OK) {
-            status = minimise(q, p, &rms, error);
-        }
+        status = status == GONIO_OK ? minimise(q, p, &rms, error) : status;
         q->scale = fmax(rms, 0.1); // the data's real noise, not one step of 8 bits, is what the prior competes with
     }
     gonio_curve_make(&q->family, p, ln_exposure, penalty);

@@ -218,9 +218,7 @@ gonio_status gonio_flat_prepare(gonio_calib *calib, gonio_error *error) {
     }
     describe_reference(calib, &work);
     status = calib->known_flat != NULL ? use_known(calib, error) : GONIO_OK;
-    if (status == GONIO_OK) {
-        status = find_dead(calib, error);
-    }
+    status = status == GONIO_OK ? find_dead(calib, error) : status;
 done:
     free(work.poses);
     free(work.share);

@@ -139,9 +139,7 @@ gonio_status gonio_flat_open(gonio_calib *calib, gonio_error *error) {
         sum != (uint32_t)crc32_z(crc32(0, (const Bytef *)&h, sizeof h), (const Bytef *)maps, count * sizeof *maps)) {
         status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "its checksum is wrong");
     }
-    if (status == GONIO_OK) {
-        status = take_maps(calib, &h, maps, path, error);
-    }
+    status = status == GONIO_OK ? take_maps(calib, &h, maps, path, error) : status;
     free(maps);
     fclose(file);
     return status;

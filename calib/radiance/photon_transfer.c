@@ -160,12 +160,8 @@ gonio_status gonio_transfer_prepare(gonio_calib *calib, gonio_error *error) {
         return gonio_fail(error, GONIO_E_INPUT, "no reference frames");
     }
     gonio_status status = check_light(calib, error);
-    if (status == GONIO_OK) {
-        status = measure_saturation(calib, error);
-    }
-    if (status == GONIO_OK) {
-        status = measure_gain(calib, error);
-    }
+    status = status == GONIO_OK ? measure_saturation(calib, error) : status;
+    status = status == GONIO_OK ? measure_gain(calib, error) : status;
     if (status != GONIO_OK) {
         return status;
     }

@@ -162,9 +162,7 @@ static gonio_status fit_round(bundle *q, double *p, gonio_error *error) {
             gonio_bundle_common_motion(q, p, &q->frames[i]);
         }
         status = count_views(q, error);
-        if (status == GONIO_OK) {
-            status = minimise(q, p, error);
-        }
+        status = status == GONIO_OK ? minimise(q, p, error) : status;
         if (status == GONIO_OK) {
             gonio_bundle_measure_noise(q, p);
             measure_views(q, p);
@@ -307,9 +305,7 @@ gonio_status gonio_rig_calibrate(const gonio_camera_info *camera, const gonio_ri
             take_origin(&q, p, origin);
         }
     }
-    if (status == GONIO_OK) {
-        status = find_covariance(&q, p, out->covariance, error);
-    }
+    status = status == GONIO_OK ? find_covariance(&q, p, out->covariance, error) : status;
     if (status == GONIO_OK) {
         memcpy(out->value, p, sizeof out->value);
         out->sigma_rad = gonio_alignment_sigma(out);

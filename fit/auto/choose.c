@@ -267,9 +267,7 @@ static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, 
         }
         status = run_forms(data, watch->options, pool, forms + f, count, choice, error);
         choice->longest = fmax(choice->longest, gonio_clock_s() - start);
-        if (status == GONIO_OK) {
-            status = gonio_deadline_poll(watch, error);
-        }
+        status = status == GONIO_OK ? gonio_deadline_poll(watch, error) : status;
     }
     return status;
 }
@@ -442,9 +440,7 @@ static gonio_status try_again(const gonio_dataset *data, gonio_deadline *watch, 
     if (status != GONIO_OK && error != NULL) {
         *error = r.error;
     }
-    if (status == GONIO_OK) {
-        status = keep_best(data, watch->options, choice, form, &r, error);
-    }
+    status = status == GONIO_OK ? keep_best(data, watch->options, choice, form, &r, error) : status;
     free(r.lambdas);
     *better = choice->chosen != before;
     return status == GONIO_OK ? gonio_deadline_poll(watch, error) : status;
@@ -526,9 +522,7 @@ static gonio_status try_shares(const gonio_dataset *data, gonio_deadline *watch,
     bool better = false;
     form.shares = true;
     gonio_status status = gonio_smooth_dense_shares(choice->dense, lobes, error);
-    if (status == GONIO_OK) {
-        status = try_again(data, watch, choice, &form, base, &better, error);
-    }
+    status = status == GONIO_OK ? try_again(data, watch, choice, &form, base, &better, error) : status;
     return status == GONIO_OK && !better ? gonio_smooth_dense_shares(choice->dense, NULL, error) : status;
 }
 
@@ -552,31 +546,19 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
     gonio_pool *pool = gonio_pool_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
-    if (status == GONIO_OK) {
-        status = gonio_deadline_report(watch, 0, "fitting lobes", error);
-    }
-    if (status == GONIO_OK) {
-        status = fit_bases(data, pool, lobes, choice, error);
-    }
+    status = status == GONIO_OK ? gonio_deadline_report(watch, 0, "fitting lobes", error) : status;
+    status = status == GONIO_OK ? fit_bases(data, pool, lobes, choice, error) : status;
     for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
         status = gonio_deadline_report(watch, 0.1 + 0.13 * round, what[round], error);
-        if (status == GONIO_OK) {
-            status = do_round(round, data, watch, pool, choice, error);
-        }
+        status = status == GONIO_OK ? do_round(round, data, watch, pool, choice, error) : status;
     }
     if (status == GONIO_OK && terms) {
         status = gonio_deadline_report(watch, 0.75, "comparing profiles", error);
         status = status == GONIO_OK ? try_profile(data, watch, choice, error) : status;
     }
-    if (status == GONIO_OK) {
-        status = gonio_deadline_report(watch, 0.9, "comparing reciprocity", error);
-    }
-    if (status == GONIO_OK) {
-        status = try_reciprocity(data, watch, choice, error);
-    }
-    if (status == GONIO_OK && terms) {
-        status = try_shares(data, watch, choice, error);
-    }
+    status = status == GONIO_OK ? gonio_deadline_report(watch, 0.9, "comparing reciprocity", error) : status;
+    status = status == GONIO_OK ? try_reciprocity(data, watch, choice, error) : status;
+    status = status == GONIO_OK && terms ? try_shares(data, watch, choice, error) : status;
     gonio_pool_free(pool);
     if (status != GONIO_OK) {
         gonio_auto_choice_release(choice);

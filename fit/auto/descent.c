@@ -157,9 +157,7 @@ gonio_status gonio_descent_solve(gonio_descent *s, double lambda, bool warm, gon
                                              points, &report, error);
         }
     }
-    if (status == GONIO_OK) {
-        status = score_points(s, score, error);
-    }
+    status = status == GONIO_OK ? score_points(s, score, error) : status;
     if (status == GONIO_OK && s->choice != NULL) {
         keep_trial(s, lambda, *score);
     }
@@ -374,9 +372,7 @@ gonio_status gonio_descent_levels(gonio_descent *s, bool brief, gonio_error *err
     }
     if (status == GONIO_OK && s->options->lambda < 0 && !brief) {
         status = search_stiffness(s, true, error);
-        if (status == GONIO_OK) {
-            status = settle_lambda(s, error);
-        }
+        status = status == GONIO_OK ? settle_lambda(s, error) : status;
     }
     return status;
 }

@@ -169,12 +169,8 @@ static gonio_status score_start(const comparison *c, gonio_error *error) {
     gonio_descent s;
     const gonio_iterative_choice *choice = c->choice;
     gonio_status status = gonio_descent_init(&s, c->data, c->in, c->watch, choice->lobes, choice->form.level, error);
-    if (status == GONIO_OK) {
-        status = gonio_descent_set(&s, &choice->form, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_descent_start(&s, &c->choice->start_score, error);
-    }
+    status = status == GONIO_OK ? gonio_descent_set(&s, &choice->form, error) : status;
+    status = status == GONIO_OK ? gonio_descent_start(&s, &c->choice->start_score, error) : status;
     gonio_descent_release(&s);
     return status;
 }
@@ -188,9 +184,7 @@ gonio_status gonio_iterative_choose(const gonio_dataset *data, gonio_deadline *w
     const bool open = watch->options->level == GONIO_LEVEL_AUTO;
     const int finest = open ? finest_level(data, watch->options) : watch->options->level;
     gonio_status status = check_memory(data, watch->options, finest, error);
-    if (status == GONIO_OK) {
-        status = gonio_holdout_init(&in, data, NULL, error);
-    }
+    status = status == GONIO_OK ? gonio_holdout_init(&in, data, NULL, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -252,9 +246,7 @@ gonio_status gonio_iterative_leave_out(const gonio_dataset *data, gonio_deadline
     gonio_descent s;
     gonio_smooth_score score;
     status = gonio_descent_init(&s, data, &in, watch, choice->lobes, choice->form.level, error);
-    if (status == GONIO_OK) {
-        status = gonio_descent_set(&s, &choice->form, error);
-    }
+    status = status == GONIO_OK ? gonio_descent_set(&s, &choice->form, error) : status;
     if (status == GONIO_OK) {
         status = choice->start_only ? gonio_descent_start(&s, &score, error)
                                     : gonio_descent_solve(&s, choice->lambda, false, &score, error);
@@ -262,9 +254,7 @@ gonio_status gonio_iterative_leave_out(const gonio_dataset *data, gonio_deadline
     if (status == GONIO_OK && (out->replicate = malloc(in.held.n * sizeof *out->replicate)) == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }
-    if (status == GONIO_OK) {
-        status = replicate_noise(&s, choice, out->replicate, error);
-    }
+    status = status == GONIO_OK ? replicate_noise(&s, choice, out->replicate, error) : status;
     gonio_descent_release(&s);
     if (status == GONIO_OK) {
         out->kept = in.train;
@@ -339,15 +329,11 @@ gonio_status gonio_iterative_parts(const gonio_dataset *data, gonio_deadline *wa
     if (status == GONIO_OK) {
         status = gonio_smooth_base_init(&base, data, choice->lobes != NULL ? &own : NULL, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_smooth_parts_hold(parts, &base, error);
-    }
+    status = status == GONIO_OK ? gonio_smooth_parts_hold(parts, &base, error) : status;
     if (status == GONIO_OK) {
         status = gonio_lattice_init(&parts->lattice, data->dims, choice->form.level, data->channels, error);
     }
-    if (status == GONIO_OK) {
-        status = solve_channels(data, watch, choice, &base, &parts->lattice, error);
-    }
+    status = status == GONIO_OK ? solve_channels(data, watch, choice, &base, &parts->lattice, error) : status;
     free(own.strength);
     gonio_smooth_base_release(&base);
     if (status != GONIO_OK) {

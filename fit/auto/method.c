@@ -32,9 +32,7 @@ static gonio_status fit_small(const gonio_dataset *data, const gonio_samples *sa
     gonio_lobe_spline_parts parts = {0};
     const gonio_smooth_base *base = &choice.bases[chosen->base];
     status = gonio_smooth_dense_parts(choice.dense, data, base, choice.lambdas, &parts, error);
-    if (status == GONIO_OK) {
-        status = gonio_sigma_dense(choice.dense, data, base, choice.lambdas, &parts, error);
-    }
+    status = status == GONIO_OK ? gonio_sigma_dense(choice.dense, data, base, choice.lambdas, &parts, error) : status;
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
         status = gonio_lobe_spline_new(&parts, out, error);

@@ -312,12 +312,8 @@ gonio_status gonio_bilevel_correct(gonio_bilevel_parts *parts, const gonio_latti
     }
     memcpy(master.points, specular->points, bytes);
     gonio_status status = correct_diffuse(parts, scatter, threads, error);
-    if (status == GONIO_OK) {
-        status = correct_specular(parts, &master, scatter, threads, error);
-    }
-    if (status == GONIO_OK) {
-        status = correct_diffuse(parts, scatter, threads, error);
-    }
+    status = status == GONIO_OK ? correct_specular(parts, &master, scatter, threads, error) : status;
+    status = status == GONIO_OK ? correct_diffuse(parts, scatter, threads, error) : status;
     free(master.points);
     return status;
 }

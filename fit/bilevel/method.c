@@ -153,15 +153,11 @@ static gonio_status smallest(const gonio_samples *samples, const gonio_fit_optio
     gonio_samples *train = NULL, *judge = NULL;
     gonio_status status = side != NULL ? gonio_samples_hold_out(samples, 0.2, o->seed ^ 0x696e6e6572u, side, error)
                                        : gonio_fail(error, GONIO_E_MEMORY, "no memory to hold samples out");
-    if (status == GONIO_OK && held_out) {
-        status = gonio_samples_select(samples, side, &judge, error);
-    }
+    status = status == GONIO_OK && held_out ? gonio_samples_select(samples, side, &judge, error) : status;
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         side[i] = !side[i];
     }
-    if (status == GONIO_OK && held_out) {
-        status = gonio_samples_select(samples, side, &train, error);
-    }
+    status = status == GONIO_OK && held_out ? gonio_samples_select(samples, side, &train, error) : status;
     free(side);
     const bool usable = held_out && train != NULL && judge != NULL && train->n > 0 && judge->n > 0;
     source s = {0};
@@ -203,9 +199,7 @@ static gonio_status fit_cbmba(const gonio_samples *samples, const gonio_fit_opti
         status = smallest(samples, options, &t, report->note, sizeof report->note, error);
     }
     source s = {0};
-    if (status == GONIO_OK) {
-        status = source_init(&s, samples, options, error);
-    }
+    status = status == GONIO_OK ? source_init(&s, samples, options, error) : status;
     if (status == GONIO_OK) {
         status = fit_triple(&s, &t, out, error);
         report->coordinates = s.scatter.coordinates;

@@ -13,8 +13,8 @@
 
 #include "base/statistics.h"
 #include "base/thread_pool.h"
-#include "gonio/fit.h"
 #include "fit/smooth/matrix.h"
+#include "gonio/fit.h"
 #include "gonio/plan.h"
 
 #define PAIRS ((size_t)4000)
@@ -234,9 +234,7 @@ static gonio_status check_separability(const gonio_model *model, gonio_check_rep
 gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error) {
     *report = (gonio_check_report){0};
     gonio_status status = check_pairs(model, report, error);
-    if (status == GONIO_OK) {
-        status = check_energy(model, threads, report, error);
-    }
+    status = status == GONIO_OK ? check_energy(model, threads, report, error) : status;
     return status == GONIO_OK ? check_separability(model, report, error) : status;
 }
 

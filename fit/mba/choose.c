@@ -135,9 +135,7 @@ static gonio_status score_fold(const gonio_samples *samples, const gonio_fit_opt
         }
         status = gonio_samples_select(samples, keep, side == 0 ? &train : &held, error);
     }
-    if (status == GONIO_OK) {
-        status = trial_init(&t, held, error);
-    }
+    status = status == GONIO_OK ? trial_init(&t, held, error) : status;
     if (status == GONIO_OK && train->n > 0 && held->n > 0) {
         status = score_levels(train, &t, form, options, limit, scores, error);
     }

@@ -74,9 +74,7 @@ static gonio_status fit_mba(const gonio_samples *samples, const gonio_fit_option
                             gonio_fit_report *report, gonio_error *error) {
     gonio_mba_choice choice;
     gonio_status status = gonio_mba_choose(samples, options, &choice, error);
-    if (status == GONIO_OK) {
-        status = fit_chosen(samples, options, &choice, out, error);
-    }
+    status = status == GONIO_OK ? fit_chosen(samples, options, &choice, out, error) : status;
     if (status == GONIO_OK) {
         report->level = choice.level;
         report->coordinates = choice.scatter.coordinates;

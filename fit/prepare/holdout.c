@@ -36,9 +36,7 @@ static gonio_status split(const gonio_dataset *some, const bool *given, gonio_ho
     for (size_t i = 0; i < some->n; i++) {
         keep[i] = !keep[i];
     }
-    if (status == GONIO_OK) {
-        status = gonio_dataset_select(some, keep, &in->held, error);
-    }
+    status = status == GONIO_OK ? gonio_dataset_select(some, keep, &in->held, error) : status;
     free(keep);
     return status;
 }

@@ -247,12 +247,8 @@ gonio_status gonio_scatter_prepare(gonio_scatter *scatter, const gonio_samples *
         scatter->mirror_axes = gonio_coordinates_mirror_axes(options->coordinates, scatter->dims);
     }
     status = allocate(scatter, options->weighted && samples->sigma_random != NULL, error);
-    if (status == GONIO_OK) {
-        status = choose_transforms(scatter, samples, options->domain, error);
-    }
-    if (status == GONIO_OK) {
-        status = fill(scatter, samples, options, error);
-    }
+    status = status == GONIO_OK ? choose_transforms(scatter, samples, options->domain, error) : status;
+    status = status == GONIO_OK ? fill(scatter, samples, options, error) : status;
     if (status != GONIO_OK) {
         gonio_scatter_release(scatter);
         return status;

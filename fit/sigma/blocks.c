@@ -365,9 +365,7 @@ static gonio_status leave_beyond(const blocks *b, bool outgoing, size_t size, ra
         }
         double *rest = work + 3 * size * size + 2 * n * c;
         status = rest_without(b, keep, rest, error);
-        if (status == GONIO_OK) {
-            status = predict_members(b, size, rest, work, error);
-        }
+        status = status == GONIO_OK ? predict_members(b, size, rest, work, error) : status;
     }
     free(work);
     free(keep);
@@ -386,9 +384,7 @@ static gonio_status leave_all(const blocks *b, gonio_error *error) {
         status = leave_out(b, 1, 1, error);
     }
     b->records->near = b->records->n;
-    if (status == GONIO_OK) {
-        status = leave_neighbourhoods(b, order, error);
-    }
+    status = status == GONIO_OK ? leave_neighbourhoods(b, order, error) : status;
     for (size_t share = 8; share >= 4 && status == GONIO_OK; share /= 2) {
         for (int side = 0; side < 2 && status == GONIO_OK; side++) {
             const size_t size = n / share < BLOCK_MAX ? n / share : BLOCK_MAX;
@@ -499,12 +495,8 @@ gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, 
         at[GONIO_SIGMA_UNKNOWN] = fmax(noise[i] - squared_length(weights + i * f->n, f->n), 0);
         at[GONIO_SIGMA_SLOPES] = 0;
     }
-    if (status == GONIO_OK) {
-        status = square_spline(f, factor, m, weights, signs, error);
-    }
-    if (status == GONIO_OK && f->p > 0) {
-        status = add_base(f, m, pairs, weights, signs, error);
-    }
+    status = status == GONIO_OK ? square_spline(f, factor, m, weights, signs, error) : status;
+    status = status == GONIO_OK && f->p > 0 ? add_base(f, m, pairs, weights, signs, error) : status;
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
         noise[i] = squared_length(weights + i * f->n, f->n);
     }

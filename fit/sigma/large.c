@@ -127,9 +127,7 @@ static void evidence_release(evidence *e) {
 static gonio_status measure_gaps(evidence *e, const gonio_smooth_form *form, gonio_error *error) {
     places kept = {0}, held = {0};
     gonio_status status = places_init(&kept, &e->left.kept, form, error);
-    if (status == GONIO_OK) {
-        status = places_init(&held, &e->left.held, form, error);
-    }
+    status = status == GONIO_OK ? places_init(&held, &e->left.held, form, error) : status;
     size_t count[4] = {0}, seen[4] = {0};
     for (size_t i = 0; i < e->left.held.n; i++) {
         count[(int)e->why[i]]++;
@@ -213,12 +211,8 @@ static gonio_status evidence_init(evidence *e, const gonio_iterative_choice *cho
             e->why[at++] = why[i];
         }
     }
-    if (status == GONIO_OK) {
-        status = measure_gaps(e, &choice->form, error);
-    }
-    if (status == GONIO_OK) {
-        status = passed_on(e, error);
-    }
+    status = status == GONIO_OK ? measure_gaps(e, &choice->form, error) : status;
+    status = status == GONIO_OK ? passed_on(e, error) : status;
     free(p.x);
     free(why);
     free(keep);
@@ -293,9 +287,7 @@ static gonio_status add_records(const evidence *e, const double *factor, const d
 static gonio_status learn(const evidence *e, const gonio_lobe_base *lobes, const double *factor,
                           gonio_sigma_records *records, gonio_sigma_law *law, double *work, gonio_error *error) {
     gonio_status status = held_corrections(e, lobes, factor, work, error);
-    if (status == GONIO_OK) {
-        status = add_records(e, factor, work, records, error);
-    }
+    status = status == GONIO_OK ? add_records(e, factor, work, records, error) : status;
     return status == GONIO_OK
                ? gonio_sigma_law_fit(records, gonio_sample_noise_variance(&e->left.held, factor), law, error)
                : status;
@@ -370,9 +362,7 @@ static gonio_status fill_probes(const evidence *e, const gonio_sigma_law *law, c
     double *work = malloc(4 * (law->records->n + 1) * sizeof *work);
     gonio_status status = work != NULL ? places_init(&all, data, &choice->form, error)
                                        : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
-    if (status == GONIO_OK) {
-        status = places_init(&at, probes, &choice->form, error);
-    }
+    status = status == GONIO_OK ? places_init(&at, probes, &choice->form, error) : status;
     for (size_t i = 0; i < probes->n && status == GONIO_OK; i++) {
         const double gap = gap2(&all, at.x + i * at.d);
         const double signs[GONIO_SIGMA_SIGNS] = {
@@ -413,18 +403,10 @@ gonio_status gonio_sigma_large(const gonio_iterative_choice *choice, const gonio
         }
         status = learn(&e, choice->lobes, some, &records, &law, work, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_sigma_probes(&probes, data, error);
-    }
-    if (status == GONIO_OK) {
-        status = probe_corrections(parts, factor, &probes, probes.targets, error);
-    }
-    if (status == GONIO_OK) {
-        status = fill_probes(&e, &law, data, choice, parts, factor, &probes, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sigma_attach(&probes, factor, parts, error);
-    }
+    status = status == GONIO_OK ? gonio_sigma_probes(&probes, data, error) : status;
+    status = status == GONIO_OK ? probe_corrections(parts, factor, &probes, probes.targets, error) : status;
+    status = status == GONIO_OK ? fill_probes(&e, &law, data, choice, parts, factor, &probes, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_attach(&probes, factor, parts, error) : status;
     if (status != GONIO_OK) {
         free(factor);
     }

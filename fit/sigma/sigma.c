@@ -87,21 +87,13 @@ gonio_status gonio_sigma_dense(const gonio_smooth_dense *dense, const gonio_data
         gonio_sigma_factors(n, c, residuals, factor, work);
         status = gonio_influence_init(&f, dense, data, base, middle_of(lambdas, c, work), factor[c / 2], error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_influence_records(&f, factor, &records, error);
-    }
+    status = status == GONIO_OK ? gonio_influence_records(&f, factor, &records, error) : status;
     if (status == GONIO_OK) {
         status = gonio_sigma_law_fit(&records, gonio_sample_noise_variance(data, factor), &law, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_sigma_probes(&probes, data, error);
-    }
-    if (status == GONIO_OK) {
-        status = fill_probes(&f, &law, factor, &probes, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sigma_attach(&probes, factor, parts, error);
-    }
+    status = status == GONIO_OK ? gonio_sigma_probes(&probes, data, error) : status;
+    status = status == GONIO_OK ? fill_probes(&f, &law, factor, &probes, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_attach(&probes, factor, parts, error) : status;
     if (status != GONIO_OK) {
         free(factor);
     }

@@ -270,9 +270,7 @@ gonio_status gonio_smooth_cg_solve(gonio_smooth_cg *cg, const double *targets, s
     *report = (gonio_smooth_cg_report){.gradient = 1};
     solve s = {0};
     gonio_status status = sum_places(cg, level, error);
-    if (status == GONIO_OK) {
-        status = solve_begin(&s, cg, level, lambda, points, error);
-    }
+    status = status == GONIO_OK ? solve_begin(&s, cg, level, lambda, points, error) : status;
     if (status == GONIO_OK) {
         gonio_smooth_apply(&cg->places, cg->pool, level, GONIO_SMOOTH_RESIDUAL, targets, stride, points, s.r);
         run_planes(&s, finish_residual);

@@ -256,21 +256,11 @@ gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smoot
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,
                                            3 * 8e-9 * (double)data->n * (double)data->n);
-    if (status == GONIO_OK) {
-        status = gonio_smooth_axis_init(&dense->axis, form->level, error);
-    }
-    if (status == GONIO_OK) {
-        status = fill_sample_features(dense, error);
-    }
-    if (status == GONIO_OK) {
-        status = sum_kernels(dense, error);
-    }
-    if (status == GONIO_OK) {
-        status = set_profile(dense, form, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_smooth_dense_reciprocity(dense, form->reciprocity, error);
-    }
+    status = status == GONIO_OK ? gonio_smooth_axis_init(&dense->axis, form->level, error) : status;
+    status = status == GONIO_OK ? fill_sample_features(dense, error) : status;
+    status = status == GONIO_OK ? sum_kernels(dense, error) : status;
+    status = status == GONIO_OK ? set_profile(dense, form, error) : status;
+    status = status == GONIO_OK ? gonio_smooth_dense_reciprocity(dense, form->reciprocity, error) : status;
     if (status != GONIO_OK) {
         gonio_smooth_dense_free(dense);
         return status;
@@ -328,9 +318,7 @@ gonio_status gonio_smooth_dense_loo(const gonio_smooth_dense *dense, const doubl
     gonio_status status = damped != NULL && residual != NULL && diagonal != NULL
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for leave-one-out errors");
-    if (status == GONIO_OK) {
-        status = project(dense, targets, channels, &projected, error);
-    }
+    status = status == GONIO_OK ? project(dense, targets, channels, &projected, error) : status;
     if (status == GONIO_OK) {
         fill_diagonals(dense, count, lambdas, diagonal);
     }
@@ -424,12 +412,8 @@ gonio_status gonio_smooth_dense_solve(const gonio_smooth_dense *dense, const dou
     if (spectrum == NULL || other == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", lattice->count);
     }
-    if (status == GONIO_OK) {
-        status = representers(dense, targets, channels, lambdas, &weights, error);
-    }
-    if (status == GONIO_OK) {
-        status = mode_amplitudes(dense, weights, c, spectrum, error);
-    }
+    status = status == GONIO_OK ? representers(dense, targets, channels, lambdas, &weights, error) : status;
+    status = status == GONIO_OK ? mode_amplitudes(dense, weights, c, spectrum, error) : status;
     size_t outer = 1, inner = lattice->count / m * c;
     for (int d = 0; d < dense->dims && status == GONIO_OK; d++, outer *= m, inner /= m) {
         gonio_smooth_axis_transform(&dense->axis, outer, inner, spectrum, other);

@@ -238,9 +238,7 @@ gonio_status gonio_smooth_dense_parts(const gonio_smooth_dense *dense, const gon
                                       gonio_lobe_spline_parts *parts, gonio_error *error) {
     const gonio_coordinates coordinates = gonio_smooth_dense_form(dense)->coordinates;
     gonio_status status = gonio_smooth_parts_init(parts, data, &base->lobes, coordinates, error);
-    if (status == GONIO_OK) {
-        status = gonio_smooth_parts_hold(parts, base, error);
-    }
+    status = status == GONIO_OK ? gonio_smooth_parts_hold(parts, base, error) : status;
     if (status == GONIO_OK) {
         status = gonio_smooth_dense_solve(dense, base->rest, data->channels, lambdas, &parts->lattice, error);
     }

@@ -75,9 +75,7 @@ gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double l
     for (size_t k = 0; k < d && status == GONIO_OK; k++) {
         gonio_smooth_axis_features(&dense->axis, m, at + k, d, feature[k]);
     }
-    if (status == GONIO_OK) {
-        status = cross_kernel(dense, m, feature, cross, variance, error);
-    }
+    status = status == GONIO_OK ? cross_kernel(dense, m, feature, cross, variance, error) : status;
     if (status == GONIO_OK && dense->form.profile > 0) {
         status = gonio_smooth_profile_cross(dense->profile, dense->form.profile, m, at, cross, variance, error);
     }

@@ -42,9 +42,7 @@ static gonio_status join(gonio_session *session, const gonio_process *process, g
         } else if (step->kind == GONIO_STEP_SAMPLE && step->done) {
             status = gonio_session_step_samples(session, step->index, &set, error);
         }
-        if (status == GONIO_OK && set != NULL) {
-            status = append(all, set, step->clock_end_s, clock_s, error);
-        }
+        status = status == GONIO_OK && set != NULL ? append(all, set, step->clock_end_s, clock_s, error) : status;
         gonio_samples_free(set);
     }
     return status;
@@ -102,9 +100,7 @@ static void count(const gonio_process *process, gonio_outcome *out) {
 
 static gonio_status save(const gonio_finish_options *options, gonio_outcome *out, gonio_error *error) {
     gonio_status status = gonio_model_save(out->model, options->model_path, error);
-    if (status == GONIO_OK) {
-        status = gonio_sha256_file(options->model_path, out->model_sha256, error);
-    }
+    status = status == GONIO_OK ? gonio_sha256_file(options->model_path, out->model_sha256, error) : status;
     return status == GONIO_OK ? gonio_sha256_samples(out->samples, out->samples_sha256, error) : status;
 }
 
@@ -115,12 +111,8 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     bool changed = false;
     count(process, out);
     gonio_status status = gonio_process_new_samples(process, &out->samples, error);
-    if (status == GONIO_OK) {
-        status = join(session, process, options->sets, out->samples, &clock_s, error);
-    }
-    if (status == GONIO_OK) {
-        status = correct_drift(session, process, clock_s, out, &changed, error);
-    }
+    status = status == GONIO_OK ? join(session, process, options->sets, out->samples, &clock_s, error) : status;
+    status = status == GONIO_OK ? correct_drift(session, process, clock_s, out, &changed, error) : status;
     free(clock_s);
     if (status == GONIO_OK) {
         gonio_fit_options fit = process->setup.fit;

@@ -34,13 +34,9 @@ static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_optio
         status = method != NULL ? gonio_fit_options_check(&options->fit, method, error)
                                 : gonio_fail(error, GONIO_E_USAGE, "unknown fit method '%s'", options->fit.method);
     }
-    if (status == GONIO_OK) {
-        status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
-    }
+    status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
     gonio_plan *plan;
-    if (status == GONIO_OK) {
-        status = gonio_plan_make(options->plan, options->seed, &plan, error);
-    }
+    status = status == GONIO_OK ? gonio_plan_make(options->plan, options->seed, &plan, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -67,18 +63,10 @@ static gonio_status put_model_place(gonio_session *session, const char *model, g
 static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
                             const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
     gonio_status status = gonio_session_put(session, "gonio.version", gonio_version(), error);
-    if (status == GONIO_OK) {
-        status = gonio_session_put(session, "plan", options->plan, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_rig_file_put(session, rig, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_setup_put(session, setup, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_put_steps(session, steps, n, error);
-    }
+    status = status == GONIO_OK ? gonio_session_put(session, "plan", options->plan, error) : status;
+    status = status == GONIO_OK ? gonio_rig_file_put(session, rig, error) : status;
+    status = status == GONIO_OK ? gonio_setup_put(session, setup, error) : status;
+    status = status == GONIO_OK ? gonio_session_put_steps(session, steps, n, error) : status;
     if (status == GONIO_OK && options->model_path != NULL) {
         status = put_model_place(session, options->model_path, error);
     }
@@ -106,12 +94,8 @@ gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, co
     gonio_step *steps = NULL;
     size_t n = 0;
     gonio_status status = prepare(rig, options, &setup, &steps, &n, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_create(path, out, error);
-    }
-    if (status == GONIO_OK) {
-        status = journal(*out, rig, options, &setup, steps, n, error);
-    }
+    status = status == GONIO_OK ? gonio_session_create(path, out, error) : status;
+    status = status == GONIO_OK ? journal(*out, rig, options, &setup, steps, n, error) : status;
     free(steps);
     if (status != GONIO_OK) {
         gonio_session_close(*out);
@@ -246,12 +230,8 @@ static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
 static gonio_status run_all(run *r, const gonio_rig *rig, gonio_outcome *outcome, gonio_error *error) {
     const gonio_scan_hooks hooks = {r, r->options->hooks.mount != NULL ? ask_for_hands : NULL, note, note_undone};
     gonio_status status = gonio_scan_new(r->session, rig, &hooks, &r->scan, error);
-    if (status == GONIO_OK) {
-        status = open_stream(r, error);
-    }
-    if (status == GONIO_OK) {
-        status = scan_all(r, error);
-    }
+    status = status == GONIO_OK ? open_stream(r, error) : status;
+    status = status == GONIO_OK ? scan_all(r, error) : status;
     return status == GONIO_OK ? finish(r, outcome, error) : status;
 }
 

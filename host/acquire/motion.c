@@ -38,12 +38,8 @@ gonio_status gonio_process_motion(gonio_session *session, const gonio_process *p
         return GONIO_OK;
     }
     gonio_status status = read_check(session, first, &begun, &n_begun, error);
-    if (status == GONIO_OK) {
-        status = read_check(session, last, &ended, &n_ended, error);
-    }
-    if (status == GONIO_OK) {
-        status = compare(&begun[n_begun - 1], &ended[n_ended - 1], motion, error);
-    }
+    status = status == GONIO_OK ? read_check(session, last, &ended, &n_ended, error) : status;
+    status = status == GONIO_OK ? compare(&begun[n_begun - 1], &ended[n_ended - 1], motion, error) : status;
     if (status == GONIO_OK && motion->moved) {
         snprintf(text, 256,
                  "camera or sample moved: step %lld frame %d lies (%.2f, %.2f) px from step %lld frame %d "

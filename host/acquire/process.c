@@ -19,9 +19,7 @@ static gonio_status new_calib(gonio_process *process, gonio_error *error) {
 gonio_status gonio_process_begin(gonio_session *session, gonio_process *process, gonio_error *error) {
     *process = (gonio_process){.isotropic = true};
     gonio_status status = gonio_setup_get(session, &process->setup, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_steps(session, &process->steps, &process->n, error);
-    }
+    status = status == GONIO_OK ? gonio_session_steps(session, &process->steps, &process->n, error) : status;
     if (status == GONIO_OK) {
         status = gonio_calib_new(&process->setup.camera, &process->setup.facts, &process->setup.window, &process->calib,
                                  error);
@@ -63,9 +61,7 @@ static gonio_status calibrate_stored(gonio_session *session, gonio_process *proc
     gonio_exposure *exposures;
     int n;
     gonio_status status = gonio_session_exposures(session, step->index, &exposures, &n, error);
-    if (status == GONIO_OK) {
-        status = calibrate(process, step, exposures, n, error);
-    }
+    status = status == GONIO_OK ? calibrate(process, step, exposures, n, error) : status;
     gonio_exposures_free(exposures, n);
     return status;
 }
@@ -87,9 +83,7 @@ gonio_status gonio_process_prepare(gonio_session *session, gonio_process *proces
             return GONIO_OK;
         }
     }
-    if (status == GONIO_OK) {
-        status = gonio_calib_prepare(process->calib, error);
-    }
+    status = status == GONIO_OK ? gonio_calib_prepare(process->calib, error) : status;
     *ready = status == GONIO_OK;
     return status;
 }
@@ -156,9 +150,7 @@ static gonio_status process_step(gonio_session *session, const gonio_process *pr
     int n;
     char why[512];
     gonio_status status = gonio_session_exposures(session, step->index, &exposures, &n, error);
-    if (status == GONIO_OK) {
-        status = gonio_process_pose(process, step, exposures, n, out, why, error);
-    }
+    status = status == GONIO_OK ? gonio_process_pose(process, step, exposures, n, out, why, error) : status;
     gonio_exposures_free(exposures, n);
     return status;
 }

@@ -149,15 +149,9 @@ gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *o
     if (status == GONIO_OK) {
         status = gonio_process_samples(session, &r.process, false, options->threads, on_poses, &r, &sets, error);
     }
-    if (status == GONIO_OK) {
-        status = compare_sets(&r, sets, report, error);
-    }
-    if (status == GONIO_OK) {
-        status = finish(&r, sets, outcome, error);
-    }
-    if (status == GONIO_OK) {
-        status = judge(session, outcome, report, error);
-    }
+    status = status == GONIO_OK ? compare_sets(&r, sets, report, error) : status;
+    status = status == GONIO_OK ? finish(&r, sets, outcome, error) : status;
+    status = status == GONIO_OK ? judge(session, outcome, report, error) : status;
     if (status != GONIO_OK) {
         gonio_outcome_free(outcome);
     }

@@ -140,9 +140,7 @@ static gonio_status build(builder *b, const char *text, const char *name, const 
     gonio_rig_keys_default(&b->keys);
     gonio_status status = check_lines(text, name, error);
     b->driver_pass = true;
-    if (status == GONIO_OK) {
-        status = apply_text(b, text, name, error);
-    }
+    status = status == GONIO_OK ? apply_text(b, text, name, error) : status;
     b->driver_pass = false;
     if (status != GONIO_OK) {
         return status;
@@ -193,9 +191,7 @@ static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, g
         status = gonio_null_rig_open(&rig->rig, error);
         rig->rig.facts = b->keys.facts;
     }
-    if (status == GONIO_OK) {
-        status = gonio_hardware_open(b->hardware, &rig->rig, b->sim != NULL, error);
-    }
+    status = status == GONIO_OK ? gonio_hardware_open(b->hardware, &rig->rig, b->sim != NULL, error) : status;
     rig->sim = b->sim;
     rig->scan = b->keys.scan;
     snprintf(rig->driver, sizeof rig->driver, "%s", b->keys.driver);
@@ -333,9 +329,7 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
         status = build(&b, rig->text, is_sim ? "settings" : options->path, options, error);
     }
     rig->sim = b.sim;
-    if (status == GONIO_OK) {
-        status = open_devices(&b, options->threads, rig, error);
-    }
+    status = status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
     // A session journals the numbers, so that a resume needs no file.
     return status == GONIO_OK && b.keys.alignment[0] != 0
                ? gonio_alignment_read(b.keys.alignment, &rig->rig.facts.alignment, error)
@@ -354,9 +348,7 @@ void gonio_rig_file_release(gonio_rig_file *rig) {
 
 gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *rig, gonio_error *error) {
     gonio_status status = gonio_session_put(session, "rig.driver", rig->driver, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_put(session, "rig.ini", rig->text, error);
-    }
+    status = status == GONIO_OK ? gonio_session_put(session, "rig.ini", rig->text, error) : status;
     if (status != GONIO_OK || rig->sim == NULL) {
         return status;
     }
@@ -367,9 +359,7 @@ gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *ri
     status = settings != NULL ? gonio_session_put(session, "sim.settings", settings, error)
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     free(settings);
-    if (status == GONIO_OK) {
-        status = gonio_session_put(session, "sim.seed", seed, error);
-    }
+    status = status == GONIO_OK ? gonio_session_put(session, "sim.seed", seed, error) : status;
     return status == GONIO_OK ? gonio_session_put(session, "sim.spec", rig->spec, error) : status;
 }
 
@@ -399,9 +389,7 @@ static gonio_status reopen_hardware(gonio_session *session, const char *extra, g
     builder b = {.sim = rig->sim};
     gonio_rig_keys_default(&b.keys);
     gonio_status status = new_hardware(&b, rig, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_get(session, "rig.ini", &text, error);
-    }
+    status = status == GONIO_OK ? gonio_session_get(session, "rig.ini", &text, error) : status;
     b.file_lines = count_lines(text);
     const char *const texts[] = {text, text, extra, extra};
     for (int pass = 0; pass < 4 && status == GONIO_OK; pass++) {
@@ -418,27 +406,15 @@ static gonio_status reopen_sim(gonio_session *session, const char *extra, int th
                                gonio_error *error) {
     char *spec = NULL, *seed = NULL, *settings = NULL;
     gonio_status status = gonio_session_get(session, "sim.spec", &spec, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_get(session, "sim.seed", &seed, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_get(session, "sim.settings", &settings, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_sim_new(spec, strtoull(seed, NULL, 10), &rig->sim, error);
-    }
-    if (status == GONIO_OK) {
-        status = apply_sim_settings(rig->sim, settings, error);
-    }
-    if (status == GONIO_OK) {
-        status = reopen_hardware(session, extra, rig, error);
-    }
+    status = status == GONIO_OK ? gonio_session_get(session, "sim.seed", &seed, error) : status;
+    status = status == GONIO_OK ? gonio_session_get(session, "sim.settings", &settings, error) : status;
+    status = status == GONIO_OK ? gonio_sim_new(spec, strtoull(seed, NULL, 10), &rig->sim, error) : status;
+    status = status == GONIO_OK ? apply_sim_settings(rig->sim, settings, error) : status;
+    status = status == GONIO_OK ? reopen_hardware(session, extra, rig, error) : status;
     free(spec);
     free(seed);
     free(settings);
-    if (status == GONIO_OK) {
-        status = gonio_sim_open(rig->sim, threads, &rig->rig, error);
-    }
+    status = status == GONIO_OK ? gonio_sim_open(rig->sim, threads, &rig->rig, error) : status;
     return status == GONIO_OK ? gonio_hardware_open(rig->hardware, &rig->rig, true, error) : status;
 }
 
@@ -455,9 +431,7 @@ static gonio_status reopen_file(gonio_session *session, const char *extra, int t
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
     free(journalled);
-    if (status == GONIO_OK) {
-        status = new_hardware(&b, rig, error);
-    }
+    status = status == GONIO_OK ? new_hardware(&b, rig, error) : status;
     if (status == GONIO_OK) {
         status = build(&b, rig->text, "the journalled rig file", &(gonio_rig_file_options){.seed = 1}, error);
     }
@@ -487,12 +461,8 @@ gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_
     const gonio_rig_file_options changes = {.settings = options->settings, .n_settings = options->n_settings};
     gonio_setup setup;
     gonio_status status = overrides(&changes, &extra, error);
-    if (status == GONIO_OK) {
-        status = read_setup(session, &setup, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_get(session, "rig.driver", &driver, error);
-    }
+    status = status == GONIO_OK ? read_setup(session, &setup, error) : status;
+    status = status == GONIO_OK ? gonio_session_get(session, "rig.driver", &driver, error) : status;
     if (status == GONIO_OK) {
         snprintf(rig->driver, sizeof rig->driver, "%s", driver);
         status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, options->threads, rig, error)
@@ -502,9 +472,7 @@ gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_
     if (status == GONIO_OK && extra[0] != 0) {
         status = gonio_session_event(session, "settings changed", extra, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_session_event(session, "resumed", "", error);
-    }
+    status = status == GONIO_OK ? gonio_session_event(session, "resumed", "", error) : status;
     free(driver);
     free(extra);
     return status;

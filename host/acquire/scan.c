@@ -112,12 +112,8 @@ static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
         status = rig->interlock->check(rig->interlock_device, error);
     }
     // Homing first: it ends an alarm that a fault has left behind, and with one standing the lamp stays dark.
-    if (status == GONIO_OK) {
-        status = audit(scan, error);
-    }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_level(rig->lamp_device, 1, error);
-    }
+    status = status == GONIO_OK ? audit(scan, error) : status;
+    status = status == GONIO_OK ? rig->lamp->set_level(rig->lamp_device, 1, error) : status;
     return status == GONIO_OK ? warm_up(scan, error) : status;
 }
 
@@ -154,18 +150,12 @@ gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const 
     scan->hooks = *hooks;
     scan->target = TARGET_UNKNOWN;
     gonio_status status = gonio_session_sweep(session, NULL, error);
-    if (status == GONIO_OK) {
-        status = gonio_process_begin(session, &scan->process, error);
-    }
+    status = status == GONIO_OK ? gonio_process_begin(session, &scan->process, error) : status;
     if (status == GONIO_OK) {
         status = gonio_process_prepare(session, &scan->process, NULL, NULL, 0, &scan->ready, error);
     }
-    if (status == GONIO_OK && scan->ready) {
-        status = restore_samples(scan, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_monitor(session, &scan->monitor, error);
-    }
+    status = status == GONIO_OK && scan->ready ? restore_samples(scan, error) : status;
+    status = status == GONIO_OK ? gonio_session_monitor(session, &scan->monitor, error) : status;
     to_next(scan);
     bool unaudited = false;
     flagged_poses(scan, &unaudited); // killed after the last step: what is left to do is the audit
@@ -314,12 +304,8 @@ static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_
         status = gonio_expose_step(scan->rig, &scan->process.setup, scan->process.calib, step,
                                    first_exposure(scan, step), exposures, error);
     }
-    if (status == GONIO_OK) {
-        status = still_sound(scan, exposures, error);
-    }
-    if (status == GONIO_OK) {
-        status = evaluate(scan, step, exposures, error);
-    }
+    status = status == GONIO_OK ? still_sound(scan, exposures, error) : status;
+    status = status == GONIO_OK ? evaluate(scan, step, exposures, error) : status;
     gonio_step finished = *step;
     finished.done = true;
     finished.flagged = scan->rig->stage->audit != NULL;
@@ -360,12 +346,8 @@ static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
         return GONIO_OK;
     }
     gonio_status status = at_end ? GONIO_OK : scan->rig->lamp->set_shutter(scan->rig->lamp_device, false, error);
-    if (status == GONIO_OK) {
-        status = park(scan, error);
-    }
-    if (status == GONIO_OK) {
-        status = audit(scan, error);
-    }
+    status = status == GONIO_OK ? park(scan, error) : status;
+    status = status == GONIO_OK ? audit(scan, error) : status;
     // Taken back to the first step: it waited for the lamp.
     return status == GONIO_OK && scan->next < before ? warm_up(scan, error) : status;
 }

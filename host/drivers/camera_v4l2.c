@@ -70,9 +70,7 @@ static gonio_status configure(camera *c, gonio_error *error) {
     }
     c->format = (gonio_v4l2_format){.fourcc = c->pixels->fourcc, .width = c->config.width, .height = c->config.height};
     status = gonio_v4l2_set_format(c->v4l2, &c->format, error);
-    if (status == GONIO_OK) {
-        status = gonio_camera_autos_off(c->v4l2, error);
-    }
+    status = status == GONIO_OK ? gonio_camera_autos_off(c->v4l2, error) : status;
     if (status == GONIO_OK) {
         status = gonio_camera_controls_find(c->v4l2, c->config.exposure_unit_s, &c->controls, error);
     }
@@ -106,9 +104,7 @@ static gonio_status connect_camera(camera *c, gonio_error *error) {
         snprintf(c->card, sizeof c->card, "%s", gonio_v4l2_card(c->v4l2));
         status = configure(c, error);
     }
-    if (status == GONIO_OK) {
-        status = start(c, error);
-    }
+    status = status == GONIO_OK ? start(c, error) : status;
     if (status != GONIO_OK) {
         gonio_v4l2_close(c->v4l2);
         c->v4l2 = NULL;
@@ -290,9 +286,7 @@ static gonio_status unpack_and_give(camera *c, const gonio_v4l2_buffer *buffer, 
 static gonio_status attempt(camera *c, const gonio_window *window, double exposure_s, double gain_db,
                             gonio_deadline deadline, uint16_t *pixels, gonio_error *error) {
     gonio_status status = set_exposure(c, exposure_s, error);
-    if (status == GONIO_OK) {
-        status = set_gain(c, gain_db, error);
-    }
+    status = status == GONIO_OK ? set_gain(c, gain_db, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -407,12 +401,8 @@ gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double ga
     camera *c = device;
     const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
     gonio_status status = c->v4l2 == NULL ? recover(c, error) : GONIO_OK;
-    if (status == GONIO_OK) {
-        status = set_exposure(c, exposure_s, error);
-    }
-    if (status == GONIO_OK) {
-        status = set_gain(c, gain_db, error);
-    }
+    status = status == GONIO_OK ? set_exposure(c, exposure_s, error) : status;
+    status = status == GONIO_OK ? set_gain(c, gain_db, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -469,9 +459,7 @@ gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s
         c->to_discard = 0;
         status = frame_mean(c, pixels, &before, error);
     }
-    if (status == GONIO_OK) {
-        status = set_exposure(c, high_s, error);
-    }
+    status = status == GONIO_OK ? set_exposure(c, high_s, error) : status;
     for (int i = 0; i < LATENCY_MAX && status == GONIO_OK; i++) {
         c->to_discard = 0;
         status = frame_mean(c, pixels, &means[i], error);
@@ -554,18 +542,14 @@ static gonio_status make(void *of, const gonio_driver_context *context, void **d
         s->config.trigger_context = &s->trigger;
         status = gonio_trigger_gpio_open(&s->trigger, error);
     }
-    if (status == GONIO_OK) {
-        status = gonio_tape_choose(s->record, s->replay, &s->tape, error);
-    }
+    status = status == GONIO_OK ? gonio_tape_choose(s->record, s->replay, &s->tape, error) : status;
     if (status == GONIO_OK && s->tape != NULL) {
         status = gonio_v4l2_recorder_new(s->tape, &gonio_v4l2_system, NULL, &s->recorder, error);
     }
     const gonio_v4l2_io *io = s->replay[0] != 0   ? &gonio_v4l2_replaying
                               : s->record[0] != 0 ? &gonio_v4l2_recording
                                                   : &gonio_v4l2_system;
-    if (status == GONIO_OK) {
-        status = gonio_camera_v4l2_open(&s->config, io, s->recorder, device, error);
-    }
+    status = status == GONIO_OK ? gonio_camera_v4l2_open(&s->config, io, s->recorder, device, error) : status;
     const gonio_pixel_format *format = status == GONIO_OK ? gonio_camera_v4l2_format(*device) : NULL;
     if (format != NULL && format->fitness == GONIO_FIT_WITH_WARNING && context->event != NULL) {
         char text[160];

@@ -175,9 +175,7 @@ gonio_status gonio_controller_write(gonio_controller *c, int address, int n, con
     for (int attempt = 0; attempt < 3 && status == GONIO_OK && memcmp(held, words, size) != 0; attempt++) {
         status =
             gonio_controller_request(c, "writing", once_write, &(words_request){address, n, NULL, words}, NULL, error);
-        if (status == GONIO_OK) {
-            status = gonio_controller_read(c, address, n, held, error);
-        }
+        status = status == GONIO_OK ? gonio_controller_read(c, address, n, held, error) : status;
     }
     if (status == GONIO_OK && memcmp(held, words, size) != 0) {
         return gonio_fail(error, GONIO_E_DEVICE, "controller %s: register 0x%04x does not take what is written",

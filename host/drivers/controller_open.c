@@ -123,12 +123,8 @@ gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_
         gonio_modbus_drain(c->modbus, 20);
         status = gonio_controller_greet(c, error);
     }
-    if (status == GONIO_OK) {
-        status = settle_in(c, error);
-    }
-    if (status == GONIO_OK) {
-        status = start_feeding(c, error);
-    }
+    status = status == GONIO_OK ? settle_in(c, error) : status;
+    status = status == GONIO_OK ? start_feeding(c, error) : status;
     if (status != GONIO_OK) {
         destroy(c);
         return status;

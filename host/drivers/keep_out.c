@@ -107,9 +107,7 @@ static gonio_status guard_move(void *device, const double target_rad[GONIO_AXES]
     const guard *g = device;
     double now[GONIO_AXES];
     gonio_status status = g->stage->position(g->device, now, error);
-    if (status == GONIO_OK) {
-        status = gonio_keep_out_check(&g->keep_out, now, target_rad, error);
-    }
+    status = status == GONIO_OK ? gonio_keep_out_check(&g->keep_out, now, target_rad, error) : status;
     return status == GONIO_OK ? g->stage->move(g->device, target_rad, id, stamp, timeout_s, error) : status;
 }
 

@@ -46,9 +46,7 @@ static gonio_status lamp_wait_ready(void *device, const gonio_stamp *stamp, doub
     for (;;) {
         gonio_controller_status now;
         gonio_status status = gonio_controller_read_status(l->controller, &now, error);
-        if (status == GONIO_OK) {
-            status = gonio_controller_alarm(&now, error);
-        }
+        status = status == GONIO_OK ? gonio_controller_alarm(&now, error) : status;
         if (status != GONIO_OK) {
             return status;
         }

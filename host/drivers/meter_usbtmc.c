@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "host/drivers/driver.h"
 #include "base/number.h"
+#include "host/drivers/driver.h"
 #include "host/transport/clock.h"
 
 // SCPI-1999 section 7.2.1: these numbers stand for infinity and for "not a number".
@@ -117,9 +117,7 @@ static gonio_status read_one(meter *m, double *value, gonio_error *error) {
         }
         char reply[REPLY_MAX];
         status = query_once(m, m->config.query, reply, &last);
-        if (status == GONIO_OK) {
-            status = parse_reading(reply, value, &last);
-        }
+        status = status == GONIO_OK ? parse_reading(reply, value, &last) : status;
         if (status == GONIO_OK) {
             return GONIO_OK;
         }
@@ -170,9 +168,7 @@ gonio_status gonio_meter_usbtmc_open(const gonio_meter_usbtmc_config *config, vo
     }
     m->config = *config;
     gonio_status status = gonio_usbtmc_open(&config->match, &m->usb, error);
-    if (status == GONIO_OK) {
-        status = set_up(m, error);
-    }
+    status = status == GONIO_OK ? set_up(m, error) : status;
     if (status != GONIO_OK) {
         meter_close(m);
         return status;

@@ -27,9 +27,7 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
                                double timeout_s, gonio_error *error) {
     stage *s = device;
     gonio_status status = s->real->move(s->real_device, target_rad, id, stamp, timeout_s, error);
-    if (status == GONIO_OK && !s->following) {
-        status = follow_home(s, timeout_s, error);
-    }
+    status = status == GONIO_OK && !s->following ? follow_home(s, timeout_s, error) : status;
     if (status == GONIO_OK) {
         status = s->simulated->move(s->simulated_device, target_rad, id, stamp, timeout_s, error);
         s->together = status == GONIO_OK;

@@ -71,9 +71,7 @@ static gonio_status set_up_motion(stage *s, int k, gonio_error *error) {
         return gonio_fail(error, GONIO_E_DEVICE, "axis %s: the controller says %g steps a degree", axis_names[k],
                           a->steps_per_deg);
     }
-    if (status == GONIO_OK) {
-        status = PARAMETER(speed_max, c->speed_deg_per_s * a->steps_per_deg, &a->speed);
-    }
+    status = status == GONIO_OK ? PARAMETER(speed_max, c->speed_deg_per_s * a->steps_per_deg, &a->speed) : status;
     if (status == GONIO_OK) {
         status = PARAMETER(acceleration, c->acceleration_deg_per_s2 * a->steps_per_deg, &a->acceleration);
     }
@@ -104,12 +102,8 @@ static gonio_status set_up_homing(stage *s, int k, gonio_error *error) {
     const double scale = s->axes[k].steps_per_deg;
     double unused;
     gonio_status status = PARAMETER(home_position, c->home_deg * scale, &unused);
-    if (status == GONIO_OK) {
-        status = PARAMETER(home_fast, c->home_fast_deg_per_s * scale, &unused);
-    }
-    if (status == GONIO_OK) {
-        status = PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused);
-    }
+    status = status == GONIO_OK ? PARAMETER(home_fast, c->home_fast_deg_per_s * scale, &unused) : status;
+    status = status == GONIO_OK ? PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused) : status;
     if (status == GONIO_OK && isfinite(c->home_travel_deg)) { // of no use to the host: not read
         status = PARAMETER(home_travel, c->home_travel_deg * scale, &unused);
     }
@@ -125,12 +119,8 @@ static gonio_status set_up(stage *s, gonio_error *error) {
         s->axes[k].zero_deg = s->config.axes[k].zero_deg;
         s->axes[k].sign = s->config.axes[k].sign < 0 ? -1 : 1;
         status = set_up_motion(s, k, error);
-        if (status == GONIO_OK) {
-            status = set_up_limits(s, k, error);
-        }
-        if (status == GONIO_OK) {
-            status = set_up_homing(s, k, error);
-        }
+        status = status == GONIO_OK ? set_up_limits(s, k, error) : status;
+        status = status == GONIO_OK ? set_up_homing(s, k, error) : status;
     }
     if (status == GONIO_OK && s->config.home_pressed >= 0) {
         const int k = 0; // the axes share it
@@ -159,18 +149,13 @@ static gonio_status watch(void *context, gonio_error *error) {
 static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
     stage *s = device;
     gonio_status status = watch(s, error);
-    if (status == GONIO_OK) {
-        status = gonio_controller_clear(s->controller, error);
-    }
+    status = status == GONIO_OK ? gonio_controller_clear(s->controller, error) : status;
     uint32_t id = 0;
     if (status == GONIO_OK) {
         status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_HOME, ALL_AXES, NULL, &id, error);
     }
     gonio_controller_status now;
-    if (status == GONIO_OK) {
-        status = gonio_controller_wait(s->controller, id, timeout_s, watch, s, &now, error);
-    }
-    return status;
+    return status == GONIO_OK ? gonio_controller_wait(s->controller, id, timeout_s, watch, s, &now, error) : status;
 }
 
 static gonio_status check_targets(const stage *s, const int64_t targets[GONIO_AXES], unsigned axes,
@@ -236,13 +221,9 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     }
     gonio_controller_status now;
     gonio_status status = watch(s, error);
-    if (status == GONIO_OK) {
-        status = gonio_controller_read_status(s->controller, &now, error);
-    }
+    status = status == GONIO_OK ? gonio_controller_read_status(s->controller, &now, error) : status;
     unsigned axes = status == GONIO_OK ? changed_axes(targets, &now) : 0;
-    if (status == GONIO_OK) {
-        status = check_targets(s, targets, axes, error);
-    }
+    status = status == GONIO_OK ? check_targets(s, targets, axes, error) : status;
     // A move of no length settles, and triggers, as any other, with whatever axes the controller would move at all.
     for (int k = 0; k < GONIO_AXES && status == GONIO_OK && axes == 0; k++) {
         axes = check_targets(s, targets, 1u << k, NULL) == GONIO_OK ? 1u << k : 0;
@@ -250,12 +231,8 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     if (status == GONIO_OK && axes == 0) {
         return GONIO_OK;
     }
-    if (status == GONIO_OK) {
-        status = gonio_controller_alarm(&now, error);
-    }
-    if (status == GONIO_OK) {
-        status = check_homed(now.homed, error);
-    }
+    status = status == GONIO_OK ? gonio_controller_alarm(&now, error) : status;
+    status = status == GONIO_OK ? check_homed(now.homed, error) : status;
     uint32_t own_id = 0;
     if (status == GONIO_OK) {
         status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_MOVE, axes, targets, &own_id, error);
@@ -263,9 +240,7 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     if (status == GONIO_OK) {
         status = gonio_controller_wait(s->controller, own_id, timeout_s, watch, s, &now, error);
     }
-    if (status == GONIO_OK) {
-        status = check_arrival(s, targets, &now, error);
-    }
+    status = status == GONIO_OK ? check_arrival(s, targets, &now, error) : status;
     if (status == GONIO_OK) {
         gonio_controller_rest(s->controller, targets);
     }
@@ -339,9 +314,7 @@ static gonio_status stage_audit(void *device, double timeout_s, double differenc
     gonio_controller_status before;
     double difference_deg[GONIO_AXES] = {0};
     gonio_status status = gonio_controller_read_status(s->controller, &before, error);
-    if (status == GONIO_OK) {
-        status = stage_home(device, timeout_s, error);
-    }
+    status = status == GONIO_OK ? stage_home(device, timeout_s, error) : status;
     if (status != GONIO_OK) {
         return status;
     }

@@ -23,9 +23,7 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     gonio_status status = gonio_session_png_encode(frame, bits, false, &png, error);
     if (status == GONIO_OK && (int64_t)png.size < before.st_size) {
         status = gonio_session_file_write(session, name, &png, &file, error);
-        if (status == GONIO_OK) {
-            status = gonio_session_files_keep(session, &file, 1, error);
-        }
+        status = status == GONIO_OK ? gonio_session_files_keep(session, &file, 1, error) : status;
         *saved = status == GONIO_OK ? before.st_size - (int64_t)png.size : 0;
     }
     free(png.data);

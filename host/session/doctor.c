@@ -255,9 +255,7 @@ static gonio_status examine(gonio_session *session, bool repair, gonio_doctor_re
         check_model(session, report);
         status = check_final(session, repair, report, error);
     }
-    if (status == GONIO_OK) {
-        status = for_strays(session, count_stray, report, error);
-    }
+    status = status == GONIO_OK ? for_strays(session, count_stray, report, error) : status;
     return status == GONIO_OK && repair ? gonio_session_sweep(session, NULL, error) : status;
 }
 
@@ -284,9 +282,7 @@ gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_re
     if (!report->database_ok && repair) {
         gonio_session_close(session);
         status = gonio_session_salvage(path, error);
-        if (status == GONIO_OK) {
-            status = gonio_session_open(path, repair, &session, error);
-        }
+        status = status == GONIO_OK ? gonio_session_open(path, repair, &session, error) : status;
         if (status != GONIO_OK) {
             return status;
         }

@@ -88,9 +88,7 @@ static gonio_status enter(gonio_session *session, const gonio_step *step, const 
     if (status == GONIO_OK && samples != NULL) {
         status = gonio_session_store_samples(session, step->index, samples, error);
     }
-    if (status == GONIO_OK && step->flagged) {
-        status = flag(session, step->index, error);
-    }
+    status = status == GONIO_OK && step->flagged ? flag(session, step->index, error) : status;
     return status == GONIO_OK ? mark_done(session, step, n, error) : status;
 }
 
@@ -148,9 +146,7 @@ gonio_status gonio_session_frame_read(gonio_session *session, const char *name, 
     snprintf(file, sizeof file, "frames/%s", name);
     session_png png;
     gonio_status status = gonio_session_frame_file(session, name, &png, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_png_decode(&png, file, bits, frame, error);
-    }
+    status = status == GONIO_OK ? gonio_session_png_decode(&png, file, bits, frame, error) : status;
     free(png.data);
     if (status == GONIO_OK) {
         status = gonio_session_frame_hash(frame, hash, error);
@@ -217,9 +213,7 @@ gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio
     char sql[96];
     snprintf(sql, sizeof sql, "SELECT frames FROM steps WHERE step = %lld", (long long)step);
     gonio_status status = gonio_session_frame_bits(session, &bits, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_integer(session, sql, &count, error);
-    }
+    status = status == GONIO_OK ? gonio_session_integer(session, sql, &count, error) : status;
     sqlite3_stmt *rows = NULL;
     if (status == GONIO_OK) {
         status = gonio_session_prepare(session,

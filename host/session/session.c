@@ -110,12 +110,8 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
     if (sqlite3_open(session->db_path, &session->db) != SQLITE_OK) {
         status = gonio_session_db_fail(session, error, "create the journal");
     }
-    if (status == GONIO_OK) {
-        status = gonio_session_exec(session, "PRAGMA synchronous = FULL", error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_begin(session, error);
-    }
+    status = status == GONIO_OK ? gonio_session_exec(session, "PRAGMA synchronous = FULL", error) : status;
+    status = status == GONIO_OK ? gonio_session_begin(session, error) : status;
     if (status == GONIO_OK) {
         status = gonio_session_exec(session, versions, error);
         status = status == GONIO_OK ? gonio_session_exec(session, gonio_session_schema, error) : status;
@@ -137,9 +133,7 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
 static gonio_status check_version(gonio_session *session, gonio_error *error) {
     int64_t application = 0, version = 0;
     gonio_status status = gonio_session_integer(session, "PRAGMA application_id", &application, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_integer(session, "PRAGMA user_version", &version, error);
-    }
+    status = status == GONIO_OK ? gonio_session_integer(session, "PRAGMA user_version", &version, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -217,12 +211,8 @@ static gonio_status open_at(const char *path, bool create, bool writable, gonio_
     }
     session->writable = writable;
     status = open_folders(session, error);
-    if (status == GONIO_OK && create) {
-        status = create_database(session, error);
-    }
-    if (status == GONIO_OK) {
-        status = open_database(session, error);
-    }
+    status = status == GONIO_OK && create ? create_database(session, error) : status;
+    status = status == GONIO_OK ? open_database(session, error) : status;
     if (status != GONIO_OK) {
         gonio_session_close(session);
         return status;

@@ -120,9 +120,7 @@ gonio_status gonio_session_for_done(gonio_session *session, session_step_fn call
     size_t n = 0;
     int bits;
     gonio_status status = gonio_session_frame_bits(session, &bits, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_steps(session, &list, &n, error);
-    }
+    status = status == GONIO_OK ? gonio_session_steps(session, &list, &n, error) : status;
     if (status == GONIO_OK && steps != NULL) {
         *steps = (int64_t)n;
     }

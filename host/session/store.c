@@ -104,12 +104,8 @@ static gonio_status store_one(gonio_session *session, int64_t step, int number, 
     char name[SESSION_FRAME_NAME];
     gonio_session_frame_name(step, number, name);
     gonio_status status = gonio_session_frame_hash(frame, hash, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_png_encode(frame, bits, session->plain, &png, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_file_write(session, name, &png, file, error);
-    }
+    status = status == GONIO_OK ? gonio_session_png_encode(frame, bits, session->plain, &png, error) : status;
+    status = status == GONIO_OK ? gonio_session_file_write(session, name, &png, file, error) : status;
     free(png.data);
     return status;
 }

@@ -116,10 +116,7 @@ static gonio_status calibrate(work *w, const settings *s, gonio_error *error) {
     if (status == GONIO_OK) {
         status = gonio_camera_calibrate(w->n, w->corners, w->width, w->height, w->views, &w->found, error);
     }
-    if (status == GONIO_OK && s->out != NULL) {
-        status = write_ini(w, s->out, error);
-    }
-    return status;
+    return status == GONIO_OK && s->out != NULL ? write_ini(w, s->out, error) : status;
 }
 
 int calibrate_camera(int argc, char **argv) {

@@ -81,9 +81,7 @@ static gonio_status from_files(const settings *s, gonio_calib **calib, gonio_err
             }
         }
     }
-    if (status == GONIO_OK) {
-        status = gonio_calib_prepare(*calib, error);
-    }
+    status = status == GONIO_OK ? gonio_calib_prepare(*calib, error) : status;
     if (status != GONIO_OK) {
         name_file(rows, n, error);
     }
@@ -104,12 +102,8 @@ static gonio_status add_step(const gonio_rig *rig, const gonio_setup *setup, con
     if (status == GONIO_OK && !dark) {
         status = rig->mount->mount(rig->mount_device, trap ? GONIO_TARGET_TRAP : GONIO_TARGET_REFERENCE, error);
     }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_shutter(rig->lamp_device, !dark, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_expose_step(rig, setup, calib, step, 0, &taken, error);
-    }
+    status = status == GONIO_OK ? rig->lamp->set_shutter(rig->lamp_device, !dark, error) : status;
+    status = status == GONIO_OK ? gonio_expose_step(rig, setup, calib, step, 0, &taken, error) : status;
     for (int i = 0; status == GONIO_OK && i < taken.n; i++) {
         status = dark   ? gonio_calib_add_dark(calib, &taken.items[i], error)
                  : trap ? gonio_calib_add_trap(calib, &taken.items[i], error)
@@ -127,20 +121,14 @@ static gonio_status take_steps(const settings *s, cli_rig *opened, gonio_calib *
     opened->scan.reference_frames = s->frames;
     gonio_status status = gonio_setup_of_rig(rig, &opened->scan, &setup, error);
     setup.facts.flat_path[0] = 0;
-    if (status == GONIO_OK) {
-        status = gonio_calib_new(&setup.camera, &setup.facts, &setup.window, calib, error);
-    }
+    status = status == GONIO_OK ? gonio_calib_new(&setup.camera, &setup.facts, &setup.window, calib, error) : status;
     if (status == GONIO_OK && rig->mount == NULL) {
         status = gonio_fail(error, GONIO_E_UNSUPPORTED,
                             "a rig without a sample changer: give a list of frames, dark and lit, instead");
     }
     double clock_s = 0;
-    if (status == GONIO_OK) {
-        status = rig->stage->home(rig->stage_device, 600, error);
-    }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_level(rig->lamp_device, 1, error);
-    }
+    status = status == GONIO_OK ? rig->stage->home(rig->stage_device, 600, error) : status;
+    status = status == GONIO_OK ? rig->lamp->set_level(rig->lamp_device, 1, error) : status;
     if (status == GONIO_OK) {
         status = rig->lamp->wait_ready(rig->lamp_device, &(gonio_stamp){0}, 7200, &clock_s, error);
     }
@@ -159,12 +147,8 @@ static gonio_status take_steps(const settings *s, cli_rig *opened, gonio_calib *
 static gonio_status from_rig(const settings *s, gonio_calib **calib, gonio_error *error) {
     cli_rig opened = {0};
     gonio_status status = cli_rig_open(&s->rig, &opened, error);
-    if (status == GONIO_OK) {
-        status = take_steps(s, &opened, calib, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_calib_prepare(*calib, error);
-    }
+    status = status == GONIO_OK ? take_steps(s, &opened, calib, error) : status;
+    status = status == GONIO_OK ? gonio_calib_prepare(*calib, error) : status;
     cli_rig_close(&opened);
     return status;
 }
@@ -242,12 +226,8 @@ static gonio_status calibrate(const settings *s, gonio_window *window, summary *
         *window = gonio_calib_window(calib);
         summarise(calib, (size_t)window->width * (size_t)window->height, m);
     }
-    if (status == GONIO_OK && s->out != NULL) {
-        status = gonio_calib_flat_save(calib, s->out, error);
-    }
-    if (status == GONIO_OK && s->maps != NULL) {
-        status = write_maps(s, calib, window, error);
-    }
+    status = status == GONIO_OK && s->out != NULL ? gonio_calib_flat_save(calib, s->out, error) : status;
+    status = status == GONIO_OK && s->maps != NULL ? write_maps(s, calib, window, error) : status;
     gonio_calib_free(calib);
     return status;
 }

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "gonio/session_calibration.h"
 #include "gonio/output.h"
+#include "gonio/session_calibration.h"
 #include "host/cli/calibrate/calibrate.h"
 #include "host/cli/rig_file.h"
 
@@ -38,9 +38,7 @@ static gonio_status add_file(gonio_noise **noise, const settings *s, const frame
             gonio_fail_line(error, GONIO_E_INPUT, s->list, row->line, "%d x %d pixels; the first frame has %d x %d",
                             image.width, image.height, *width, *height);
     }
-    if (status == GONIO_OK) {
-        status = gonio_noise_add(*noise, image.pixels, row->exposure_s, row->lit, error);
-    }
+    status = status == GONIO_OK ? gonio_noise_add(*noise, image.pixels, row->exposure_s, row->lit, error) : status;
     gonio_image_free(&image);
     return status;
 }
@@ -120,9 +118,7 @@ static gonio_status long_darks(camera_run *run, const settings *s, gonio_noise *
     gonio_status status = GONIO_OK;
     for (int i = 0; status == GONIO_OK && i < s->frames; i++) {
         status = take(run, exposure_s, false, error);
-        if (status == GONIO_OK) {
-            status = gonio_noise_add(noise, run->pixels, exposure_s, false, error);
-        }
+        status = status == GONIO_OK ? gonio_noise_add(noise, run->pixels, exposure_s, false, error) : status;
     }
     return status;
 }
@@ -136,9 +132,7 @@ static gonio_status series(camera_run *run, const settings *s, double full_s, go
         for (int i = 0; status == GONIO_OK && i < 2 * s->frames; i++) {
             const bool lit = i < s->frames;
             status = take(run, exposure_s, lit, error);
-            if (status == GONIO_OK) {
-                status = gonio_noise_add(noise, run->pixels, exposure_s, lit, error);
-            }
+            status = status == GONIO_OK ? gonio_noise_add(noise, run->pixels, exposure_s, lit, error) : status;
         }
     }
     return status;
@@ -159,9 +153,7 @@ static gonio_status place_reference(camera_run *run, gonio_error *error) {
         while (getchar() != '\n' && !feof(stdin)) {
         }
     }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_level(rig->lamp_device, 1, error);
-    }
+    status = status == GONIO_OK ? rig->lamp->set_level(rig->lamp_device, 1, error) : status;
     if (status == GONIO_OK) {
         status = rig->lamp->wait_ready(rig->lamp_device, &run->stamp, 2 * TIMEOUT_S, &waited_s, error);
         run->stamp.clock_s += waited_s;
@@ -174,27 +166,17 @@ static gonio_status from_rig(const settings *s, gonio_noise **noise, int *width,
     camera_run run = {.rig = &opened.rig};
     double full_s = 0;
     gonio_status status = cli_rig_open(&s->rig, &opened, error);
-    if (status == GONIO_OK) {
-        status = opened.rig.camera->info(opened.rig.camera_device, &run.info, error);
-    }
+    status = status == GONIO_OK ? opened.rig.camera->info(opened.rig.camera_device, &run.info, error) : status;
     if (status == GONIO_OK) {
         run.window = (gonio_window){0, 0, *width = run.info.width, *height = run.info.height};
         run.pixels = malloc((size_t)*width * (size_t)*height * sizeof *run.pixels);
         status = run.pixels == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for a frame")
                                     : gonio_noise_new(*width, *height, run.info.bits, noise, error);
     }
-    if (status == GONIO_OK) {
-        status = place_reference(&run, error);
-    }
-    if (status == GONIO_OK) {
-        status = find_range(&run, &full_s, error);
-    }
-    if (status == GONIO_OK) {
-        status = series(&run, s, full_s, *noise, error);
-    }
-    if (status == GONIO_OK) {
-        status = long_darks(&run, s, *noise, error);
-    }
+    status = status == GONIO_OK ? place_reference(&run, error) : status;
+    status = status == GONIO_OK ? find_range(&run, &full_s, error) : status;
+    status = status == GONIO_OK ? series(&run, s, full_s, *noise, error) : status;
+    status = status == GONIO_OK ? long_darks(&run, s, *noise, error) : status;
     if (opened.rig.lamp != NULL) {
         opened.rig.lamp->set_shutter(opened.rig.lamp_device, false, NULL);
     }
@@ -297,12 +279,8 @@ static gonio_status calibrate(const settings *s, gonio_noise_report *report, gon
     int width = 0, height = 0;
     gonio_status status =
         s->list != NULL ? from_files(s, &noise, &width, &height, error) : from_rig(s, &noise, &width, &height, error);
-    if (status == GONIO_OK) {
-        status = gonio_noise_solve(noise, report, error);
-    }
-    if (status == GONIO_OK && s->out != NULL) {
-        status = write_maps(s, noise, width, height, error);
-    }
+    status = status == GONIO_OK ? gonio_noise_solve(noise, report, error) : status;
+    status = status == GONIO_OK && s->out != NULL ? write_maps(s, noise, width, height, error) : status;
     gonio_noise_free(noise);
     return status;
 }

@@ -101,15 +101,9 @@ static gonio_status calibrate(const settings *s, result *r, gonio_error *error) 
     gonio_reflectance table = {0};
     gonio_model *brdf = NULL;
     gonio_status status = gonio_reflectance_read(s->table, &table, error);
-    if (status == GONIO_OK && s->brdf != NULL) {
-        status = gonio_model_resolve(s->brdf, &brdf, error);
-    }
-    if (status == GONIO_OK) {
-        status = convert(s, &table, brdf, r, error);
-    }
-    if (status == GONIO_OK && s->out != NULL) {
-        status = write_section(s, r, error);
-    }
+    status = status == GONIO_OK && s->brdf != NULL ? gonio_model_resolve(s->brdf, &brdf, error) : status;
+    status = status == GONIO_OK ? convert(s, &table, brdf, r, error) : status;
+    status = status == GONIO_OK && s->out != NULL ? write_section(s, r, error) : status;
     gonio_model_free(brdf);
     gonio_reflectance_free(&table);
     return status;

@@ -60,10 +60,7 @@ static gonio_status calibrate(const settings *s, work *w, gonio_error *error) {
     if (status == GONIO_OK) {
         status = gonio_response_fit((int)w->n, w->images, s->channel, w->exposure_s, &s->fit, &w->curve, error);
     }
-    if (status == GONIO_OK && s->out != NULL) {
-        status = gonio_response_write(&w->curve, s->out, error);
-    }
-    return status;
+    return status == GONIO_OK && s->out != NULL ? gonio_response_write(&w->curve, s->out, error) : status;
 }
 
 static json_t *as_json(const settings *s, const work *w) {

@@ -80,9 +80,7 @@ static gonio_status read_rows(FILE *stream, const char *path, const char *folder
             status = views->n < VIEWS_MAX
                          ? parse_row(path, line, text, file, &views->items[views->n], error)
                          : gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d frames", VIEWS_MAX);
-            if (status == GONIO_OK) {
-                status = look_at_file(request, views, path, line, folder, file, error);
-            }
+            status = status == GONIO_OK ? look_at_file(request, views, path, line, folder, file, error) : status;
         }
     }
     return status;
@@ -95,9 +93,7 @@ static gonio_status from_list(const char *path, calibrate_rig_request *request, 
                           "--camera: the camera's intrinsics (gonio calibrate camera -o) are needed");
     }
     gonio_status status = calibrate_camera_read(request->camera, &views->camera, request->options.camera_sigma, error);
-    if (status == GONIO_OK) {
-        status = calibrate_rig_room(views, VIEWS_MAX, error);
-    }
+    status = status == GONIO_OK ? calibrate_rig_room(views, VIEWS_MAX, error) : status;
     FILE *stream = status == GONIO_OK ? fopen(path, "r") : NULL;
     if (status == GONIO_OK && stream == NULL) {
         status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
@@ -206,9 +202,7 @@ int calibrate_rig(int argc, char **argv) {
     gonio_rig_report report;
     cli_catch_interrupts();
     gonio_status status = calibrate_board_parse(&board, &request.board, &error);
-    if (status == GONIO_OK) {
-        status = run(list, &request, out, &views, &report, &error);
-    }
+    status = status == GONIO_OK ? run(list, &request, out, &views, &report, &error) : status;
     int exit_status = 0;
     if (status != GONIO_OK) {
         for (int i = 0; i < views.n; i++) {

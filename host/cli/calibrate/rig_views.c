@@ -191,9 +191,7 @@ static gonio_status take_pose(taking *t, const gonio_rig_pose *pose, gonio_error
         return status;
     }
     status = expose(t, pose->object, error);
-    if (status == GONIO_OK) {
-        status = keep(t, view, t->views->names[i], error);
-    }
+    status = status == GONIO_OK ? keep(t, view, t->views->names[i], error) : status;
     return status == GONIO_OK ? calibrate_rig_look(t->request, &t->image, view, &t->views->corners[i], error) : status;
 }
 
@@ -207,9 +205,7 @@ static gonio_status take_poses(taking *t, const gonio_rig_pose *poses, int n, go
         if (status == GONIO_OK && cli_interrupted()) {
             status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %d frames", t->views->n);
         }
-        if (status == GONIO_OK) {
-            status = take_pose(t, &poses[i], error);
-        }
+        status = status == GONIO_OK ? take_pose(t, &poses[i], error) : status;
         cli_progress_update(&t->progress, i + 1, "", NAN);
     }
     cli_progress_end(&t->progress);
@@ -222,9 +218,7 @@ static gonio_status take_all(taking *t, gonio_error *error) {
     gonio_alignment rough;
     gonio_rig_report report;
     gonio_status status = calibrate_rig_room(t->views, 2 * GONIO_RIG_POSES_MAX, error);
-    if (status == GONIO_OK) {
-        status = take_poses(t, poses, gonio_rig_poses(poses), error);
-    }
+    status = status == GONIO_OK ? take_poses(t, poses, gonio_rig_poses(poses), error) : status;
     if (status == GONIO_OK) {
         status = gonio_rig_calibrate(&t->views->camera, &t->request->options, t->views->n, t->views->items, &rough,
                                      &report, error);
@@ -242,12 +236,8 @@ static gonio_status start_rig(taking *t, gonio_error *error) {
     gonio_rig *rig = t->rig;
     double waited_s = 0;
     gonio_status status = rig->interlock != NULL ? rig->interlock->check(rig->interlock_device, error) : GONIO_OK;
-    if (status == GONIO_OK) {
-        status = rig->stage->home(rig->stage_device, TIMEOUT_S, error);
-    }
-    if (status == GONIO_OK) {
-        status = rig->lamp->set_level(rig->lamp_device, 1, error);
-    }
+    status = status == GONIO_OK ? rig->stage->home(rig->stage_device, TIMEOUT_S, error) : status;
+    status = status == GONIO_OK ? rig->lamp->set_level(rig->lamp_device, 1, error) : status;
     if (status == GONIO_OK) {
         status = rig->lamp->wait_ready(rig->lamp_device, &t->stamp, 2 * TIMEOUT_S, &waited_s, error);
         t->stamp.clock_s += waited_s;
@@ -270,12 +260,8 @@ static gonio_status open_rig(taking *t, cli_rig *opened, gonio_error *error) {
     calibrate_rig_request *request = t->request;
     gonio_camera_info *camera = &t->views->camera;
     gonio_status status = cli_rig_open(&request->rig, opened, error);
-    if (status == GONIO_OK) {
-        status = opened->rig.camera->info(opened->rig.camera_device, camera, error);
-    }
-    if (status == GONIO_OK && opened->sim != NULL) {
-        status = show_board(opened->sim, &request->board, error);
-    }
+    status = status == GONIO_OK ? opened->rig.camera->info(opened->rig.camera_device, camera, error) : status;
+    status = status == GONIO_OK && opened->sim != NULL ? show_board(opened->sim, &request->board, error) : status;
     const int width = camera->width, height = camera->height;
     if (status == GONIO_OK && request->camera != NULL) {
         status = calibrate_camera_read(request->camera, camera, request->options.camera_sigma, error);

@@ -35,9 +35,7 @@ static gonio_status tell_position(const cli_rig *rig, json_t **out, gonio_error 
 static gonio_status home(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
     (void)request;
     gonio_status status = rig->rig.stage->home(rig->rig.stage_device, HOME_TIMEOUT_S, error);
-    if (status == GONIO_OK) {
-        status = tell_position(rig, out, error);
-    }
+    status = status == GONIO_OK ? tell_position(rig, out, error) : status;
     void *stage = gonio_hardware_stage(rig->hardware);
     if (status == GONIO_OK && stage != NULL) {
         double drift_deg[GONIO_AXES] = {0}, drift_rad[GONIO_AXES];
@@ -85,12 +83,8 @@ static gonio_status go(const rig_request *request, cli_rig *rig, bool relative, 
     const gonio_rig *r = &rig->rig;
     double target[GONIO_AXES];
     gonio_status status = r->stage->position(r->stage_device, target, error);
-    if (status == GONIO_OK) {
-        status = read_target(request, rig, relative, target, error);
-    }
-    if (status == GONIO_OK && r->interlock != NULL) {
-        status = r->interlock->check(r->interlock_device, error);
-    }
+    status = status == GONIO_OK ? read_target(request, rig, relative, target, error) : status;
+    status = status == GONIO_OK && r->interlock != NULL ? r->interlock->check(r->interlock_device, error) : status;
     if (status == GONIO_OK) {
         const gonio_stamp stamp = {0};
         status = r->stage->move(r->stage_device, target, 1, &stamp, MOVE_TIMEOUT_S, error);
@@ -120,9 +114,7 @@ static gonio_status clear(const rig_request *request, cli_rig *rig, json_t **out
     }
     gonio_controller_status now;
     gonio_status status = gonio_controller_clear(controller, error);
-    if (status == GONIO_OK) {
-        status = gonio_controller_read_status(controller, &now, error);
-    }
+    status = status == GONIO_OK ? gonio_controller_read_status(controller, &now, error) : status;
     if (status == GONIO_OK) {
         *out = json_pack("{s:s}", "state", gonio_controller_state_text(now.state));
     }

@@ -68,9 +68,7 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
     if (status == GONIO_OK && a->transforms != 0) {
         status = gonio_check_apply(samples, a->transforms, report->energy, &changed, error);
     }
-    if (status == GONIO_OK && a->transforms != 0) {
-        status = gonio_write_samples(changed, a->output, error);
-    }
+    status = status == GONIO_OK && a->transforms != 0 ? gonio_write_samples(changed, a->output, error) : status;
     gonio_samples_free(changed);
     gonio_samples_free(samples);
     gonio_model_free(model);

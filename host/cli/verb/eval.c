@@ -71,12 +71,8 @@ static gonio_status read_directions(const char *path, directions *d, gonio_error
     while (status == GONIO_OK && (line = gonio_text_content(&text)) != NULL) {
         gonio_pair pair;
         status = parse_row(&text, line, copy, sizeof copy, fields, error);
-        if (status == GONIO_OK) {
-            status = gonio_text_pair(&text, fields, &pair, error);
-        }
-        if (status == GONIO_OK) {
-            status = append(d, line, &pair, error);
-        }
+        status = status == GONIO_OK ? gonio_text_pair(&text, fields, &pair, error) : status;
+        status = status == GONIO_OK ? append(d, line, &pair, error) : status;
     }
     return status;
 }
@@ -168,9 +164,7 @@ static int run(int argc, char **argv) {
     if (status == GONIO_OK && sigma && model->ops->sigma == NULL) {
         status = gonio_fail(&error, GONIO_E_UNSUPPORTED, "%s carries no uncertainty", names[0]);
     }
-    if (status == GONIO_OK) {
-        status = read_directions(names[1], &d, &error);
-    }
+    status = status == GONIO_OK ? read_directions(names[1], &d, &error) : status;
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, d.pairs, d.n, common.threads, &values, &error);
     }

@@ -60,9 +60,7 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     if (status == GONIO_OK && cli_interrupted()) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
     }
-    if (status == GONIO_OK && a->output != NULL) {
-        status = gonio_model_save(model, a->output, error);
-    }
+    status = status == GONIO_OK && a->output != NULL ? gonio_model_save(model, a->output, error) : status;
     gonio_model_free(model);
     gonio_samples_free(samples);
     return status;

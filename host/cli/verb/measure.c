@@ -21,9 +21,7 @@ static int run_request(request *r, const char *path) {
         cli_rig_close(&rig);
         return 2;
     }
-    if (status == GONIO_OK) {
-        status = gonio_measure_begin(path, &rig, &r->measure, &session, &error);
-    }
+    status = status == GONIO_OK ? gonio_measure_begin(path, &rig, &r->measure, &session, &error) : status;
     const int exit_status = status == GONIO_OK ? cli_measuring_run(&r->measuring, &r->measure, session, &rig)
                                                : cli_fail(r->measuring.common, &error);
     gonio_session_close(session);

@@ -59,12 +59,8 @@ static gonio_status plan(const cli_rig_options *options, const char *text, cli_r
                          gonio_step **steps, size_t *n, gonio_error *error) {
     gonio_plan *poses;
     gonio_status status = cli_rig_open(options, rig, error);
-    if (status == GONIO_OK) {
-        status = gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_plan_make(text, options->seed, &poses, error);
-    }
+    status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
+    status = status == GONIO_OK ? gonio_plan_make(text, options->seed, &poses, error) : status;
     if (status == GONIO_OK) {
         status = gonio_scan_steps(&rig->rig, &setup->scan, poses, steps, n, error);
         gonio_plan_free(poses);
@@ -150,12 +146,8 @@ static int run(int argc, char **argv) {
     size_t n = 0;
     estimate e = {0};
     gonio_status status = plan(&rig_options, text, &rig, &setup, &steps, &n, &error);
-    if (status == GONIO_OK && check != NULL) {
-        status = check_moves(&rig, steps, n, &error);
-    }
-    if (status == GONIO_OK) {
-        status = check_edges(&setup, steps, n, check != NULL, &e, &error);
-    }
+    status = status == GONIO_OK && check != NULL ? check_moves(&rig, steps, n, &error) : status;
+    status = status == GONIO_OK ? check_edges(&setup, steps, n, check != NULL, &e, &error) : status;
     if (status == GONIO_OK) {
         fill(&rig, &setup, steps, n, &e);
         if (output != NULL) {

@@ -86,9 +86,7 @@ static int run(int argc, char **argv) {
     cli_measuring_options(&measuring, &how);
     cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, false, &session, &error);
-    if (status == GONIO_OK) {
-        status = gonio_replay(session, &how, &outcome, &r, &error);
-    }
+    status = status == GONIO_OK ? gonio_replay(session, &how, &outcome, &r, &error) : status;
     cli_progress_end(&measuring.progress);
     const int exit_status = status == GONIO_OK ? report(&common, path, &outcome, &r) : cli_fail(&common, &error);
     gonio_outcome_free(&outcome);

@@ -25,9 +25,7 @@ static int run(int argc, char **argv) {
     cli_rig rig = {0};
     cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, true, &session, &error);
-    if (status == GONIO_OK) {
-        status = cli_rig_reopen(session, &set, common.threads, &rig, &error);
-    }
+    status = status == GONIO_OK ? cli_rig_reopen(session, &set, common.threads, &rig, &error) : status;
     int exit_status = 2;
     if (status != GONIO_OK) {
         exit_status = cli_fail(&common, &error);

@@ -24,9 +24,7 @@ typedef struct request {
 static gonio_status find_edges(gonio_session *session, gonio_setup *setup, gonio_step **steps, size_t *n,
                                gonio_edges_report *report, gonio_error *error) {
     gonio_status status = gonio_setup_get(session, setup, error);
-    if (status == GONIO_OK) {
-        status = gonio_session_steps(session, steps, n, error);
-    }
+    status = status == GONIO_OK ? gonio_session_steps(session, steps, n, error) : status;
     if (status == GONIO_OK) {
         gonio_scan_edges(setup, *steps, *n, report);
     }
@@ -110,9 +108,7 @@ static int write_samples(const request *r, gonio_session *session) {
     } else if (status == GONIO_OK && !r->common->json) {
         status = gonio_write_samples_stream(samples, stdout, &error);
     }
-    if (status == GONIO_OK && r->common->json) {
-        status = gonio_sha256_samples(samples, hash, &error);
-    }
+    status = status == GONIO_OK && r->common->json ? gonio_sha256_samples(samples, hash, &error) : status;
     if (status != GONIO_OK) {
         gonio_samples_free(samples);
         return cli_fail(r->common, &error);
@@ -210,9 +206,7 @@ static gonio_status find_model(gonio_session *session, const gonio_process *proc
     bool final;
     const gonio_fit_options options = process->setup.fit;
     gonio_status status = gonio_session_final_samples(session, &samples, &final, error);
-    if (status == GONIO_OK) {
-        status = gonio_fit(samples, &options, model, &report, error);
-    }
+    status = status == GONIO_OK ? gonio_fit(samples, &options, model, &report, error) : status;
     gonio_samples_free(samples);
     return status;
 }
@@ -297,18 +291,10 @@ static gonio_status make_budget(gonio_session *session, gonio_process *process, 
     gonio_exposure *exposures = NULL;
     int n = 0;
     gonio_status status = gonio_process_begin(session, process, error);
-    if (status == GONIO_OK) {
-        status = gonio_process_prepare(session, process, NULL, NULL, 0, &ready, error);
-    }
-    if (status == GONIO_OK) {
-        status = find_step(session, process, pair, step, error);
-    }
-    if (status == GONIO_OK) {
-        status = find_model(session, process, &model, error);
-    }
-    if (status == GONIO_OK) {
-        status = gonio_session_exposures(session, (*step)->index, &exposures, &n, error);
-    }
+    status = status == GONIO_OK ? gonio_process_prepare(session, process, NULL, NULL, 0, &ready, error) : status;
+    status = status == GONIO_OK ? find_step(session, process, pair, step, error) : status;
+    status = status == GONIO_OK ? find_model(session, process, &model, error) : status;
+    status = status == GONIO_OK ? gonio_session_exposures(session, (*step)->index, &exposures, &n, error) : status;
     if (status == GONIO_OK) {
         status = gonio_calib_budget(process->calib, &(*step)->pose, n, exposures, model, pair, budget, error);
     }

@@ -196,12 +196,8 @@ static int run(int argc, char **argv) {
     gonio_status status = cli_input_read(input, &in, &common, &samples, &error);
     if (status == GONIO_OK) {
         status = prepare(folder, &error);
-        if (status == GONIO_OK) {
-            status = measure(samples, &fit, &t, &error);
-        }
-        if (status == GONIO_OK) {
-            status = write_all(&t, folder, &error);
-        }
+        status = status == GONIO_OK ? measure(samples, &fit, &t, &error) : status;
+        status = status == GONIO_OK ? write_all(&t, folder, &error) : status;
         gonio_samples_free(samples);
     }
     int exit_status = 0;
