@@ -1,21 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a lattice model keeps of each channel beside its control points.
+// What models of lattices of transformed values begin with: their channels, and the file that they lie in.
 #ifndef GONIO_BRDF_CHANNELS_H
 #define GONIO_BRDF_CHANNELS_H
 
-#include <stddef.h>
-
+#include "brdf/model_file.h"
 #include "brdf/transform.h"
-#include "gonio/status.h"
 
 typedef struct gonio_channels {
-    gonio_transform *transforms; // [count]
-    char (*names)[32];           // [count]; NULL where they lie in the model's file
+    gonio_model head;
+    gonio_transform_kind kind;
+    gonio_transform *transforms; // [head.channels]
+    char (*names)[32];           // [head.channels]; NULL where they lie in the file
+    gonio_mapped mapped;         // base NULL: the arrays are our own
 } gonio_channels;
 
-// Copies; names may be NULL. Release with gonio_channels_release.
-gonio_status gonio_channels_init(gonio_channels *channels, size_t count, const gonio_transform *transforms,
-                                 const char (*names)[32], gonio_error *error);
-void gonio_channels_release(gonio_channels *channels);
+// A model of `size` bytes, zeros but for its channels, which are copied. names NULL: gonio_channels_adopt follows.
+gonio_status gonio_channels_new(size_t size, int count, gonio_transform_kind kind, const gonio_transform *transforms,
+                                const char (*names)[32], void **out, gonio_error *error);
+// The file is the model's from here on, and *mapped is empty.
+void gonio_channels_adopt(gonio_channels *model, gonio_mapped *mapped);
+void gonio_channels_free(gonio_channels *model);
 
 #endif

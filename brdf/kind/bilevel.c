@@ -14,11 +14,9 @@
 #include "brdf/model_file.h"
 
 typedef struct cbmba_model {
-    gonio_model head;
+    gonio_channels channels;
     gonio_bilevel_parts parts;
     gonio_lattice diffuse; // a view on parts.diffuse
-    gonio_channels channels;
-    gonio_mapped mapped; // base NULL: the arrays are our own
 } cbmba_model;
 
 typedef struct description {
@@ -28,30 +26,17 @@ typedef struct description {
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
-static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const cbmba_model *m = (const cbmba_model *)model;
     double x[3];
+    float v[model->channels];
     gonio_position position;
     gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
     gonio_position_set(&position, x[0], x[1], x[2], 0);
-    gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
-    gonio_sparse_add(&m->parts.sparse, &position, values);
-}
-
-static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const cbmba_model *m = (const cbmba_model *)model;
-    float v[model->channels];
-    eval_f32(model, wi, wo, v);
+    gonio_lattice_eval_positions(&m->diffuse, 1, &position, v);
+    gonio_sparse_add(&m->parts.sparse, &position, v);
     for (int c = 0; c < model->channels; c++) {
         values[c] = gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)v[c]);
-    }
-}
-
-static void eval_narrow(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
-    const cbmba_model *m = (const cbmba_model *)model;
-    eval_f32(model, wi, wo, values);
-    for (int c = 0; c < model->channels; c++) {
-        values[c] = (float)gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)values[c]);
     }
 }
 
@@ -71,12 +56,10 @@ void gonio_bilevel_parts_release(gonio_bilevel_parts *parts) {
 
 static void release(gonio_model *model) {
     cbmba_model *m = (cbmba_model *)model;
-    if (m->mapped.base == NULL) {
+    if (m->channels.mapped.base == NULL) {
         gonio_bilevel_parts_release(&m->parts);
     }
-    gonio_mapped_release(&m->mapped);
-    gonio_channels_release(&m->channels);
-    free(m);
+    gonio_channels_free(&m->channels);
 }
 
 static size_t diffuse_bytes(int level, int channels) {
@@ -117,40 +100,42 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
 static const gonio_model_ops cbmba_ops = {
     .kind = "cbmba",
     .eval = eval,
-    .eval_f32 = eval_narrow,
     .save = save,
     .free = release,
 };
 
-static void fill_head(cbmba_model *m) {
-    const gonio_sparse *s = &m->parts.sparse;
-    const size_t diffuse = gonio_lattice_count(3, m->parts.diffuse_level);
-    m->head.ops = &cbmba_ops;
-    m->head.channels = s->channels;
-    m->head.isotropic = true;
-    m->head.control_points = diffuse + m->parts.kept;
-    m->head.bytes = diffuse_bytes(m->parts.diffuse_level, s->channels) + gonio_sparse_bytes(s);
-    m->diffuse = (gonio_lattice){
-        3, m->parts.diffuse_level, s->channels, gonio_bspline_size(m->parts.diffuse_level), diffuse, m->parts.diffuse};
+static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_transform *transforms,
+                              const char (*names)[32], cbmba_model **out, gonio_error *error) {
+    void *model;
+    const gonio_sparse *s = &parts->sparse;
+    const gonio_status status =
+        gonio_channels_new(sizeof **out, s->channels, parts->kind, transforms, names, &model, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const int level = parts->diffuse_level;
+    const size_t diffuse = gonio_lattice_count(3, level);
+    cbmba_model *m = *out = model;
+    m->parts = *parts;
+    m->diffuse = (gonio_lattice){3, level, s->channels, gonio_bspline_size(level), diffuse, parts->diffuse};
+    gonio_model *head = &m->channels.head;
+    head->ops = &cbmba_ops;
+    head->isotropic = true;
+    head->control_points = diffuse + parts->kept;
+    head->bytes = diffuse_bytes(level, s->channels) + gonio_sparse_bytes(s);
+    return GONIO_OK;
 }
 
 gonio_status gonio_bilevel_model_new(gonio_bilevel_parts *parts, const gonio_transform *transforms,
                                      const char (*channel_names)[32], gonio_model **out, gonio_error *error) {
     *out = NULL;
-    const size_t c = (size_t)parts->sparse.channels;
-    cbmba_model *m = calloc(1, sizeof *m);
-    gonio_status status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, channel_names, error)
-                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
-    if (status != GONIO_OK) {
-        free(m);
-        return status;
+    cbmba_model *m;
+    const gonio_status status = new_model(parts, transforms, channel_names, &m, error);
+    if (status == GONIO_OK) {
+        *parts = (gonio_bilevel_parts){0};
+        *out = &m->channels.head;
     }
-    m->head.channel_names = (const char(*)[32])m->channels.names;
-    m->parts = *parts;
-    *parts = (gonio_bilevel_parts){0};
-    fill_head(m);
-    *out = &m->head;
-    return GONIO_OK;
+    return status;
 }
 
 // Bricks: the table may name only bricks that exist.
@@ -194,7 +179,8 @@ static gonio_status read_hash(gonio_mapped *mapped, size_t *at, gonio_sparse *s,
     return GONIO_OK;
 }
 
-static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error *error) {
+static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts, const gonio_transform **transforms,
+                               gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
     if (about == NULL || !mapped->isotropic || about->diffuse_level > 9 || about->specular_level > 9 ||
@@ -202,12 +188,12 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
         about->storage >= GONIO_STORAGES) {
         return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
     }
-    gonio_sparse *s = &m->parts.sparse;
     const size_t c = (size_t)mapped->channels;
-    m->parts.coordinates = (gonio_coordinates)about->coordinates;
-    m->parts.kind = (gonio_transform_kind)about->kind;
-    m->parts.diffuse_level = (int)about->diffuse_level;
-    m->parts.kept = about->kept;
+    *parts = (gonio_bilevel_parts){.coordinates = (gonio_coordinates)about->coordinates,
+                                   .kind = (gonio_transform_kind)about->kind,
+                                   .diffuse_level = (int)about->diffuse_level,
+                                   .kept = about->kept};
+    gonio_sparse *s = &parts->sparse;
     *s = (gonio_sparse){.level = (int)about->specular_level,
                         .channels = mapped->channels,
                         .storage = (gonio_storage)about->storage,
@@ -215,37 +201,31 @@ static gonio_status read_parts(gonio_mapped *mapped, cbmba_model *m, gonio_error
                         .bricks = about->bricks,
                         .keys = about->keys,
                         .packed_length = about->packed};
-    const gonio_transform *transforms = gonio_mapped_take(mapped, &at, c * sizeof *transforms);
-    const void *diffuse = transforms != NULL
-                              ? gonio_mapped_take(mapped, &at, diffuse_bytes(m->parts.diffuse_level, mapped->channels))
+    *transforms = gonio_mapped_take(mapped, &at, c * sizeof **transforms);
+    const void *diffuse = *transforms != NULL
+                              ? gonio_mapped_take(mapped, &at, diffuse_bytes(parts->diffuse_level, mapped->channels))
                               : NULL;
     if (diffuse == NULL) {
         return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
     }
-    if (!gonio_scales_possible(&transforms->scale, c, about->kind != GONIO_TRANSFORM_LINEAR)) {
+    if (!gonio_scales_possible(&(*transforms)->scale, c, about->kind != GONIO_TRANSFORM_LINEAR)) {
         return gonio_mapped_fail(mapped, sizeof *about, "a channel's scale or eps that no fit makes", error);
     }
-    m->parts.diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
-    const gonio_status status =
-        s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
-    return status == GONIO_OK ? gonio_channels_init(&m->channels, c, transforms, NULL, error) : status;
+    parts->diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
+    return s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
-    cbmba_model *m = calloc(1, sizeof *m);
-    const gonio_status status =
-        m != NULL ? read_parts(mapped, m, error)
-                  : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
-    if (status != GONIO_OK) {
-        free(m);
-        return status;
+    gonio_bilevel_parts parts;
+    const gonio_transform *transforms = NULL;
+    cbmba_model *m;
+    gonio_status status = read_parts(mapped, &parts, &transforms, error);
+    status = status == GONIO_OK ? new_model(&parts, transforms, NULL, &m, error) : status;
+    if (status == GONIO_OK) {
+        gonio_channels_adopt(&m->channels, mapped);
+        *out = &m->channels.head;
     }
-    m->mapped = *mapped;
-    *mapped = (gonio_mapped){0};
-    m->head.channel_names = m->mapped.names;
-    fill_head(m);
-    *out = &m->head;
-    return GONIO_OK;
+    return status;
 }
 
 const gonio_kind gonio_kind_cbmba = {

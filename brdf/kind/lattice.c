@@ -15,12 +15,9 @@
 #include "brdf/spline/lattice_eval.h"
 
 typedef struct lattice_model {
-    gonio_model head;
+    gonio_channels channels;
     gonio_lattice lattice;
     gonio_coordinates coordinates;
-    gonio_transform_kind kind;
-    gonio_channels channels;
-    gonio_mapped mapped; // base NULL: the points are our own
 } lattice_model;
 
 typedef struct description {
@@ -50,17 +47,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     float v[model->channels];
     gonio_lattice_eval_positions(&m->lattice, 1, &position, v);
     for (int c = 0; c < model->channels; c++) {
-        values[c] = gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)v[c]);
-    }
-}
-
-static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
-    const lattice_model *m = (const lattice_model *)model;
-    gonio_position position;
-    position_of(m, wi, wo, &position);
-    gonio_lattice_eval_positions(&m->lattice, 1, &position, values);
-    for (int c = 0; c < model->channels; c++) {
-        values[c] = (float)gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)values[c]);
+        values[c] = gonio_transform_invert(m->channels.kind, &m->channels.transforms[c], (double)v[c]);
     }
 }
 
@@ -68,7 +55,7 @@ static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
     const lattice_model *m = (const lattice_model *)model;
     double x[4];
     locate(m, wi, wo, x);
-    return gonio_transform_invert(m->kind, &m->channels.transforms[channel],
+    return gonio_transform_invert(m->channels.kind, &m->channels.transforms[channel],
                                   gonio_lattice_eval_channel(&m->lattice, x, channel));
 }
 
@@ -88,7 +75,8 @@ static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, 
         double *out = values + begin * channels;
         for (size_t i = 0; i < count; i++) {
             for (size_t c = 0; c < channels; c++) {
-                *out++ = gonio_transform_invert(m->kind, &m->channels.transforms[c], (double)v[i * channels + c]);
+                *out++ =
+                    gonio_transform_invert(m->channels.kind, &m->channels.transforms[c], (double)v[i * channels + c]);
             }
         }
     }
@@ -102,7 +90,7 @@ static void gradient(const gonio_model *model, const gonio_pair *pair, int chann
     double x[4], slope[4];
     locate(m, gonio_direction(angles[0], angles[1]), gonio_direction(angles[2], angles[3]), x);
     const double v = gonio_lattice_gradient(&m->lattice, x, channel, slope);
-    const double outer = gonio_transform_slope(m->kind, &m->channels.transforms[channel], v);
+    const double outer = gonio_transform_slope(m->channels.kind, &m->channels.transforms[channel], v);
     for (int k = 0; k < 4; k++) {
         double low[4], high[4], a[4], b[4];
         memcpy(low, angles, sizeof low);
@@ -121,12 +109,10 @@ static void gradient(const gonio_model *model, const gonio_pair *pair, int chann
 
 static void release(gonio_model *model) {
     lattice_model *m = (lattice_model *)model;
-    if (m->mapped.base == NULL) {
+    if (m->channels.mapped.base == NULL) {
         gonio_lattice_release(&m->lattice);
     }
-    gonio_mapped_release(&m->mapped);
-    gonio_channels_release(&m->channels);
-    free(m);
+    gonio_channels_free(&m->channels);
 }
 
 static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
@@ -134,7 +120,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     const description about = {.dims = (uint32_t)m->lattice.dims,
                                .level = (uint32_t)m->lattice.level,
                                .coordinates = (uint32_t)m->coordinates,
-                               .kind = (uint32_t)m->kind};
+                               .kind = (uint32_t)m->channels.kind};
     const size_t c = (size_t)model->channels;
     const gonio_file_part parts[] = {
         {&about, sizeof about},
@@ -147,7 +133,6 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
 static const gonio_model_ops lattice_ops = {
     .kind = "lattice",
     .eval = eval,
-    .eval_f32 = eval_f32,
     .eval_channel = eval_channel,
     .eval_many = eval_many,
     .gradient = gradient,
@@ -155,35 +140,35 @@ static const gonio_model_ops lattice_ops = {
     .free = release,
 };
 
-static void fill_head(lattice_model *m) {
-    m->head.ops = &lattice_ops;
-    m->head.channels = m->lattice.channels;
-    m->head.isotropic = m->lattice.dims == 3;
-    m->head.control_points = m->lattice.count;
-    m->head.bytes =
-        (m->lattice.count * sizeof(float) + sizeof *m->channels.transforms) * (size_t)m->lattice.channels + sizeof *m;
+static gonio_status new_model(const gonio_lattice *lattice, gonio_coordinates coordinates, gonio_transform_kind kind,
+                              const gonio_transform *transforms, const char (*names)[32], lattice_model **out,
+                              gonio_error *error) {
+    void *model;
+    const size_t c = (size_t)lattice->channels;
+    const gonio_status status =
+        gonio_channels_new(sizeof **out, lattice->channels, kind, transforms, names, &model, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    lattice_model *m = *out = model;
+    m->coordinates = coordinates;
+    m->lattice = *lattice;
+    gonio_model *head = &m->channels.head;
+    head->ops = &lattice_ops;
+    head->isotropic = lattice->dims == 3;
+    head->control_points = lattice->count;
+    head->bytes = (lattice->count * sizeof(float) + sizeof *transforms) * c + sizeof *m;
+    return GONIO_OK;
 }
 
 gonio_status gonio_lattice_model_new(gonio_lattice *lattice, gonio_coordinates coordinates, gonio_transform_kind kind,
                                      const gonio_transform *transforms, const char (*channel_names)[32],
                                      gonio_model **out, gonio_error *error) {
-    *out = NULL;
-    const size_t c = (size_t)lattice->channels;
-    lattice_model *m = calloc(1, sizeof *m);
-    gonio_status status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, channel_names, error)
-                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
-    if (status != GONIO_OK) {
-        free(m);
-        return status;
-    }
-    m->head.channel_names = (const char(*)[32])m->channels.names;
-    m->coordinates = coordinates;
-    m->kind = kind;
-    m->lattice = *lattice;
-    lattice->points = NULL;
-    fill_head(m);
-    *out = &m->head;
-    return GONIO_OK;
+    lattice_model *m;
+    const gonio_status status = new_model(lattice, coordinates, kind, transforms, channel_names, &m, error);
+    *out = status == GONIO_OK ? &m->channels.head : NULL;
+    lattice->points = status == GONIO_OK ? NULL : lattice->points;
+    return status;
 }
 
 static gonio_status check_description(const gonio_mapped *mapped, const description *about, gonio_error *error) {
@@ -226,22 +211,15 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     if (!gonio_scales_possible(&transforms->scale, c, about->kind != GONIO_TRANSFORM_LINEAR)) {
         return gonio_mapped_fail(mapped, transforms_at, "a channel's scale or eps that no fit makes", error);
     }
-    lattice_model *m = calloc(1, sizeof *m);
-    status = m != NULL ? gonio_channels_init(&m->channels, c, transforms, NULL, error)
-                       : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %d channels", mapped->channels);
-    if (status != GONIO_OK) {
-        free(m);
-        return status;
+    const gonio_lattice lattice = lattice_in(about, mapped->channels, points);
+    lattice_model *m;
+    status = new_model(&lattice, (gonio_coordinates)about->coordinates, (gonio_transform_kind)about->kind, transforms,
+                       NULL, &m, error);
+    if (status == GONIO_OK) {
+        gonio_channels_adopt(&m->channels, mapped);
+        *out = &m->channels.head;
     }
-    m->lattice = lattice_in(about, mapped->channels, points);
-    m->coordinates = (gonio_coordinates)about->coordinates;
-    m->kind = (gonio_transform_kind)about->kind;
-    m->mapped = *mapped;
-    *mapped = (gonio_mapped){0};
-    m->head.channel_names = m->mapped.names;
-    fill_head(m);
-    *out = &m->head;
-    return GONIO_OK;
+    return status;
 }
 
 const gonio_lattice *gonio_lattice_model_lattice(const gonio_model *model) {
@@ -255,7 +233,7 @@ void gonio_lattice_model_about(const gonio_model *model, gonio_coordinates *coor
         *coordinates = m->coordinates;
     }
     if (kind != NULL) {
-        *kind = m->kind;
+        *kind = m->channels.kind;
     }
     if (transforms != NULL) {
         *transforms = m->channels.transforms;
