@@ -92,13 +92,7 @@ gonio_status gonio_audit(gonio_session *session, const gonio_rig *rig, gonio_pro
     }
     // One transaction: a kill in between must not leave a calibration without the samples' removal.
     status = gonio_session_begin(session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = judge(session, process, *verdict, text, undone, error);
-    if (status == GONIO_OK) {
-        return gonio_session_commit(session, error);
-    }
-    gonio_session_rollback(session);
-    return status;
+    return status == GONIO_OK
+               ? gonio_session_end(session, judge(session, process, *verdict, text, undone, error), error)
+               : status;
 }

@@ -156,14 +156,6 @@ static gonio_status put_results(gonio_session *session, const gonio_outcome *out
 }
 
 gonio_status gonio_outcome_put(gonio_session *session, const gonio_outcome *outcome, gonio_error *error) {
-    gonio_status status = gonio_session_begin(session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = put_results(session, outcome, error);
-    if (status == GONIO_OK) {
-        return gonio_session_commit(session, error);
-    }
-    gonio_session_rollback(session);
-    return status;
+    const gonio_status status = gonio_session_begin(session, error);
+    return status == GONIO_OK ? gonio_session_end(session, put_results(session, outcome, error), error) : status;
 }

@@ -75,16 +75,10 @@ static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, c
 
 static gonio_status journal(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
                             const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
-    gonio_status status = gonio_session_begin(session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = put_all(session, rig, options, setup, steps, n, error);
-    if (status == GONIO_OK) {
-        return gonio_session_commit(session, error);
-    }
-    gonio_session_rollback(session);
-    return status;
+    const gonio_status status = gonio_session_begin(session, error);
+    return status == GONIO_OK
+               ? gonio_session_end(session, put_all(session, rig, options, setup, steps, n, error), error)
+               : status;
 }
 
 gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, const gonio_measure_options *options,

@@ -2,7 +2,7 @@
 // SQLite with Gonio's errors.
 #include "host/session/internal.h"
 
-#include <string.h>
+#include <stdarg.h>
 
 // Angles stand in degrees, for people with an SQL shell. step: the running number of gonio_stamp. rows are
 // little-endian doubles, see docs/formats.md.
@@ -62,6 +62,27 @@ gonio_status gonio_session_run(gonio_session *session, sqlite3_stmt *statement, 
     return status;
 }
 
+gonio_status gonio_session_do(gonio_session *session, gonio_error *error, const char *sql, const char *kinds, ...) {
+    sqlite3_stmt *statement;
+    const gonio_status status = gonio_session_prepare(session, sql, &statement, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    va_list values;
+    va_start(values, kinds);
+    for (int k = 0; kinds[k] != 0; k++) {
+        if (kinds[k] == 't') {
+            sqlite3_bind_text(statement, k + 1, va_arg(values, const char *), -1, SQLITE_STATIC);
+        } else if (kinds[k] == 'r') {
+            sqlite3_bind_double(statement, k + 1, va_arg(values, double));
+        } else {
+            sqlite3_bind_int64(statement, k + 1, kinds[k] == 'l' ? va_arg(values, int64_t) : va_arg(values, int));
+        }
+    }
+    va_end(values);
+    return gonio_session_run(session, statement, error);
+}
+
 gonio_status gonio_session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error) {
     sqlite3_stmt *statement;
     gonio_status status = gonio_session_prepare(session, sql, &statement, error);
@@ -98,18 +119,19 @@ void gonio_session_rollback(gonio_session *session) {
     session->in_transaction = false;
 }
 
+gonio_status gonio_session_end(gonio_session *session, gonio_status status, gonio_error *error) {
+    if (status == GONIO_OK) {
+        return gonio_session_commit(session, error);
+    }
+    gonio_session_rollback(session);
+    return status;
+}
+
 gonio_status gonio_session_begin_own(gonio_session *session, bool *own, gonio_error *error) {
     *own = !session->in_transaction;
     return *own ? gonio_session_begin(session, error) : GONIO_OK;
 }
 
 gonio_status gonio_session_end_own(gonio_session *session, bool own, gonio_status status, gonio_error *error) {
-    if (!own) {
-        return status;
-    }
-    if (status == GONIO_OK) {
-        return gonio_session_commit(session, error);
-    }
-    gonio_session_rollback(session);
-    return status;
+    return own ? gonio_session_end(session, status, error) : status;
 }

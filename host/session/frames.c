@@ -26,69 +26,41 @@ gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_e
 
 // ---- writing ----
 
-static gonio_status enter_frame(gonio_session *session, sqlite3_stmt *insert, const gonio_exposure *exposure,
-                                int64_t step, int number, const char *hash, gonio_error *error) {
+static gonio_status enter_frame(gonio_session *session, const gonio_exposure *exposure, int64_t step, int number,
+                                const char *hash, gonio_error *error) {
     const gonio_frame *frame = &exposure->frame;
+    const gonio_window *w = &frame->window;
     char name[SESSION_FRAME_NAME];
     gonio_session_frame_name(step, number, name);
-    sqlite3_reset(insert);
-    sqlite3_bind_int64(insert, 1, step);
-    sqlite3_bind_int(insert, 2, number);
-    sqlite3_bind_text(insert, 3, name, -1, SQLITE_TRANSIENT);
-    sqlite3_bind_text(insert, 4, hash, -1, SQLITE_TRANSIENT);
-    sqlite3_bind_int(insert, 5, frame->window.x);
-    sqlite3_bind_int(insert, 6, frame->window.y);
-    sqlite3_bind_int(insert, 7, frame->window.width);
-    sqlite3_bind_int(insert, 8, frame->window.height);
-    sqlite3_bind_double(insert, 9, frame->exposure_s);
-    sqlite3_bind_double(insert, 10, frame->gain_db);
-    sqlite3_bind_double(insert, 11, frame->stamp.clock_s);
-    sqlite3_bind_double(insert, 12, exposure->monitor); // NaN becomes NULL
-    sqlite3_bind_double(insert, 13, exposure->monitor_sigma);
-    return sqlite3_step(insert) == SQLITE_DONE ? GONIO_OK : gonio_session_db_fail(session, error, "enter a frame");
+    return gonio_session_do(session, error, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", "littiiiirrrrr",
+                            step, number, name, hash, w->x, w->y, w->width, w->height, frame->exposure_s,
+                            frame->gain_db, frame->stamp.clock_s, exposure->monitor, exposure->monitor_sigma);
 }
 
 static gonio_status mark_done(gonio_session *session, const gonio_step *step, int frames, gonio_error *error) {
-    sqlite3_stmt *update;
-    gonio_status status =
-        gonio_session_prepare(session,
-                              "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ?"
-                              " WHERE step = ? AND done = 0",
-                              &update, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    sqlite3_bind_int(update, 1, frames);
-    sqlite3_bind_double(update, 2, step->clock_end_s);
-    sqlite3_bind_double(update, 3, step->exposure_end_s);
-    sqlite3_bind_int64(update, 4, step->index);
-    status = gonio_session_run(session, update, error);
+    const gonio_status status = gonio_session_do(
+        session, error,
+        "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ? WHERE step = ? AND done = 0",
+        "irrl", frames, step->clock_end_s, step->exposure_end_s, step->index);
     if (status == GONIO_OK && sqlite3_changes(session->db) != 1) {
-        status = gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1, "step %lld is done already, or unknown",
-                                 (long long)step->index);
+        return gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1, "step %lld is done already, or unknown",
+                               (long long)step->index);
     }
     return status;
 }
 
-static gonio_status flag(gonio_session *session, int64_t step, gonio_error *error) {
-    char sql[80];
-    snprintf(sql, sizeof sql, "INSERT OR IGNORE INTO flagged VALUES(%lld)", (long long)step);
-    return gonio_session_exec(session, sql, error);
-}
-
 static gonio_status enter(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures, int n,
                           char (*hashes)[GONIO_SHA256_HEX], const gonio_samples *samples, gonio_error *error) {
-    sqlite3_stmt *insert;
-    gonio_status status =
-        gonio_session_prepare(session, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", &insert, error);
+    gonio_status status = GONIO_OK;
     for (int i = 0; status == GONIO_OK && i < n; i++) {
-        status = enter_frame(session, insert, &exposures[i], step->index, i, hashes[i], error);
+        status = enter_frame(session, &exposures[i], step->index, i, hashes[i], error);
     }
-    sqlite3_finalize(insert);
     if (status == GONIO_OK && samples != NULL) {
         status = gonio_session_store_samples(session, step->index, samples, error);
     }
-    status = status == GONIO_OK && step->flagged ? flag(session, step->index, error) : status;
+    if (status == GONIO_OK && step->flagged) {
+        status = gonio_session_do(session, error, "INSERT OR IGNORE INTO flagged VALUES(?)", "l", step->index);
+    }
     return status == GONIO_OK ? mark_done(session, step, n, error) : status;
 }
 

@@ -32,6 +32,9 @@ gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_e
 gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error);
 // Step a statement that returns no rows, and finalize it in every case.
 gonio_status gonio_session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error);
+// A statement that returns no rows, with its parameters; kinds has a letter for each: i an int, l an int64_t, r a
+// double (NaN: NULL), t a text.
+gonio_status gonio_session_do(gonio_session *session, gonio_error *error, const char *sql, const char *kinds, ...);
 // One integer from a query without parameters.
 gonio_status gonio_session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error);
 // A transaction of its own, unless the caller has opened one.

@@ -86,13 +86,7 @@ gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step
     if (samples != NULL) {
         return gonio_session_store_samples(session, step, samples, error);
     }
-    sqlite3_stmt *statement;
-    const gonio_status status = gonio_session_prepare(session, "DELETE FROM samples WHERE step = ?", &statement, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    sqlite3_bind_int64(statement, 1, step);
-    return gonio_session_run(session, statement, error);
+    return gonio_session_do(session, error, "DELETE FROM samples WHERE step = ?", "l", step);
 }
 
 // ---- reading ----

@@ -115,7 +115,7 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
     if (status == GONIO_OK) {
         status = gonio_session_exec(session, versions, error);
         status = status == GONIO_OK ? gonio_session_exec(session, gonio_session_schema, error) : status;
-        status = gonio_session_end_own(session, true, status, error);
+        status = gonio_session_end(session, status, error);
     }
     sqlite3_close(session->db);
     session->db = NULL;

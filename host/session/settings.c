@@ -7,15 +7,8 @@
 #include "host/session/internal.h"
 
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error) {
-    sqlite3_stmt *statement;
-    const gonio_status status =
-        gonio_session_prepare(session, "INSERT OR REPLACE INTO settings(key, value) VALUES(?, ?)", &statement, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
-    sqlite3_bind_text(statement, 2, value, -1, SQLITE_STATIC);
-    return gonio_session_run(session, statement, error);
+    return gonio_session_do(session, error, "INSERT OR REPLACE INTO settings(key, value) VALUES(?, ?)", "tt", key,
+                            value);
 }
 
 gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error) {
@@ -54,16 +47,9 @@ gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio
 }
 
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error) {
-    sqlite3_stmt *statement;
-    const gonio_status status = gonio_session_prepare(
-        session, "INSERT INTO events(utc, kind, text) VALUES(strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), ?, ?)", &statement,
-        error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    sqlite3_bind_text(statement, 1, kind, -1, SQLITE_STATIC);
-    sqlite3_bind_text(statement, 2, text, -1, SQLITE_STATIC);
-    return gonio_session_run(session, statement, error);
+    return gonio_session_do(session, error,
+                            "INSERT INTO events(utc, kind, text) VALUES(strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), ?, ?)",
+                            "tt", kind, text);
 }
 
 gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error) {

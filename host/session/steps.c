@@ -9,28 +9,16 @@
 static const char *const kind_names[] = {"dark", "reference", "sample", "trap", "burst", "check"};
 #define KINDS ((int)(sizeof kind_names / sizeof *kind_names))
 
-static void bind_pose(sqlite3_stmt *statement, int first, const gonio_pair *pose) {
-    sqlite3_bind_double(statement, first, gonio_degrees(pose->theta_i));
-    sqlite3_bind_double(statement, first + 1, gonio_degrees(pose->phi_i));
-    sqlite3_bind_double(statement, first + 2, gonio_degrees(pose->theta_o));
-    sqlite3_bind_double(statement, first + 3, gonio_degrees(pose->phi_o));
-}
-
 static gonio_status put_all(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {
-    sqlite3_stmt *statement;
-    gonio_status status = gonio_session_prepare(
-        session, "INSERT INTO steps(step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg) VALUES(?,?,?,?,?,?)",
-        &statement, error);
+    gonio_status status = GONIO_OK;
     for (size_t i = 0; status == GONIO_OK && i < n; i++) {
-        sqlite3_reset(statement);
-        sqlite3_bind_int64(statement, 1, steps[i].index);
-        sqlite3_bind_text(statement, 2, kind_names[steps[i].kind], -1, SQLITE_STATIC);
-        bind_pose(statement, 3, &steps[i].pose);
-        if (sqlite3_step(statement) != SQLITE_DONE) {
-            status = gonio_session_db_fail(session, error, "enter a step");
-        }
+        const gonio_pair *pose = &steps[i].pose;
+        status = gonio_session_do(
+            session, error,
+            "INSERT INTO steps(step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg) VALUES(?,?,?,?,?,?)",
+            "ltrrrr", steps[i].index, kind_names[steps[i].kind], gonio_degrees(pose->theta_i),
+            gonio_degrees(pose->phi_i), gonio_degrees(pose->theta_o), gonio_degrees(pose->phi_o));
     }
-    sqlite3_finalize(statement);
     return status;
 }
 
@@ -138,20 +126,14 @@ static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio
         "DELETE FROM frames WHERE step = ?", "DELETE FROM final_samples WHERE step = ?",
         "DELETE FROM samples WHERE step = ?", "DELETE FROM flagged WHERE step = ?",
         "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL WHERE step = ?"};
-    for (size_t i = 0; i < sizeof deletions / sizeof *deletions; i++) {
-        sqlite3_stmt *statement;
-        gonio_status status = gonio_session_prepare(session, deletions[i], &statement, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-        sqlite3_bind_int64(statement, 1, step);
-        status = gonio_session_run(session, statement, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; status == GONIO_OK && i < sizeof deletions / sizeof *deletions; i++) {
+        status = gonio_session_do(session, error, deletions[i], "l", step);
     }
-    return gonio_session_exec(session, "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_samples",
-                              error);
+    return status == GONIO_OK
+               ? gonio_session_exec(session,
+                                    "DELETE FROM settings WHERE key LIKE 'result.%'; DELETE FROM final_samples", error)
+               : status;
 }
 
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error) {

@@ -50,6 +50,8 @@ const char *gonio_session_path(const gonio_session *session); // as it was opene
 gonio_status gonio_session_begin(gonio_session *session, gonio_error *error);
 gonio_status gonio_session_commit(gonio_session *session, gonio_error *error);
 void gonio_session_rollback(gonio_session *session);
+// Commit where what was done gave GONIO_OK, else roll back and return that.
+gonio_status gonio_session_end(gonio_session *session, gonio_status status, gonio_error *error);
 
 // Settings: key -> text. get: the caller frees the text; GONIO_E_INPUT where the key is missing. The session itself
 // reads "camera.bits" (1..16, default 16): the bits that a frame's words carry.
