@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the verbs that look at boards share: the board's options, and the file of a camera's intrinsics.
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "host/cli/calibrate/calibrate.h"
@@ -25,17 +25,15 @@ gonio_status calibrate_board_parse(const calibrate_board *options, gonio_board *
 }
 
 static const char *const keys[] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3", "width", "height"};
+#define FILE_MAX_BYTES ((size_t)1 << 20)
 #define KEYS (sizeof keys / sizeof *keys)
 
 // The standard uncertainty stands in the comment behind a value, where no other reader of the file minds it.
-static gonio_status parse_line(const char *path, long long line, const char *text, double value[KEYS],
-                               double sigma[KEYS], gonio_error *error) {
+static gonio_status parse_line(const gonio_text *text, const char *line, double value[KEYS], double sigma[KEYS],
+                               gonio_error *error) {
     char key[32];
     double v, s = 0;
-    const int got = sscanf(text, " %31[a-z0-9_] = %lf ; +- %lf", key, &v, &s);
-    if (text[0] == '#' || text[0] == ';' || text[0] == '[' || text[strspn(text, " \t\r\n")] == '\0') {
-        return GONIO_OK;
-    }
+    const int got = sscanf(line, "%31[a-z0-9_] = %lf ; +- %lf", key, &v, &s);
     for (size_t k = 0; got >= 2 && k < KEYS; k++) {
         if (strcmp(key, keys[k]) == 0 && isfinite(v) && s >= 0) {
             value[k] = v;
@@ -43,27 +41,28 @@ static gonio_status parse_line(const char *path, long long line, const char *tex
             return GONIO_OK;
         }
     }
-    return gonio_fail_line(error, GONIO_E_INPUT, path, line,
-                           "found '%.*s', expected fx_px = NUMBER, fy_px ... k3, width "
-                           "or height",
-                           (int)strcspn(text, "\r\n") > 60 ? 60 : (int)strcspn(text, "\r\n"), text);
+    return line[0] == ';' || line[0] == '['
+               ? GONIO_OK
+               : gonio_text_fail(text, error, "found '%.60s', expected fx_px = NUMBER, fy_px ... k3, width or height",
+                                 line);
 }
 
 gonio_status calibrate_camera_read(const char *path, gonio_camera_info *camera, double sigma[9], gonio_error *error) {
-    FILE *stream = fopen(path, "r");
-    if (stream == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
+    char *data, *line;
+    size_t size;
+    gonio_status status = gonio_file_read(path, FILE_MAX_BYTES, &data, &size, error);
+    if (status != GONIO_OK) {
+        return status;
     }
     double value[KEYS], spread[KEYS] = {0};
     for (size_t k = 0; k < KEYS; k++) {
         value[k] = k < 4 || k >= 9 ? NAN : 0;
     }
-    char text[512];
-    gonio_status status = GONIO_OK;
-    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
-        status = parse_line(path, line, text, value, spread, error);
+    gonio_text text = gonio_text_begin(path, data, size);
+    while (status == GONIO_OK && (line = gonio_text_content(&text)) != NULL) {
+        status = parse_line(&text, line, value, spread, error);
     }
-    fclose(stream);
+    free(data);
     for (size_t k = 0; status == GONIO_OK && k < KEYS; k++) {
         const bool positive = k < 2 || k >= 9;
         if (!isfinite(value[k]) || (positive && !(value[k] > 0))) {

@@ -3,6 +3,7 @@
 #ifndef GONIO_HOST_CLI_CALIBRATE_CALIBRATE_H
 #define GONIO_HOST_CLI_CALIBRATE_CALIBRATE_H
 
+#include "base/text.h"
 #include "gonio/characterise.h"
 #include "host/cli/cli.h"
 #include "host/cli/rig_file.h"
@@ -59,6 +60,12 @@ void calibrate_rig_free(calibrate_rig_views *views);
 gonio_status calibrate_rig_look(const calibrate_rig_request *request, const gonio_image *image, gonio_rig_view *view,
                                 gonio_corners *corners, gonio_error *error);
 
+// A list of files to be read line by line, and the folder that it lies in; the caller frees *data and *folder.
+gonio_status calibrate_list_read(const char *path, char **data, char **folder, gonio_text *text, gonio_error *error);
+// The path of a file that the list names.
+gonio_status calibrate_list_path(const gonio_text *text, const char *folder, const char *file, char path[1024],
+                                 gonio_error *error);
+
 // One row of a frame list: CSV with the header "file,exposure_s" and optionally ",light" (1: lit, 0: dark). Paths are
 // relative to the list's folder.
 typedef struct frame_row {
@@ -71,6 +78,6 @@ typedef struct frame_row {
 gonio_status frame_list_read(const char *path, frame_row **rows, size_t *n, gonio_error *error);
 
 // What stands in the lists of views for each gonio_rig_object.
-extern const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS];
+extern const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS + 1]; // NULL ends them
 
 #endif

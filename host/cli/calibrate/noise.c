@@ -113,12 +113,13 @@ static gonio_status find_range(camera_run *run, double *full_s, gonio_error *err
                                            run->info.exposure_min_s, run->info.exposure_max_s);
 }
 
-static gonio_status long_darks(camera_run *run, const settings *s, gonio_noise *noise, gonio_error *error) {
-    const double exposure_s = fmin(LONG_DARK_S, run->info.exposure_max_s);
+// So many frames of one exposure.
+static gonio_status take_all(camera_run *run, double exposure_s, bool lit, int frames, gonio_noise *noise,
+                             gonio_error *error) {
     gonio_status status = GONIO_OK;
-    for (int i = 0; status == GONIO_OK && i < s->frames; i++) {
-        status = take(run, exposure_s, false, error);
-        status = status == GONIO_OK ? gonio_noise_add(noise, run->pixels, exposure_s, false, error) : status;
+    for (int i = 0; status == GONIO_OK && i < frames; i++) {
+        status = take(run, exposure_s, lit, error);
+        status = status == GONIO_OK ? gonio_noise_add(noise, run->pixels, exposure_s, lit, error) : status;
     }
     return status;
 }
@@ -129,13 +130,11 @@ static gonio_status series(camera_run *run, const settings *s, double full_s, go
         // The last step is half as long again as what fills the range: it saturates everywhere.
         const double share = step == s->steps ? 1.6 : (double)step / s->steps;
         const double exposure_s = fmin(share * full_s, run->info.exposure_max_s);
-        for (int i = 0; status == GONIO_OK && i < 2 * s->frames; i++) {
-            const bool lit = i < s->frames;
-            status = take(run, exposure_s, lit, error);
-            status = status == GONIO_OK ? gonio_noise_add(noise, run->pixels, exposure_s, lit, error) : status;
-        }
+        status = take_all(run, exposure_s, true, s->frames, noise, error);
+        status = status == GONIO_OK ? take_all(run, exposure_s, false, s->frames, noise, error) : status;
     }
-    return status;
+    const double dark_s = fmin(LONG_DARK_S, run->info.exposure_max_s);
+    return status == GONIO_OK ? take_all(run, dark_s, false, s->frames, noise, error) : status;
 }
 
 static gonio_status place_reference(camera_run *run, gonio_error *error) {
@@ -176,7 +175,6 @@ static gonio_status from_rig(const settings *s, gonio_noise **noise, int *width,
     status = status == GONIO_OK ? place_reference(&run, error) : status;
     status = status == GONIO_OK ? find_range(&run, &full_s, error) : status;
     status = status == GONIO_OK ? series(&run, s, full_s, *noise, error) : status;
-    status = status == GONIO_OK ? long_darks(&run, s, *noise, error) : status;
     if (opened.rig.lamp != NULL) {
         opened.rig.lamp->set_shutter(opened.rig.lamp_device, false, NULL);
     }
@@ -207,11 +205,9 @@ static gonio_status write_defects(const char *path, const gonio_noise *noise, in
 
 static gonio_status write_maps(const settings *s, const gonio_noise *noise, int width, int height, gonio_error *error) {
     char path[1100];
-    if (mkdir(s->out, 0777) != 0) {
-        struct stat found;
-        if (stat(s->out, &found) != 0 || !S_ISDIR(found.st_mode)) {
-            return gonio_fail_line(error, GONIO_E_IO, s->out, -1, "cannot make this folder");
-        }
+    struct stat found;
+    if (mkdir(s->out, 0777) != 0 && (stat(s->out, &found) != 0 || !S_ISDIR(found.st_mode))) {
+        return gonio_fail_line(error, GONIO_E_IO, s->out, -1, "cannot make this folder");
     }
     snprintf(path, sizeof path, "%s/dsnu.tiff", s->out);
     gonio_status status = gonio_map_write(path, width, height, gonio_noise_dsnu_map(noise), error);

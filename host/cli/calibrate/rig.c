@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate rig: the true axes of both arms, from frames that a rig takes of itself or from a list of frames.
-#include <errno.h>
-#include <libgen.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/keys.h"
 #include "host/cli/calibrate/calibrate.h"
 
 #define HEADER "file,object,light_theta,light_phi,camera_theta,camera_phi"
@@ -16,49 +15,47 @@ static const char *const axis_names[4] = {"light_theta", "light_phi", "camera_th
 
 // ---- frames from a list ----
 
-static gonio_status parse_row(const char *path, long long line, char *text, char file[1024], gonio_rig_view *view,
+static gonio_status parse_row(const gonio_text *text, char *line, char **file, gonio_rig_view *view,
                               gonio_error *error) {
-    char object[16];
+    char *fields[6];
     double deg[4];
-    int used = 0;
-    if (sscanf(text, "%1023[^,],%15[^,],%lf,%lf,%lf,%lf %n", file, object, &deg[0], &deg[1], &deg[2], &deg[3], &used) !=
-            6 ||
-        text[used] != '\0') {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected a row of " HEADER);
+    if (gonio_text_split(line, ',', fields, 6) != 6) {
+        return gonio_text_fail(text, error, "expected a row of " HEADER);
     }
-    int k = 0;
-    while (k < GONIO_RIG_OBJECTS && strcmp(calibrate_rig_objects[k], object) != 0) {
-        k++;
+    *file = fields[0];
+    const int object = gonio_names_find(calibrate_rig_objects, fields[1]);
+    if (object < 0) {
+        return gonio_text_fail(text, error, "found '%s', expected board, ball or mirror", fields[1]);
     }
-    if (k == GONIO_RIG_OBJECTS) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "found '%s', expected board, ball or mirror", object);
-    }
-    for (int a = 0; a < 4; a++) {
-        if (!(fabs(deg[a]) <= 720)) {
-            return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%s: found %g, expected degrees", axis_names[a],
-                                   deg[a]);
+    gonio_status status = GONIO_OK;
+    for (int a = 0; status == GONIO_OK && a < 4; a++) {
+        status = gonio_text_number(text, fields[2 + a], axis_names[a], &deg[a], error);
+        if (status == GONIO_OK && fabs(deg[a]) > 720) {
+            status = gonio_text_fail(text, error, "%s: found %g, expected degrees", axis_names[a], deg[a]);
         }
     }
-    *view = (gonio_rig_view){
-        .axes = {gonio_radians(deg[0]), gonio_radians(deg[1]), gonio_radians(deg[2]), gonio_radians(deg[3])},
-        .object = (gonio_rig_object)k};
-    return GONIO_OK;
+    if (status == GONIO_OK) {
+        *view = (gonio_rig_view){
+            .axes = {gonio_radians(deg[0]), gonio_radians(deg[1]), gonio_radians(deg[2]), gonio_radians(deg[3])},
+            .object = (gonio_rig_object)object};
+    }
+    return status;
 }
 
-static gonio_status look_at_file(const calibrate_rig_request *request, calibrate_rig_views *views, const char *list,
-                                 long long line, const char *folder, const char *file, gonio_error *error) {
-    char path[2100];
+static gonio_status look_at_file(const calibrate_rig_request *request, calibrate_rig_views *views,
+                                 const gonio_text *text, const char *folder, const char *file, gonio_error *error) {
+    char path[1024];
     gonio_image image;
-    snprintf(path, sizeof path, "%s%s%s", file[0] == '/' ? "" : folder, file[0] == '/' ? "" : "/", file);
-    gonio_status status = gonio_image_read(path, true, &image, error);
+    gonio_status status = calibrate_list_path(text, folder, file, path, error);
+    status = status == GONIO_OK ? gonio_image_read(path, true, &image, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
     const int i = views->n++;
     snprintf(views->names[i], sizeof views->names[i], "%.60s", file);
     if (image.width != views->camera.width || image.height != views->camera.height) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, list, line, "%s: %d x %d pixels, the camera's file says %d x %d",
-                                 file, image.width, image.height, views->camera.width, views->camera.height);
+        status = gonio_text_fail(text, error, "%s: %d x %d pixels, the camera's file says %d x %d", file, image.width,
+                                 image.height, views->camera.width, views->camera.height);
     } else {
         status = calibrate_rig_look(request, &image, &views->items[i], &views->corners[i], error);
     }
@@ -66,22 +63,17 @@ static gonio_status look_at_file(const calibrate_rig_request *request, calibrate
     return status;
 }
 
-static gonio_status read_rows(FILE *stream, const char *path, const char *folder, const calibrate_rig_request *request,
+static gonio_status read_rows(gonio_text *text, const char *folder, const calibrate_rig_request *request,
                               calibrate_rig_views *views, gonio_error *error) {
-    char text[2048], file[1024];
+    char *line = gonio_text_line(text), *file = NULL;
+    if (line == NULL || strcmp(line, HEADER) != 0) {
+        return gonio_text_fail(text, error, "found '%.60s', expected the header " HEADER, line != NULL ? line : "");
+    }
     gonio_status status = GONIO_OK;
-    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
-        if (line == 1) {
-            text[strcspn(text, "\r\n")] = '\0';
-            status = strcmp(text, HEADER) == 0 ? GONIO_OK
-                                               : gonio_fail_line(error, GONIO_E_INPUT, path, 1,
-                                                                 "found '%.60s', expected the header " HEADER, text);
-        } else if (text[0] != '#' && text[strspn(text, " \t\r\n")] != '\0') {
-            status = views->n < VIEWS_MAX
-                         ? parse_row(path, line, text, file, &views->items[views->n], error)
-                         : gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d frames", VIEWS_MAX);
-            status = status == GONIO_OK ? look_at_file(request, views, path, line, folder, file, error) : status;
-        }
+    while (status == GONIO_OK && (line = gonio_text_content(text)) != NULL) {
+        status = views->n < VIEWS_MAX ? parse_row(text, line, &file, &views->items[views->n], error)
+                                      : gonio_text_fail(text, error, "more than %d frames", VIEWS_MAX);
+        status = status == GONIO_OK ? look_at_file(request, views, text, folder, file, error) : status;
     }
     return status;
 }
@@ -92,20 +84,15 @@ static gonio_status from_list(const char *path, calibrate_rig_request *request, 
         return gonio_fail(error, GONIO_E_USAGE,
                           "--camera: the camera's intrinsics (gonio calibrate camera -o) are needed");
     }
+    char *data, *folder;
+    gonio_text text;
     gonio_status status = calibrate_camera_read(request->camera, &views->camera, request->options.camera_sigma, error);
     status = status == GONIO_OK ? calibrate_rig_room(views, VIEWS_MAX, error) : status;
-    FILE *stream = status == GONIO_OK ? fopen(path, "r") : NULL;
-    if (status == GONIO_OK && stream == NULL) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
-    }
-    char *copy = strdup(path);
+    status = status == GONIO_OK ? calibrate_list_read(path, &data, &folder, &text, error) : status;
     if (status == GONIO_OK) {
-        status = copy == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory")
-                              : read_rows(stream, path, dirname(copy), request, views, error);
-    }
-    free(copy);
-    if (stream != NULL) {
-        fclose(stream);
+        status = read_rows(&text, folder, request, views, error);
+        free(data);
+        free(folder);
     }
     return status;
 }

@@ -17,7 +17,7 @@
 #define PEAK_LOW 0.3
 #define PEAK_HIGH 0.95
 
-const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS] = {"board", "ball", "mirror"};
+const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS + 1] = {"board", "ball", "mirror", NULL};
 
 gonio_status calibrate_rig_room(calibrate_rig_views *views, int n, gonio_error *error) {
     views->items = calloc((size_t)n, sizeof *views->items);
