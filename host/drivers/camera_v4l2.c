@@ -300,10 +300,7 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
     }
     gonio_v4l2_buffer buffer;
     status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    return unpack_and_give(c, &buffer, window, pixels, error);
+    return status == GONIO_OK ? unpack_and_give(c, &buffer, window, pixels, error) : status;
 }
 
 // A frame that does not come is asked for by a restarted stream, a camera that is gone by opening it again.
