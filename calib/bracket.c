@@ -7,7 +7,6 @@
 #include "calib/internal.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 #define FRAMES_MAX 8
 #define LOW_SHARE 0.15

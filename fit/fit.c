@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "fit/memory.h"
 #include "fit/options.h"
@@ -174,9 +173,8 @@ static void append_note(gonio_fit_report *report, const char *text) {
     snprintf(report->note + length, sizeof report->note - length, "%s%s", length > 0 ? "; " : "", text);
 }
 
-static gonio_status fit_all(const gonio_samples *samples, const gonio_method *method,
-                            const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
-                            gonio_error *error) {
+static gonio_status fit_all(const gonio_samples *samples, const gonio_method *method, const gonio_fit_options *options,
+                            gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     const double start = gonio_clock_s();
     gonio_status status = method->fit(samples, options, out, report, error);
     if (status != GONIO_OK) {

@@ -4,7 +4,6 @@
 // stand on any number of lines. Zeros are noise that the laboratory clamped.
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/number.h"
 #include "io/format.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A model's values at given pairs, as a sample set.
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/thread_pool.h"

@@ -6,7 +6,6 @@
 // Angles in degrees, f_r in 1/sr. sigma_<channel> is the combined standard uncertainty. The two parts follow where the
 // systematic one is not zero throughout; a reader takes them then and the combined one only where they are missing. The
 // comment "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

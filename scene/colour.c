@@ -6,9 +6,7 @@
 #include "scene/colour.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "gonio/sample.h"
 

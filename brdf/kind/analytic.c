@@ -2,7 +2,6 @@
 // Models of kind "analytic": sums of terms, each a formula with its parameters.
 #include "brdf/kind/analytic.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

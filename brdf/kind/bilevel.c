@@ -6,7 +6,6 @@
 #include "brdf/kind/bilevel.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "brdf/channels.h"
 #include "brdf/kind.h"

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "brdf/kind.h"
-#include "brdf/kind/analytic.h"
 #include "brdf/kind/lobe_spline_model.h"
 
 // The unit vector of the same azimuth whose cosine is at least z.

@@ -4,7 +4,6 @@
 // Section: 64 bytes of description, the lobes' shapes, their strengths, the transforms, the control points, the sigma
 // lattice's points and the channels' sigma factors, each part aligned (brdf/model_file.h).
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "brdf/kind/lobe_spline_model.h"

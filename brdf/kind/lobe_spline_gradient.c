@@ -4,7 +4,6 @@
 // derivatives are 0; where the azimuth about the half vector is undefined (retro-reflection), so are the derivatives of
 // it.
 #include <math.h>
-#include <string.h>
 
 #include "brdf/dual.h"
 #include "brdf/kind/lobe_spline_model.h"

@@ -3,7 +3,6 @@
 // hundredths of a pixel.
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/statistics.h"
 #include "calib/internal.h"

@@ -7,7 +7,6 @@
 #include "calib/internal.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 // A normal distribution passes 8 sigma once in 1e15 pixels; hot pixels lie far beyond.
 #define OUTLIER_SIGMAS 8

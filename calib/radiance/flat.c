@@ -9,7 +9,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 // Known signal of the panel at this pixel, f_r x relative irradiance; 0 where the pixel does not see it lit.
 static double panel_signal(const gonio_calib *calib, const geometry *g, size_t p) {

@@ -9,7 +9,6 @@
 // Where an irradiance reading gives the scale, the reference is a source of known radiance L: a sample that returned L
 // under the lamp's irradiance E would have f_r cos(theta_i) = L / E.
 #include <math.h>
-#include <string.h>
 
 #include "calib/internal.h"
 

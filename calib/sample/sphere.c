@@ -3,8 +3,6 @@
 // directions of its own point. The sample is isotropic, so phi_i is turned to 0.
 #include "calib/internal.h"
 
-#include <math.h>
-
 typedef struct sphere_frame {
     const gonio_calib *calib;
     geometry g;

@@ -2,7 +2,6 @@
 // What was chosen, in words, and its neighbours: the next better and the next cheaper one.
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/statistics.h"

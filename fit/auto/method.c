@@ -2,7 +2,6 @@
 // Methods "auto" and "lsq": least-squares splines, with or without a lobe under them.
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/auto/choose.h"

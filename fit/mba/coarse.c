@@ -4,7 +4,6 @@
 // A lattice of few cells is touched everywhere by any chunk of samples, so threads cannot share it out; but it is
 // small, and each chunk can have one. Chunks are merged in their order, and how many there are follows from the samples
 // and the lattice alone: the bits do not depend on who ran them. Blocks (GONIO_SCATTER_BLOCK) follow each other.
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/mba/kernel.h"

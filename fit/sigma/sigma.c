@@ -9,7 +9,6 @@
 // noise in them, not an error of the model.
 #include "fit/sigma/sigma.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

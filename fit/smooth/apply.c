@@ -4,7 +4,6 @@
 #include "fit/smooth/apply.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "brdf/spline/rows.h"
 #include "fit/prepare/scatter.h"

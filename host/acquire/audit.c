@@ -3,7 +3,6 @@
 // So every step is flagged until a homing has found the switch where it must be.
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "host/acquire/acquire.h"
 

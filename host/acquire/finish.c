@@ -4,7 +4,6 @@
 // The pointing term of a sample's uncertainty needs the BRDF's slope there, and the slope needs a fit: so a first fit
 // gives the slopes, and the model that is saved is fitted to the samples with their full uncertainty.
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A plan on a rig, into a session: begin it, and drive it to its end with a fit running along.
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

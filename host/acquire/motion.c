@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Did the camera or the sample move between the scan's start and its end?
-#include <math.h>
 #include <stdio.h>
 
 #include "host/acquire/acquire.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The scan loop: move, settle, expose, calibrate, store; one step at a time, as a whole or not at all.
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "host/cli/fit_arguments.h"
 
-#include <stdio.h>
-#include <string.h>
-
 int cli_fit_rows(cli_fit_arguments *a, cli_option *rows) {
     int n = 0;
     for (int k = 0; k < GONIO_FIT_KEYS; k++) {

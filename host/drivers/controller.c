@@ -2,10 +2,8 @@
 // Requests to the controller: one exchange on the line, repeated within bounds, and what its registers say.
 #include "host/drivers/controller_internal.h"
 
-#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/controller_internal.h"
 
-#include <stdio.h>
-
 #include "host/transport/clock.h"
 
 enum { POLL_MS = 20, BLOCK_WORDS = CONTROLLER_command + 1 - CONTROLLER_command_id };

@@ -2,7 +2,6 @@
 #include "host/drivers/keep_out.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,8 +2,6 @@
 // A lamp that is always warm and a shutter that always obeys.
 #include <stddef.h>
 
-#include <stdlib.h>
-
 #include "host/drivers/driver.h"
 
 static gonio_status set_level(void *device, double level, gonio_error *error) {

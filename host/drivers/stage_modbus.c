@@ -3,9 +3,7 @@
 #include "host/drivers/stage_modbus.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "host/drivers/controller_map.h"
 #include "host/drivers/driver.h"

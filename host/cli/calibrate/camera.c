@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio calibrate camera: photographs of a board -> intrinsics with uncertainties, as a rig file's [camera] section.
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "gonio/output.h"
 #include "host/cli/calibrate/calibrate.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio check: is a BRDF reciprocal, does it conserve energy, is it isotropic, how separable is it.
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

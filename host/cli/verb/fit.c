@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio fit: samples -> model.
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "host/cli/fit_arguments.h"
