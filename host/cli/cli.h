@@ -58,14 +58,19 @@ int cli_fail(const cli_common *common, const gonio_error *error);
 int cli_usage(const cli_common *common, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // Print the object as one line on stdout and release it; returns 0.
 int cli_json(json_t *object);
-json_t *cli_json_real(double value); // null for NaN and infinities
-// The figures of gonio_errors that are numbers, by name; ends with {0}.
+json_t *cli_json_real(double value);     // null for NaN and infinities
+json_t *cli_json_text(const char *text); // null for the empty text
+// A number of a struct, by name; a table of them ends with {0}.
 typedef struct cli_figure {
     const char *name;
-    size_t offset; // of a double in gonio_errors
+    size_t offset; // of a double in the struct
 } cli_figure;
-extern const cli_figure cli_figures[];
-double cli_figure_of(const cli_figure *figure, const gonio_errors *errors);
+#define CLI_FIGURE(type, member)                                                                                       \
+    { #member, offsetof(type, member) }
+double cli_figure_of(const cli_figure *figure, const void *object);
+json_t *cli_json_figures(const cli_figure *figures, const void *object);
+extern const cli_figure cli_figures[];               // those of gonio_errors
+extern const cli_figure cli_blur_figures[];          // those of gonio_blur that the rig alone gives
 json_t *cli_json_errors(const gonio_errors *errors); // {"rmse", "max_abs" ...}: "train" and "held_out" of fit
 void cli_print_errors(const char *label, const gonio_errors *errors);
 

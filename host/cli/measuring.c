@@ -95,12 +95,6 @@ void cli_outcome_print(const gonio_outcome *outcome) {
     printf("samples    sha256 %s\nmodel      sha256 %s\n", outcome->samples_sha256, outcome->model_sha256);
 }
 
-static json_t *blur_json(const gonio_blur *b) {
-    return json_pack("{s:f,s:f,s:f,s:f,s:f,s:f,s:f}", "light_deg", b->light_deg, "aperture_deg", b->aperture_deg,
-                     "region_deg", b->region_deg, "light_sr", b->light_sr, "aperture_sr", b->aperture_sr, "bias_median",
-                     b->bias_median, "bias_max", b->bias_max);
-}
-
 // null: nothing to compare, or too little to see.
 static json_t *motion_json(const gonio_motion *m) {
     return m->known ? json_pack("{s:b,s:[f,f],s:f}", "moved", m->moved, "shift_px", m->shift_px[0], m->shift_px[1],
@@ -108,14 +102,21 @@ static json_t *motion_json(const gonio_motion *m) {
                     : json_null();
 }
 
+#define BLUR(member) CLI_FIGURE(gonio_blur, member)
+const cli_figure cli_blur_figures[] = {BLUR(light_deg), BLUR(aperture_deg), BLUR(region_deg),
+                                       BLUR(light_sr),  BLUR(aperture_sr),  {0}};
+
 json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
+    json_t *blur = cli_json_figures(cli_blur_figures, &o->blur);
+    json_object_set_new(blur, "bias_median", cli_json_real(o->blur.bias_median));
+    json_object_set_new(blur, "bias_max", cli_json_real(o->blur.bias_max));
     return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
                      "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,
                      "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
-                     o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur_json(&o->blur),
-                     "method", o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train),
-                     "held_out", cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion));
+                     o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur, "method",
+                     o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train), "held_out",
+                     cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion));
 }
 
 static void report(const cli_measuring *m, const char *session, const gonio_outcome *outcome, double seconds) {

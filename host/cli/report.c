@@ -16,14 +16,14 @@ int cli_json(json_t *object) {
 
 json_t *cli_json_real(double value) { return isfinite(value) ? json_real(value) : json_null(); }
 
-static json_t *text_or_null(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
+json_t *cli_json_text(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
 
 int cli_fail(const cli_common *common, const gonio_error *error) {
     const int exit_status = gonio_status_exit(error->status);
     if (common->json) {
         json_t *line = error->line >= 0 ? json_integer(error->line) : json_null();
         json_t *detail = json_pack("{s:i,s:s,s:o,s:o}", "status", exit_status, "message", error->message, "file",
-                                   text_or_null(error->file), "line", line);
+                                   cli_json_text(error->file), "line", line);
         if (error->byte >= 0) {
             json_object_set_new(detail, "byte", json_integer(error->byte));
         }
@@ -53,22 +53,26 @@ int cli_usage(const cli_common *common, const char *format, ...) {
     return cli_fail(common, &error);
 }
 
-#define FIGURE(member)                                                                                                 \
-    { #member, offsetof(gonio_errors, member) }
+#define FIGURE(member) CLI_FIGURE(gonio_errors, member)
 const cli_figure cli_figures[] = {
     FIGURE(rmse), FIGURE(max_abs), FIGURE(max_rel), FIGURE(median_rel), FIGURE(rms_log), FIGURE(rmse_70), {0}};
 
-double cli_figure_of(const cli_figure *figure, const gonio_errors *errors) {
+double cli_figure_of(const cli_figure *figure, const void *object) {
     double value;
-    memcpy(&value, (const char *)errors + figure->offset, sizeof value);
+    memcpy(&value, (const char *)object + figure->offset, sizeof value);
     return value;
 }
 
-json_t *cli_json_errors(const gonio_errors *e) {
-    json_t *object = json_object();
-    for (const cli_figure *f = cli_figures; f->name != NULL; f++) {
-        json_object_set_new(object, f->name, cli_json_real(cli_figure_of(f, e)));
+json_t *cli_json_figures(const cli_figure *figures, const void *object) {
+    json_t *out = json_object();
+    for (const cli_figure *f = figures; f->name != NULL; f++) {
+        json_object_set_new(out, f->name, cli_json_real(cli_figure_of(f, object)));
     }
+    return out;
+}
+
+json_t *cli_json_errors(const gonio_errors *e) {
+    json_t *object = cli_json_figures(cli_figures, e);
     json_object_set_new(object, "samples", json_integer((json_int_t)e->samples));
     return object;
 }

@@ -205,11 +205,9 @@ static gonio_status write_maps(const settings *s, const gonio_calib *calib, cons
 
 static int report(const settings *s, const gonio_window *w, const summary *m, bool json) {
     if (json) {
-        json_t *object = json_pack("{s:i,s:i,s:I,s:I,s:f,s:f,s:f}", "width", w->width, "height", w->height, "sound",
-                                   (json_int_t)m->sound, "defective", (json_int_t)m->defective, "low", m->low, "high",
-                                   m->high, "relative_sigma", m->sigma);
-        json_object_set_new(object, "output", s->out != NULL ? json_string(s->out) : json_null());
-        return cli_json(object);
+        return cli_json(json_pack("{s:i,s:i,s:I,s:I,s:f,s:f,s:f,s:s?}", "width", w->width, "height", w->height, "sound",
+                                  (json_int_t)m->sound, "defective", (json_int_t)m->defective, "low", m->low, "high",
+                                  m->high, "relative_sigma", m->sigma, "output", s->out));
     }
     printf("flat field   %d x %d pixels, %zu defective\nresponsivity %.4f to %.4f of the mean, each to %.3f %%\n",
            w->width, w->height, m->defective, m->low, m->high, 100 * m->sigma);

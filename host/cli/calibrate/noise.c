@@ -221,30 +221,27 @@ static gonio_status write_maps(const settings *s, const gonio_noise *noise, int 
     return status;
 }
 
+#define FIGURE(member) CLI_FIGURE(gonio_noise_report, member)
+static const cli_figure figures[] = {FIGURE(gain_e_per_dn),
+                                     FIGURE(gain_relative_sigma),
+                                     FIGURE(read_noise_dn),
+                                     FIGURE(read_noise_e),
+                                     FIGURE(read_noise_relative_sigma),
+                                     FIGURE(dark_e_per_s),
+                                     FIGURE(dark_e_per_s_sigma),
+                                     FIGURE(black_dn),
+                                     FIGURE(saturation_dn),
+                                     FIGURE(saturation_e),
+                                     FIGURE(linearity_error),
+                                     FIGURE(linearity_error_max),
+                                     FIGURE(dsnu_e),
+                                     FIGURE(prnu),
+                                     FIGURE(snr_max),
+                                     FIGURE(dynamic_range),
+                                     {0}};
+
 static json_t *as_json(const gonio_noise_report *r) {
-    json_t *o = json_object();
-    const struct {
-        const char *key;
-        double value;
-    } reals[] = {{"gain_e_per_dn", r->gain_e_per_dn},
-                 {"gain_relative_sigma", r->gain_relative_sigma},
-                 {"read_noise_dn", r->read_noise_dn},
-                 {"read_noise_e", r->read_noise_e},
-                 {"read_noise_relative_sigma", r->read_noise_relative_sigma},
-                 {"dark_e_per_s", r->dark_e_per_s},
-                 {"dark_e_per_s_sigma", r->dark_e_per_s_sigma},
-                 {"black_dn", r->black_dn},
-                 {"saturation_dn", r->saturation_dn},
-                 {"saturation_e", r->saturation_e},
-                 {"linearity_error", r->linearity_error},
-                 {"linearity_error_max", r->linearity_error_max},
-                 {"dsnu_e", r->dsnu_e},
-                 {"prnu", r->prnu},
-                 {"snr_max", r->snr_max},
-                 {"dynamic_range", r->dynamic_range}};
-    for (size_t k = 0; k < sizeof reals / sizeof *reals; k++) {
-        json_object_set_new(o, reals[k].key, cli_json_real(reals[k].value));
-    }
+    json_t *o = cli_json_figures(figures, r);
     json_object_set_new(o, "saturation_measured", json_boolean(r->saturation_measured));
     json_object_set_new(o, "hot", json_integer(r->hot));
     json_object_set_new(o, "dead", json_integer(r->dead));

@@ -116,9 +116,9 @@ static json_t *as_json(const gonio_rig_report *r, const calibrate_rig_views *vie
                                   json_pack("{s:s,s:s}", "frame", views->names[i], "reason", views->items[i].reason));
         }
     }
-    return json_pack("{s:o,s:o,s:o,s:[f,f],s:f,s:o,s:o}", "views", counts, "noise_px", noise, "axes", axes, "origin_mm",
-                     r->origin_mm[0], r->origin_mm[1], "direction_sigma_deg", r->direction_sigma_deg, "left_out",
-                     left_out, "output", out != NULL ? json_string(out) : json_null());
+    return json_pack("{s:o,s:o,s:o,s:[f,f],s:f,s:o,s:s?}", "views", counts, "noise_px", noise, "axes", axes,
+                     "origin_mm", r->origin_mm[0], r->origin_mm[1], "direction_sigma_deg", r->direction_sigma_deg,
+                     "left_out", left_out, "output", out);
 }
 
 static void print(const gonio_rig_report *r, const calibrate_rig_views *views) {

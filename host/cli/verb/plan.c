@@ -109,11 +109,10 @@ static gonio_status check_edges(const gonio_setup *setup, const gonio_step *step
 
 static int report(const cli_common *common, const char *text, const char *path, const estimate *e) {
     if (common->json) {
-        return cli_json(json_pack("{s:s,s:I,s:I,s:I,s:f,s:f,s:f,s:o}", "plan", text, "poses", (json_int_t)e->poses,
+        return cli_json(json_pack("{s:s,s:I,s:I,s:I,s:f,s:f,s:f,s:s?}", "plan", text, "poses", (json_int_t)e->poses,
                                   "edges_excluded", (json_int_t)e->edges_excluded, "edges_flagged",
                                   (json_int_t)e->edges_flagged, "travel_s", e->travel_s, "total_s", e->total_s,
-                                  "storage_bytes", e->storage_bytes, "output",
-                                  path != NULL ? json_string(path) : json_null()));
+                                  "storage_bytes", e->storage_bytes, "output", path));
     }
     FILE *to = path != NULL ? stdout : stderr; // the poses themselves went to stdout
     fprintf(to,

@@ -10,13 +10,9 @@ const cli_verb cmd_replay = {
     "replay", "SESSION [--model OUT]",
     "compute samples and model again from a session's frames; exit 1 where they differ beyond rounding", run};
 
-static json_t *text_or_null(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
-
-// Infinity, which JSON has no number for, is null.
-static json_t *agreement_json(const gonio_agreement *a) {
-    return json_pack("{s:o,s:o,s:o,s:o}", "angle", cli_json_real(a->angle), "value", cli_json_real(a->value), "sigma",
-                     cli_json_real(a->sigma), "model", cli_json_real(a->model));
-}
+// A model of another form is infinitely far apart: null.
+#define SHARE(member) CLI_FIGURE(gonio_agreement, member)
+static const cli_figure shares[] = {SHARE(angle), SHARE(value), SHARE(sigma), SHARE(model), {0}};
 
 static void print_agreement(const gonio_agreement *a, bool rounding) {
     printf("%s: in shares of what rounding may come to, angles differ by %.2g, values by %.2g, sigmas by %.2g, ",
@@ -32,8 +28,8 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
                   const gonio_replay_report *r) {
     if (common->json) {
         json_t *object = cli_outcome_json(path, outcome);
-        json_object_set_new(object, "journalled_samples_sha256", text_or_null(r->samples_sha256));
-        json_object_set_new(object, "journalled_model_sha256", text_or_null(r->model_sha256));
+        json_object_set_new(object, "journalled_samples_sha256", cli_json_text(r->samples_sha256));
+        json_object_set_new(object, "journalled_model_sha256", cli_json_text(r->model_sha256));
         json_object_set_new(object, "finished", json_boolean(r->finished));
         json_object_set_new(object, "steps_differing", json_integer((json_int_t)r->steps_differing));
         json_object_set_new(object, "equal", json_boolean(r->equal));
@@ -41,7 +37,7 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
                             json_string(r->equal      ? "identical"
                                         : r->rounding ? "rounding"
                                                       : "changed"));
-        json_object_set_new(object, "shares_of_bounds", agreement_json(&r->agreement));
+        json_object_set_new(object, "shares_of_bounds", cli_json_figures(shares, &r->agreement));
         if (outcome->model_path != NULL) {
             json_object_set_new(object, "model", json_string(outcome->model_path));
         }

@@ -122,11 +122,9 @@ static int write_samples(const request *r, gonio_session *session) {
         fprintf(stderr, "samples of %zu poses are flagged: no audit of the stage has vouched for them yet\n", flagged);
     }
     if (r->common->json) {
-        json_t *object =
-            json_pack("{s:s,s:I,s:i,s:b,s:s,s:I}", "session", r->path, "samples", (json_int_t)samples->n, "channels",
-                      samples->channels, "final", final, "samples_sha256", hash, "flagged", (json_int_t)flagged);
-        json_object_set_new(object, "output", r->output != NULL ? json_string(r->output) : json_null());
-        cli_json(object);
+        cli_json(json_pack("{s:s,s:I,s:i,s:b,s:s,s:I,s:s?}", "session", r->path, "samples", (json_int_t)samples->n,
+                           "channels", samples->channels, "final", final, "samples_sha256", hash, "flagged",
+                           (json_int_t)flagged, "output", r->output));
     } else if (r->output != NULL) {
         printf("%s: %zu samples\n", r->output, samples->n);
     }
@@ -212,29 +210,10 @@ static gonio_status find_model(gonio_session *session, const gonio_process *proc
 }
 
 // The terms of the budget, in the order of their printing.
-typedef struct term {
-    const char *name;
-    double (*of)(const gonio_budget *b);
-} term;
-#define TERM(member)                                                                                                   \
-    static double of_##member(const gonio_budget *b) { return b->member; }
-TERM(photon)
-TERM(read)
-TERM(dark)
-TERM(flat)
-TERM(reference)
-TERM(drift)
-TERM(stray)
-TERM(angle)
-TERM(area)
-TERM(blur)
-TERM(random)
-TERM(systematic)
-static const term terms[] = {{"photon", of_photon}, {"read", of_read},           {"dark", of_dark},
-                             {"flat", of_flat},     {"reference", of_reference}, {"drift", of_drift},
-                             {"stray", of_stray},   {"angle", of_angle},         {"area", of_area},
-                             {"blur", of_blur},     {"random", of_random},       {"systematic", of_systematic}};
-#define TERMS (sizeof terms / sizeof *terms)
+#define TERM(member) CLI_FIGURE(gonio_budget, member)
+static const cli_figure terms[] = {TERM(photon), TERM(read),       TERM(dark),  TERM(flat), TERM(reference),
+                                   TERM(drift),  TERM(stray),      TERM(angle), TERM(area), TERM(blur),
+                                   TERM(random), TERM(systematic), {0}};
 
 static json_t *pair_json(const gonio_pair *p) {
     return json_pack("[f,f,f,f]", gonio_degrees(p->theta_i), gonio_degrees(p->phi_i), gonio_degrees(p->theta_o),
@@ -251,18 +230,14 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
         json_t *list = json_array();
         for (int c = 0; c < channels; c++) {
             json_t *one = json_pack("{s:s,s:o}", "channel", names[c], "value", cli_json_real(budget[c].value));
-            for (size_t t = 0; t < TERMS; t++) {
-                json_object_set_new(one, terms[t].name, cli_json_real(terms[t].of(&budget[c])));
-            }
+            json_object_update_new(one, cli_json_figures(terms, &budget[c]));
             json_object_set_new(one, "area_bias", cli_json_real(budget[c].area_bias));
             json_object_set_new(one, "blur_bias", cli_json_real(budget[c].blur_bias));
             json_object_set_new(one, "sigma", cli_json_real(hypot(budget[c].random, budget[c].systematic)));
             json_array_append_new(list, one);
         }
-        cli_json(json_pack("{s:s,s:I,s:o,s:o,s:{s:f,s:f,s:f,s:f,s:f}}", "session", r->path, "step",
-                           (json_int_t)step->index, "pose", pair_json(&step->pose), "budget", list, "blur", "light_deg",
-                           blur.light_deg, "aperture_deg", blur.aperture_deg, "region_deg", blur.region_deg, "light_sr",
-                           blur.light_sr, "aperture_sr", blur.aperture_sr));
+        cli_json(json_pack("{s:s,s:I,s:o,s:o,s:o}", "session", r->path, "step", (json_int_t)step->index, "pose",
+                           pair_json(&step->pose), "budget", list, "blur", cli_json_figures(cli_blur_figures, &blur)));
         return;
     }
     printf("step %lld at theta_i %.6g, phi_i %.6g, theta_o %.6g, phi_o %.6g deg; standard uncertainties (k = 1)\n",
@@ -274,9 +249,9 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
         const gonio_budget *b = &budget[c];
         const double combined = hypot(b->random, b->systematic);
         printf("%s: %.6g 1/sr\n", names[c], b->value);
-        for (size_t t = 0; t < TERMS; t++) {
-            const double sigma = terms[t].of(b);
-            printf("  %-12s %12.4g 1/sr  %8.4f %%\n", terms[t].name, sigma, 100 * sigma / fabs(b->value));
+        for (const cli_figure *t = terms; t->name != NULL; t++) {
+            const double sigma = cli_figure_of(t, b);
+            printf("  %-12s %12.4g 1/sr  %8.4f %%\n", t->name, sigma, 100 * sigma / fabs(b->value));
         }
         printf("  %-12s %12.4g 1/sr  %8.4f %%\n", "combined", combined, 100 * combined / fabs(b->value));
         printf("  bias taken out: averaged disc %+.4f %%, light and aperture %+.4f %%\n", 100 * b->area_bias,
