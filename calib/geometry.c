@@ -99,19 +99,6 @@ bool gonio_geometry_sphere(const geometry *g, double x, double y, double radius_
     return true;
 }
 
-bool gonio_geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit) {
-    const gonio_vec3 ray = ray_of(g, x, y);
-    const double cz = g->camera.z + radius_mm, cx = g->camera.x; // from the axis at z = -radius
-    double s;
-    if (!nearest_root(ray.x * ray.x + ray.z * ray.z, ray.x * cx + ray.z * cz, cx * cx + cz * cz - radius_mm * radius_mm,
-                      &s)) {
-        return false;
-    }
-    const gonio_vec3 point = along(g, ray, s);
-    complete(g, point, normalised((gonio_vec3){point.x, 0, point.z + radius_mm}), hit);
-    return true;
-}
-
 gonio_pair gonio_geometry_isotropic_pair(const geometry_hit *hit) {
     const double zi = dot(hit->to_light, hit->normal), zo = dot(hit->to_camera, hit->normal);
     const gonio_vec3 side = cross(hit->normal, hit->to_light); // sin(theta_i) times the local y axis

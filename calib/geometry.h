@@ -31,9 +31,6 @@ geometry gonio_geometry_of_directions(const gonio_rig_facts *facts, const gonio_
 bool gonio_geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint);
 // A sphere about the origin.
 bool gonio_geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
-// A cylinder of given radius whose axis is the sample's y axis, its crest touching the plane z = 0: a sheet bent over a
-// drum, so that one frame holds many theta_i along x.
-bool gonio_geometry_cylinder(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);
 
 // The local directions of a hit, turned so that phi_i = 0: for samples that are isotropic.
 gonio_pair gonio_geometry_isotropic_pair(const geometry_hit *hit);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "base/number.h"
 #include "host/drivers/hardware.h"
+#include "base/number.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -343,9 +343,6 @@ static void *opened(const gonio_hardware *h, gonio_device device, const void *op
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }
 void *gonio_hardware_stage(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus); }
 void *gonio_hardware_camera(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_CAMERA, &gonio_camera_v4l2); }
-void *gonio_hardware_interlock(const gonio_hardware *h) {
-    return opened(h, GONIO_DEVICE_INTERLOCK, &gonio_interlock_gpio);
-}
 const char *gonio_hardware_meter(const gonio_hardware *h) {
     const void *meter = opened(h, GONIO_DEVICE_METER, &gonio_meter_usbtmc);
     return meter != NULL ? gonio_meter_usbtmc_identity(meter) : NULL;

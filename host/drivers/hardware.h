@@ -27,8 +27,8 @@ void gonio_hardware_free(gonio_hardware *hardware);
 // here; *shared: the simulator has a key of the same name, which means the same. GONIO_E_INPUT for a bad value.
 gonio_status gonio_hardware_set(gonio_hardware *hardware, const char *section, const char *key, const char *value,
                                 bool *taken, bool *shared, gonio_error *error);
-// " key" of every key of the section that is known with the drivers chosen so far, for messages. False where there is none
-// but `driver`.
+// " key" of every key of the section that is known with the drivers chosen so far, for messages. False where there is
+// none but `driver`.
 bool gonio_hardware_list(gonio_hardware *hardware, const char *section, char *text, size_t size);
 // Whether drivers that were not chosen have such a key; the error then names them.
 bool gonio_hardware_elsewhere(const gonio_hardware *hardware, const char *section, const char *key, gonio_error *error);
@@ -40,7 +40,6 @@ gonio_status gonio_hardware_open(gonio_hardware *hardware, gonio_rig *rig, bool 
 gonio_controller *gonio_hardware_controller(const gonio_hardware *hardware);
 void *gonio_hardware_stage(const gonio_hardware *hardware);       // of stage_modbus.h
 void *gonio_hardware_camera(const gonio_hardware *hardware);      // of camera_v4l2.h
-void *gonio_hardware_interlock(const gonio_hardware *hardware);   // of interlock_gpio.h
 const char *gonio_hardware_meter(const gonio_hardware *hardware); // *IDN?, or NULL
 
 #endif

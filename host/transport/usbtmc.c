@@ -20,8 +20,7 @@ enum {
     INITIATE_ABORT_BULK_IN,
     CHECK_ABORT_BULK_IN_STATUS,
     INITIATE_CLEAR,
-    CHECK_CLEAR_STATUS,
-    READ_STATUS_BYTE = 128
+    CHECK_CLEAR_STATUS
 };
 enum { STATUS_SUCCESS = 1, STATUS_PENDING = 2 }; // table 16
 enum { REQUEST_TO_INTERFACE = 0xa1, REQUEST_TO_ENDPOINT = 0xa2 };
@@ -32,7 +31,7 @@ struct gonio_usbtmc {
     libusb_device_handle *handle;
     gonio_usbtmc_info info;
     int interface;
-    uint8_t out, in, tag, status_tag;
+    uint8_t out, in, tag;
     int packet; // of the Bulk-IN endpoint: reads are multiples of it, or libusb reports an overflow
     bool gone;
 };
@@ -432,23 +431,5 @@ gonio_status gonio_usbtmc_read(gonio_usbtmc *device, void *message, size_t size,
         }
         *n += got;
     }
-    return GONIO_OK;
-}
-
-gonio_status gonio_usbtmc_status_byte(gonio_usbtmc *device, uint8_t *status_byte, gonio_error *error) {
-    if (!device->info.usb488) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED, "the USB device does not speak USB488: no status byte");
-    }
-    uint8_t reply[3] = {0};
-    device->status_tag = (uint8_t)(device->status_tag < 2 || device->status_tag >= 127 ? 2 : device->status_tag + 1);
-    const int code =
-        ask(device, REQUEST_TO_INTERFACE, READ_STATUS_BYTE, device->status_tag, (uint16_t)device->interface, reply, 3);
-    if (code != 0) {
-        return fail_usb(device, code, "READ_STATUS_BYTE", error);
-    }
-    if (reply[0] != STATUS_SUCCESS || reply[1] != device->status_tag) {
-        return gonio_fail(error, GONIO_E_DEVICE, "USB488: READ_STATUS_BYTE refused (status 0x%02x)", reply[0]);
-    }
-    *status_byte = reply[2];
     return GONIO_OK;
 }

@@ -44,8 +44,6 @@ gonio_status gonio_usbtmc_read(gonio_usbtmc *device, void *message, size_t size,
                                gonio_error *error);
 // Clear both buffers of the device (INITIATE_CLEAR) and both endpoints' halts; also ends a stall.
 gonio_status gonio_usbtmc_clear(gonio_usbtmc *device, gonio_error *error);
-// IEEE 488 status byte through the control endpoint; GONIO_E_UNSUPPORTED without USB488.
-gonio_status gonio_usbtmc_status_byte(gonio_usbtmc *device, uint8_t *status_byte, gonio_error *error);
 // True after a transfer found the device unplugged: nothing but close helps then.
 int gonio_usbtmc_gone(const gonio_usbtmc *device);
 

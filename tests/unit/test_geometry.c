@@ -118,7 +118,6 @@ static void test_grazing_and_missing_rays(void **state) {
     geometry_hit hit;
     assert_false(gonio_geometry_plate(&g, 0, -0.1, &hit, NULL)); // above the horizon
     assert_false(gonio_geometry_sphere(&g, 0.2, 0, 20, &hit));
-    assert_false(gonio_geometry_cylinder(&g, 0, -0.2, 20, &hit));
 }
 
 static void test_sphere_hits_its_surface_on_the_near_side(void **state) {
@@ -133,21 +132,6 @@ static void test_sphere_hits_its_surface_on_the_near_side(void **state) {
         assert_true(hit.normal.x * hit.to_camera.x + hit.normal.y * hit.to_camera.y + hit.normal.z * hit.to_camera.z >
                     0);
     }
-}
-
-static void test_cylinder_crest_touches_the_plate(void **state) {
-    (void)state;
-    const gonio_pair p = pose(40, 0, 0, 0);
-    const geometry g = gonio_geometry_of_pose(&facts, &p);
-    geometry_hit flat, bent;
-    assert_true(gonio_geometry_plate(&g, 0, 0, &flat, NULL));
-    assert_true(gonio_geometry_cylinder(&g, 0, 0, 25, &bent));
-    assert_near(bent.point.z, 0, 1e-9);
-    assert_near(bent.irradiance, flat.irradiance, 1e-9);
-    // Off the crest the normal leans, theta_i changes by the same angle. In the image +x points down.
-    assert_true(gonio_geometry_cylinder(&g, 0, 0.01, 25, &bent));
-    assert_near(asin(bent.normal.x), asin(bent.point.x / 25), 1e-9);
-    assert_true(bent.normal.x > 0.2);
 }
 
 // The isotropic pair keeps both thetas and the angle between light and camera.
@@ -181,7 +165,6 @@ int main(void) {
         cmocka_unit_test(test_footprints_sum_to_the_area),
         cmocka_unit_test(test_grazing_and_missing_rays),
         cmocka_unit_test(test_sphere_hits_its_surface_on_the_near_side),
-        cmocka_unit_test(test_cylinder_crest_touches_the_plate),
         cmocka_unit_test(test_isotropic_pair_keeps_what_matters),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -195,23 +195,6 @@ static void test_slow_clear_is_waited_for(void **state) {
     assert_non_null(strstr(error.message, "INITIATE_CLEAR"));
 }
 
-static void test_status_byte(void **state) {
-    (void)state;
-    need_wrapper();
-    gonio_usbtmc *device = NULL;
-    const gonio_usbtmc_match match = {MODEL_VENDOR, MODEL_PRODUCT, "S1"};
-    assert_int_equal(gonio_usbtmc_open(&match, &device, NULL), GONIO_OK);
-    uint8_t byte = 0xff;
-    for (int i = 0; i < 130; i++) { // through the tag's wrap at 127
-        assert_int_equal(gonio_usbtmc_status_byte(device, &byte, NULL), GONIO_OK);
-        assert_int_equal(byte, 0);
-    }
-    assert_int_equal(gonio_usbtmc_write(device, "*IDN?\n", 6, 100, NULL), GONIO_OK);
-    assert_int_equal(gonio_usbtmc_status_byte(device, &byte, NULL), GONIO_OK);
-    assert_int_equal(byte, 0x10); // message available
-    gonio_usbtmc_close(device);
-}
-
 static void test_tags_wrap(void **state) {
     (void)state;
     need_wrapper();
@@ -295,7 +278,6 @@ int main(int argc, char **argv) {
         cmocka_unit_test_setup(test_single_faults_are_survived, fresh),
         cmocka_unit_test_setup(test_lasting_faults_end_in_time_and_named, fresh),
         cmocka_unit_test_setup(test_slow_clear_is_waited_for, fresh),
-        cmocka_unit_test_setup(test_status_byte, fresh),
         cmocka_unit_test_setup(test_tags_wrap, fresh),
         cmocka_unit_test_setup(test_unplugged_and_plugged_again, fresh),
         cmocka_unit_test_setup(test_unplugged_for_good, fresh),
