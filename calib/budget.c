@@ -4,13 +4,13 @@
 
 #include <math.h>
 
+#include "base/vector.h"
+
 typedef struct nearest {
     gonio_vec3 wi, wo;
     estimate found;
     double score; // cosines' sum; -INFINITY: none yet
 } nearest;
-
-static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 static gonio_status keep_nearest(void *context, const estimate *e, gonio_error *error) {
     (void)error;

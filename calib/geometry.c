@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "calib/vector.h"
+#include "base/vector.h"
 
 geometry gonio_geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pose) {
     const gonio_vec3 wi = gonio_direction(pose->theta_i, pose->phi_i);

@@ -7,6 +7,8 @@
 
 #include <embree3/rtcore.h>
 
+#include "base/vector.h"
+
 // How far a shadow ray starts off the surface, of the object's radius 1: well above float32's 6e-8 at that scale and
 // Embree's own sphere error (1e-6), well below a pixel.
 #define LIFT 1e-4
@@ -16,13 +18,6 @@ struct sim_caster {
     RTCScene scene;
     const sim_mesh *mesh; // NULL: sphere
 };
-
-static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){v.x * s, v.y * s, v.z * s}; }
-static gonio_vec3 sum(gonio_vec3 a, gonio_vec3 b) { return (gonio_vec3){a.x + b.x, a.y + b.y, a.z + b.z}; }
-static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static gonio_vec3 cross(gonio_vec3 a, gonio_vec3 b) {
-    return (gonio_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
 
 static bool unit(gonio_vec3 *v) {
     const double length = sqrt(dot(*v, *v));

@@ -9,6 +9,7 @@
 
 #include "base/order_statistic.h"
 #include "base/thread_pool.h"
+#include "base/vector.h"
 #include "gonio/output.h"
 #include "gonio/render.h"
 #include "gonio/sample.h"
@@ -62,12 +63,9 @@ static gonio_status check(int n, const gonio_render_options *o, gonio_error *err
     return GONIO_OK;
 }
 
-static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
 static gonio_vec3 into_frame(const sim_hit *hit, gonio_vec3 w) {
     const gonio_vec3 n = hit->normal, t = hit->tangent;
-    const gonio_vec3 b = {n.y * t.z - n.z * t.y, n.z * t.x - n.x * t.z, n.x * t.y - n.y * t.x};
-    gonio_vec3 local = {dot(t, w), dot(b, w), dot(n, w)};
+    const gonio_vec3 local = {dot(t, w), dot(cross(n, t), w), dot(n, w)};
     const double length = sqrt(dot(local, local));
     return (gonio_vec3){local.x / length, local.y / length, local.z / length};
 }

@@ -4,13 +4,10 @@
 
 #include <math.h>
 
+#include "base/vector.h"
+
 static gonio_vec3 add(gonio_vec3 a, double s, gonio_vec3 b) {
     return (gonio_vec3){a.x + s * b.x, a.y + s * b.y, a.z + s * b.z};
-}
-static double dot(gonio_vec3 a, gonio_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-static gonio_vec3 cross(gonio_vec3 a, gonio_vec3 b) {
-    return (gonio_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
 // A direction turned about an axis: its part along the axis stays, the rest turns in the plane across.

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/statistics.h"
+#include "base/vector.h"
 #include "calib/opencv.h"
 
 // A view whose residuals exceed the others' by this factor, and a pixel, has wrong corners, not noise.
@@ -100,7 +101,7 @@ static double spread_deg(int n, const gonio_view *views) {
         for (int j = 0; j < i; j++) {
             if (views[i].used && views[j].used) {
                 const gonio_vec3 a = board_normal(&views[i]), b = board_normal(&views[j]);
-                least = fmin(least, fabs(a.x * b.x + a.y * b.y + a.z * b.z));
+                least = fmin(least, fabs(dot(a, b)));
             }
         }
     }

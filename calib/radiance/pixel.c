@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // One pixel of a pose: whether it sees the sample, and its exposures merged.
+#include "base/vector.h"
 #include "calib/internal.h"
 
 #include <math.h>
@@ -22,7 +23,7 @@ bool gonio_pixel_used(const gonio_calib *calib, const geometry *g, size_t p, geo
     }
     const double limit = cos(gonio_radians(SPHERE_THETA_MAX_DEG));
     const gonio_vec3 n = hit->normal, i = hit->to_light, o = hit->to_camera;
-    return n.x * i.x + n.y * i.y + n.z * i.z >= limit && n.x * o.x + n.y * o.y + n.z * o.z >= limit;
+    return dot(n, i) >= limit && dot(n, o) >= limit;
 }
 
 void gonio_pixel_merge(const gonio_calib *calib, size_t pixel, int n, const gonio_exposure *exposures,

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "calib/vector.h"
+#include "base/vector.h"
 
 #define P GONIO_ALIGNMENT_PARAMETERS
 

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "calib/vector.h"
+#include "base/vector.h"
 #include "fit/smooth/matrix.h"
 
 #define A GONIO_ALIGNMENT_PARAMETERS

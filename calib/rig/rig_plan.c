@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "calib/vector.h"
+#include "base/vector.h"
 #include "gonio/characterise.h"
 
 int gonio_rig_poses(gonio_rig_pose *poses) {

@@ -19,6 +19,7 @@
 
 #include "base/order_statistic.h"
 #include "base/statistics.h"
+#include "base/vector.h"
 #include "calib/internal.h"
 
 #define RING 6
@@ -33,12 +34,10 @@ static gonio_vec3 moved(gonio_vec3 from, const disc *d, double x, double y) {
 }
 
 static gonio_vec3 toward(gonio_vec3 from, gonio_vec3 to) {
-    const gonio_vec3 d = {to.x - from.x, to.y - from.y, to.z - from.z};
-    const double length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
+    const gonio_vec3 d = difference(to, from);
+    const double length = sqrt(dot(d, d));
     return (gonio_vec3){d.x / length, d.y / length, d.z / length};
 }
-
-static gonio_vec3 scaled(gonio_vec3 v, double s) { return (gonio_vec3){s * v.x, s * v.y, s * v.z}; }
 
 typedef enum averaged { REGION, LIGHT, APERTURE } averaged;
 

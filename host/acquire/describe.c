@@ -2,7 +2,6 @@
 // The setup as JSON texts in the journal: people read them, and a replay needs nothing else.
 //
 // One table a struct names every member once (base/keys.h); writing and reading both follow it.
-#include <errno.h>
 #include <jansson.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -10,6 +9,7 @@
 #include <string.h>
 
 #include "base/keys.h"
+#include "base/text.h"
 #include "fit/options.h"
 #include "gonio/output.h"
 #include "host/acquire/acquire.h"
@@ -80,10 +80,14 @@ static const gonio_key scan_members[] = {
     M(gonio_scan_options, dark_frames, INTEGER),
     LATE(gonio_scan_options, trap_frames, INTEGER),
     LATE(gonio_scan_options, motion_check, INTEGER),
-    M(gonio_scan_options, reference_frames, INTEGER), M(gonio_scan_options, settle_s, REAL),
-    M(gonio_scan_options, exposure_max_s, REAL),      M(gonio_scan_options, window_width, INTEGER),
-    M(gonio_scan_options, window_height, INTEGER),    M(gonio_scan_options, hands, BOOLEAN),
-    LATE(gonio_scan_options, audit_poses, INTEGER),   {0},
+    M(gonio_scan_options, reference_frames, INTEGER),
+    M(gonio_scan_options, settle_s, REAL),
+    M(gonio_scan_options, exposure_max_s, REAL),
+    M(gonio_scan_options, window_width, INTEGER),
+    M(gonio_scan_options, window_height, INTEGER),
+    M(gonio_scan_options, hands, BOOLEAN),
+    LATE(gonio_scan_options, audit_poses, INTEGER),
+    {0},
 };
 static const gonio_key window_members[] = {
     M(gonio_window, x, INTEGER),
@@ -235,22 +239,20 @@ static const struct own_file {
 // spec:... names no file.
 static bool is_file(const char *path) { return path[0] != 0 && strncmp(path, "spec:", 5) != 0; }
 
-static gonio_status copy_file(const char *what, const char *from, const char *to, gonio_error *error) {
-    FILE *source = fopen(from, "rb");
-    if (source == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, from, -1, "cannot read the %s: %s", what, strerror(errno));
-    }
+static gonio_status copy_file(const char *from, const char *to, gonio_error *error) {
+    char *data;
+    size_t size;
     gonio_output *output;
-    gonio_status status = gonio_output_open(to, &output, error);
+    gonio_status status = gonio_file_read(from, 0, &data, &size, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_output_open(to, &output, error);
     if (status == GONIO_OK) {
-        char buffer[4096];
-        size_t got;
-        while ((got = fread(buffer, 1, sizeof buffer, source)) > 0) {
-            fwrite(buffer, 1, got, gonio_output_stream(output));
-        }
+        fwrite(data, 1, size, gonio_output_stream(output));
         status = gonio_output_commit(output, error);
     }
-    fclose(source);
+    free(data);
     return status;
 }
 
@@ -271,7 +273,7 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
         const char *from = (const char *)&setup->facts + own_files[i].offset;
         if (is_file(from)) {
             status = own_path(session, &own_files[i], path, error);
-            status = status == GONIO_OK ? copy_file(own_files[i].what, from, path, error) : status;
+            status = status == GONIO_OK ? copy_file(from, path, error) : status;
         }
     }
     return status;

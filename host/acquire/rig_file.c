@@ -3,12 +3,12 @@
 #include "host/acquire/rig_file.h"
 
 #include <ctype.h>
-#include <errno.h>
 #include <ini.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "host/acquire/rig_keys.h"
 #include "host/drivers/null.h"
 
@@ -202,25 +202,14 @@ static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, g
 // ---- texts ----
 
 static gonio_status read_file(const char *path, char **text, gonio_error *error) {
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read the rig file: %s", strerror(errno));
-    }
-    *text = malloc(FILE_MAX_BYTES + 1);
-    const size_t size = *text != NULL ? fread(*text, 1, FILE_MAX_BYTES, file) : 0;
-    const bool failed = ferror(file) || !feof(file);
-    fclose(file);
-    if (*text == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", path);
-    }
-    (*text)[size] = 0;
-    if (failed || strlen(*text) != size) {
+    size_t size;
+    const gonio_status status = gonio_file_read(path, FILE_MAX_BYTES, text, &size, error);
+    if (status == GONIO_OK && strlen(*text) != size) {
         free(*text);
         *text = NULL;
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
-                               "not a rig file: a text of less than %d bytes is expected", FILE_MAX_BYTES);
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a rig file: a text without zero bytes is expected");
     }
-    return GONIO_OK;
+    return status;
 }
 
 // Where the next section.key= begins after a comma; values may hold commas themselves.

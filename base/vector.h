@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Arithmetic of gonio_vec3.
-#ifndef CALIB_VECTOR_H
-#define CALIB_VECTOR_H
+#ifndef GONIO_BASE_VECTOR_H
+#define GONIO_BASE_VECTOR_H
 
 #include <math.h>
 
