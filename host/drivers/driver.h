@@ -80,6 +80,11 @@ typedef struct gonio_driver {
     void (*release)(void *settings);
 } gonio_driver;
 
+// For drivers without a device of their own: open and close.
+gonio_status gonio_driver_no_device(void *settings, const gonio_driver_context *context, void **device,
+                                    gonio_error *error);
+void gonio_driver_nothing_to_close(void *device);
+
 // By number, from 0 on; NULL past the last.
 const gonio_driver *gonio_driver_at(int number);
 const gonio_driver *gonio_driver_find(gonio_device device, const char *name); // NULL: none

@@ -40,19 +40,11 @@ static gonio_status capture(void *device, const gonio_window *window, double exp
     return GONIO_OK;
 }
 
-static void nothing_to_close(void *device) { (void)device; }
-
 static const gonio_camera_ops ops = {
-    .name = "null camera", .info = info, .capture = capture, .close = nothing_to_close};
-
-static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
-    (void)settings, (void)context, (void)error;
-    *device = NULL;
-    return GONIO_OK;
-}
+    .name = "null camera", .info = info, .capture = capture, .close = gonio_driver_nothing_to_close};
 
 const gonio_driver gonio_driver_null_camera = {.name = "null",
                                                .device = GONIO_DEVICE_CAMERA,
                                                .summary = "a camera behind a cap: 640 x 512, 12 bit, black",
                                                .ops = &ops,
-                                               .open = make};
+                                               .open = gonio_driver_no_device};

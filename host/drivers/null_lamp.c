@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A lamp that is always warm and a shutter that always obeys.
-#include <stddef.h>
-
 #include "host/drivers/driver.h"
 
 static gonio_status set_level(void *device, double level, gonio_error *error) {
@@ -22,19 +20,14 @@ static gonio_status wait_ready(void *device, const gonio_stamp *stamp, double ti
     return GONIO_OK;
 }
 
-static void nothing_to_close(void *device) { (void)device; }
-
 static const gonio_lamp_ops ops = {.name = "null lamp",
                                    .set_level = set_level,
                                    .set_shutter = set_shutter,
                                    .wait_ready = wait_ready,
-                                   .close = nothing_to_close};
+                                   .close = gonio_driver_nothing_to_close};
 
-static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
-    (void)settings, (void)context, (void)error;
-    *device = NULL;
-    return GONIO_OK;
-}
-
-const gonio_driver gonio_driver_null_lamp = {
-    .name = "null", .device = GONIO_DEVICE_LAMP, .summary = "a lamp that is always warm", .ops = &ops, .open = make};
+const gonio_driver gonio_driver_null_lamp = {.name = "null",
+                                             .device = GONIO_DEVICE_LAMP,
+                                             .summary = "a lamp that is always warm",
+                                             .ops = &ops,
+                                             .open = gonio_driver_no_device};

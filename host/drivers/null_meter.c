@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A lamp monitor that sees a constant lamp.
-#include <stddef.h>
-
 #include "host/drivers/driver.h"
 
 static gonio_status read_value(void *device, const gonio_stamp *stamp, double integration_s, double *value,
@@ -12,15 +10,10 @@ static gonio_status read_value(void *device, const gonio_stamp *stamp, double in
     return GONIO_OK;
 }
 
-static void nothing_to_close(void *device) { (void)device; }
+static const gonio_meter_ops ops = {.name = "null meter", .read = read_value, .close = gonio_driver_nothing_to_close};
 
-static const gonio_meter_ops ops = {.name = "null meter", .read = read_value, .close = nothing_to_close};
-
-static gonio_status make(void *settings, const gonio_driver_context *context, void **device, gonio_error *error) {
-    (void)settings, (void)context, (void)error;
-    *device = NULL;
-    return GONIO_OK;
-}
-
-const gonio_driver gonio_driver_null_meter = {
-    .name = "null", .device = GONIO_DEVICE_METER, .summary = "reads 1 +- 0.1 %", .ops = &ops, .open = make};
+const gonio_driver gonio_driver_null_meter = {.name = "null",
+                                              .device = GONIO_DEVICE_METER,
+                                              .summary = "reads 1 +- 0.1 %",
+                                              .ops = &ops,
+                                              .open = gonio_driver_no_device};
