@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -22,23 +23,46 @@ void gonio_key_option(const gonio_key *key, char *text, size_t size) {
     }
 }
 
-// ---- what a value may be ----
+// ---- tables ----
 
-static void append(char *text, size_t size, const char *more) {
-    const size_t used = strlen(text);
-    snprintf(text + used, size - used, "%s", more);
+static bool is_in(const gonio_key *key, const char *section) {
+    return key->section != NULL && strcmp(key->section, section) == 0;
 }
+
+const gonio_key *gonio_key_find(const gonio_key *table, const char *section, const char *name) {
+    const gonio_key *key = table;
+    while (key != NULL && key->name != NULL && !(is_in(key, section) && strcmp(key->name, name) == 0)) {
+        key++;
+    }
+    return key != NULL && key->name != NULL ? key : NULL;
+}
+
+void gonio_key_list(const gonio_key *table, const char *section, char *text, size_t size) {
+    for (const gonio_key *key = table; key != NULL && key->name != NULL; key++) {
+        if (is_in(key, section)) {
+            gonio_text_append(text, size, " %s", key->name);
+        }
+    }
+}
+
+void gonio_key_standards(const gonio_key *table, void *object) {
+    for (const gonio_key *key = table; key->name != NULL; key++) {
+        if (key->standard != NULL) {
+            gonio_key_parse(key, object, key->standard, NULL);
+        }
+    }
+}
+
+// ---- what a value may be ----
 
 // "a, b or c", with last (may be NULL) behind the names.
 static void list_names(const char *const *names, const char *last, char *text, size_t size) {
     for (int i = 0; names[i] != NULL; i++) {
         const bool is_last = names[i + 1] == NULL && last == NULL;
-        append(text, size, i == 0 ? "" : is_last ? " or " : ", ");
-        append(text, size, names[i]);
+        gonio_text_append(text, size, "%s%s", i == 0 ? "" : is_last ? " or " : ", ", names[i]);
     }
     if (last != NULL) {
-        append(text, size, " or ");
-        append(text, size, last);
+        gonio_text_append(text, size, " or %s", last);
     }
 }
 
@@ -52,7 +76,13 @@ static void expected_number(const gonio_key *key, const char *what, char *text, 
     } else {
         snprintf(text, size, "%s from %g to %g", what, key->low, key->high);
     }
-    append(text, size, key->automatic ? ", or auto" : "");
+    gonio_text_append(text, size, "%s", key->automatic != 0 ? ", or auto" : "");
+}
+
+// False comes first.
+static const char *const *boolean_names(const gonio_key *key) {
+    static const char *const usual[] = {"0", "1", NULL};
+    return key->names != NULL ? key->names() : usual;
 }
 
 void gonio_key_expected(const gonio_key *key, char *text, size_t size) {
@@ -65,7 +95,8 @@ void gonio_key_expected(const gonio_key *key, char *text, size_t size) {
         expected_number(key, "a whole number", text, size);
         return;
     case GONIO_KEY_REALS:
-        snprintf(text, size, "%zu numbers with commas between them", key->size / sizeof(double));
+        expected_number(key, "a number", text, size);
+        gonio_text_append(text, size, ", or %zu with / between them", key->size / sizeof(double));
         return;
     case GONIO_KEY_SIZE:
         snprintf(text, size, "a number of bytes, with k, M or G where it is large");
@@ -74,68 +105,65 @@ void gonio_key_expected(const gonio_key *key, char *text, size_t size) {
         snprintf(text, size, "a whole number from 0 to 2^64 - 1");
         return;
     case GONIO_KEY_BOOLEAN:
-        snprintf(text, size, "0 or 1");
+        list_names(boolean_names(key), NULL, text, size);
+        return;
+    case GONIO_KEY_LINE:
+        snprintf(text, size, "one line of 1 to %zu bytes", key->size - 1);
+        return;
+    case GONIO_KEY_OWN:
+        snprintf(text, size, "%s", key->form->expected);
         return;
     case GONIO_KEY_TEXT:
         snprintf(text, size, "at most %zu bytes", key->size - 1);
         return;
     case GONIO_KEY_NAME:
     case GONIO_KEY_CHOICE:
-        list_names(key->names(), key->automatic ? "auto" : NULL, text, size);
+        list_names(key->names(), key->automatic != 0 ? "auto" : NULL, text, size);
         return;
     case GONIO_KEY_FLAGS:
         list_names(key->names(), "none", text, size);
-        append(text, size, key->automatic ? ", several with commas between them, or auto" : ", several with commas");
+        gonio_text_append(text, size, ", several with commas%s", key->automatic != 0 ? " between them, or auto" : "");
         return;
     }
 }
 
 // ---- text to value ----
 
-static bool parse_real(const gonio_key *key, const char *text, double *value) {
+// The number at the head of a text, and where it ends; NULL where there is none within the bounds.
+static const char *number_at(const gonio_key *key, const char *text, double *value) {
     char *end;
     const double v = gonio_number_parse(text, &end);
     *value = v;
-    return end != text && *end == 0 && isfinite(v) && (!bounded(key) || (v >= key->low && v <= key->high));
+    return end != text && isfinite(v) && (!bounded(key) || (v >= key->low && v <= key->high)) ? end : NULL;
+}
+
+static bool parse_real(const gonio_key *key, const char *text, double *value) {
+    const char *end = number_at(key, text, value);
+    *value /= key->times > 0 ? key->times : 1;
+    return end != NULL && *end == 0;
 }
 
 static bool parse_reals(const gonio_key *key, const char *text, double *values) {
     const size_t n = key->size / sizeof *values;
-    for (size_t k = 0; k < n; k++) {
-        char *end;
-        values[k] = gonio_number_parse(text, &end);
-        if (end == text || !isfinite(values[k]) || *end != (k + 1 < n ? ',' : 0)) {
-            return false;
+    size_t given = 0;
+    for (;; text++) {
+        text = number_at(key, text, &values[given++]);
+        if (text == NULL || *text != '/' || given == n) {
+            break;
         }
-        text = end + 1;
     }
-    return true;
+    for (size_t k = 1; k < n && given == 1; k++) {
+        values[k] = values[0];
+    }
+    return text != NULL && *text == 0 && (given == 1 || given == n);
 }
 
 static bool parse_integer(const gonio_key *key, const char *text, int *value) {
-    char *end;
-    errno = 0;
-    const long v = strtol(text, &end, 10);
-    *value = (int)v;
-    return end != text && *end == 0 && errno == 0 && v == (int)v &&
-           (!bounded(key) || ((double)v >= key->low && (double)v <= key->high));
-}
-
-static bool parse_size(const char *text, size_t *value) {
-    static const char suffixes[] = "kMG";
-    char *end;
-    double number = gonio_number_parse(text, &end);
-    const char *suffix = *end != 0 ? strchr(suffixes, *end) : NULL;
-    if (suffix != NULL) {
-        number *= pow(1000, (double)(suffix - suffixes + 1));
-        end++;
-    }
-    // Below 2^53 a double is the whole number itself.
-    *value = number >= 0 && number < 9e18 ? (size_t)number : 0;
-    if (suffix == NULL && *end == 0 && strspn(text, "0123456789") == strlen(text)) {
-        *value = (size_t)strtoull(text, NULL, 10);
-    }
-    return end != text && *end == 0 && number >= 0 && number < 9e18;
+    double v;
+    const char *end = number_at(key, text, &v);
+    const bool good = end != NULL && *end == 0 && v == floor(v) && v >= INT_MIN && v <= INT_MAX;
+    *value = good ? (int)v : 0;
+    return good;
 }
 
 static bool parse_seed(const char *text, uint64_t *value) {
@@ -177,7 +205,7 @@ static bool parse_name(const char *const *names, const char *text, const char **
     return found >= 0;
 }
 
-// Room for one value of any kind but TEXT and REALS.
+// Room for one value of a kind that has one.
 typedef union value {
     double real;
     int integer;
@@ -188,11 +216,11 @@ typedef union value {
 } value;
 
 static bool parse_single(const gonio_key *key, const char *text, value *v) {
-    if (key->automatic && strcmp(text, "auto") == 0) {
+    if (key->automatic != 0 && strcmp(text, "auto") == 0) {
         if (key->kind == GONIO_KEY_REAL) {
-            v->real = -1;
+            v->real = key->automatic;
         } else {
-            v->integer = -1;
+            v->integer = (int)key->automatic;
         }
         return true;
     }
@@ -202,12 +230,12 @@ static bool parse_single(const gonio_key *key, const char *text, value *v) {
     case GONIO_KEY_INTEGER:
         return parse_integer(key, text, &v->integer);
     case GONIO_KEY_SIZE:
-        return parse_size(text, &v->size);
+        return gonio_text_count(text, &v->size);
     case GONIO_KEY_SEED:
         return parse_seed(text, &v->seed);
     case GONIO_KEY_BOOLEAN:
-        v->boolean = strcmp(text, "1") == 0;
-        return v->boolean || strcmp(text, "0") == 0;
+        v->boolean = gonio_names_find(boolean_names(key), text) == 1;
+        return gonio_names_find(boolean_names(key), text) >= 0;
     case GONIO_KEY_NAME:
         return parse_name(key->names(), text, &v->name);
     case GONIO_KEY_CHOICE:
@@ -216,14 +244,20 @@ static bool parse_single(const gonio_key *key, const char *text, value *v) {
         return parse_flags(key->names(), text, &v->integer);
     case GONIO_KEY_REALS:
     case GONIO_KEY_TEXT:
+    case GONIO_KEY_LINE:
+    case GONIO_KEY_OWN:
         break;
     }
     return false;
 }
 
 static bool parse(const gonio_key *key, void *object, const char *text) {
-    if (key->kind == GONIO_KEY_TEXT) {
-        const bool fits = strlen(text) < key->size;
+    if (key->kind == GONIO_KEY_OWN) {
+        return key->form->parse(text, at(key, object));
+    }
+    if (key->kind == GONIO_KEY_TEXT || key->kind == GONIO_KEY_LINE) {
+        const bool line = text[0] != 0 && strpbrk(text, "\r\n") == NULL;
+        const bool fits = strlen(text) < key->size && (line || key->kind == GONIO_KEY_TEXT);
         if (fits) {
             strcpy(at(key, object), text);
         }
@@ -250,8 +284,12 @@ gonio_status gonio_key_parse(const gonio_key *key, void *object, const char *tex
         return GONIO_OK;
     }
     char option[64], expected[256];
-    gonio_key_option(key, option, sizeof option);
     gonio_key_expected(key, expected, sizeof expected);
+    if (key->section != NULL) {
+        return gonio_fail(error, GONIO_E_INPUT, "[%s] %s: found '%.80s', expected %s", key->section, key->name, text,
+                          expected);
+    }
+    gonio_key_option(key, option, sizeof option);
     return gonio_fail(error, GONIO_E_USAGE, "--%s: expected %s, found '%s'", option, expected, text);
 }
 
@@ -261,8 +299,7 @@ static void print_flags(const char *const *names, int flags, char *text, size_t 
     snprintf(text, size, "%s", flags == 0 ? "none" : "");
     for (int bit = 0; names[bit] != NULL; bit++) {
         if ((flags & 1 << bit) != 0) {
-            append(text, size, text[0] != 0 ? "," : "");
-            append(text, size, names[bit]);
+            gonio_text_append(text, size, "%s%s", text[0] != 0 ? "," : "", names[bit]);
         }
     }
 }
@@ -276,7 +313,7 @@ static int names_count(const char *const *names) {
 }
 
 static void print_integer(const gonio_key *key, int v, char *text, size_t size) {
-    if (key->automatic && v == -1) {
+    if (key->automatic != 0 && v == (int)key->automatic) {
         snprintf(text, size, "auto");
     } else if (key->kind == GONIO_KEY_FLAGS) {
         print_flags(key->names(), v, text, size);
@@ -287,26 +324,25 @@ static void print_integer(const gonio_key *key, int v, char *text, size_t size) 
     }
 }
 
-static void print_reals(const double *values, size_t n, char *text, size_t size) {
+static void print_reals(const gonio_key *key, const double *values, char *text, size_t size) {
     text[0] = 0;
-    for (size_t k = 0; k < n; k++) {
+    if (key->automatic != 0 && (values[0] == key->automatic || (isnan(values[0]) && isnan(key->automatic)))) {
+        snprintf(text, size, "auto");
+        return;
+    }
+    for (size_t k = 0; k < key->size / sizeof *values; k++) {
         char number[32];
-        gonio_text_shortest(values[k], number);
-        append(text, size, k > 0 ? "," : "");
-        append(text, size, number);
+        gonio_text_shortest(values[k] * (key->times > 0 ? key->times : 1), number);
+        gonio_text_append(text, size, "%s%s", k > 0 ? "/" : "", number);
     }
 }
 
 void gonio_key_print(const gonio_key *key, const void *object, char *text, size_t size) {
     const void *v = in(key, object);
-    if (key->automatic && key->kind == GONIO_KEY_REAL && *(const double *)v == -1) {
-        snprintf(text, size, "auto");
-        return;
-    }
     switch (key->kind) {
     case GONIO_KEY_REAL:
     case GONIO_KEY_REALS:
-        print_reals(v, key->size / sizeof(double), text, size);
+        print_reals(key, v, text, size);
         return;
     case GONIO_KEY_INTEGER:
     case GONIO_KEY_CHOICE:
@@ -320,9 +356,13 @@ void gonio_key_print(const gonio_key *key, const void *object, char *text, size_
         snprintf(text, size, "%" PRIu64, *(const uint64_t *)v);
         return;
     case GONIO_KEY_BOOLEAN:
-        snprintf(text, size, "%d", *(const bool *)v);
+        snprintf(text, size, "%s", boolean_names(key)[*(const bool *)v]);
+        return;
+    case GONIO_KEY_OWN:
+        key->form->print(v, text, size);
         return;
     case GONIO_KEY_TEXT:
+    case GONIO_KEY_LINE:
         snprintf(text, size, "%s", (const char *)v);
         return;
     case GONIO_KEY_NAME: {
@@ -337,7 +377,7 @@ void gonio_key_print(const gonio_key *key, const void *object, char *text, size_
 
 bool gonio_key_equal(const gonio_key *key, const void *a, const void *b) {
     const void *x = in(key, a), *y = in(key, b);
-    if (key->kind == GONIO_KEY_TEXT) {
+    if (key->kind == GONIO_KEY_TEXT || key->kind == GONIO_KEY_LINE) {
         return strcmp(x, y) == 0;
     }
     if (key->kind == GONIO_KEY_NAME) {

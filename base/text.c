@@ -229,6 +229,14 @@ gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], goni
 }
 
 // %g drops trailing zeros, so 15 digits give every shorter form too; 17 always suffice.
+void gonio_text_append(char *text, size_t size, const char *format, ...) {
+    const size_t used = strlen(text);
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text + used, size - used, format, arguments);
+    va_end(arguments);
+}
+
 void gonio_text_shortest(double value, char *buffer) {
     for (int digits = 15; digits <= 17; digits++) {
         gonio_number_format(buffer, 32, "%.*g", digits, value);
@@ -251,6 +259,8 @@ bool gonio_text_count(const char *text, size_t *value) {
     if (end == text || *end != 0 || !(number >= 0 && number <= 1e18)) {
         return false;
     }
-    *value = (size_t)number;
+    // Below 2^53 a double is the whole number itself.
+    const bool digits = strspn(text, "0123456789") == strlen(text);
+    *value = digits ? (size_t)strtoull(text, NULL, 10) : (size_t)number;
     return true;
 }

@@ -43,6 +43,8 @@ gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const c
 // True where the first four fields are that header's.
 bool gonio_text_is_pair_header(char *const *fields, int n);
 
+// Append what printf would write, as far as there is room.
+void gonio_text_append(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 // The shortest decimal that reads back as exactly this finite double; buffer: 32 bytes.
 void gonio_text_shortest(double value, char *buffer);
 

@@ -132,12 +132,14 @@ static json_t *value_of(const gonio_key *m, const void *object) {
     case GONIO_KEY_BOOLEAN:
         return json_boolean(*(const bool *)at);
     case GONIO_KEY_TEXT:
+    case GONIO_KEY_LINE:
         return json_string(at);
     case GONIO_KEY_SEED: // JSON's integers are signed; a seed is not
     case GONIO_KEY_SIZE:
     case GONIO_KEY_NAME:
     case GONIO_KEY_CHOICE:
     case GONIO_KEY_FLAGS:
+    case GONIO_KEY_OWN:
         gonio_key_print(m, object, text, sizeof text);
         return json_string(text);
     }
@@ -172,6 +174,8 @@ static bool take(const gonio_key *m, const json_t *value, void *object) {
     case GONIO_KEY_SIZE:
     case GONIO_KEY_CHOICE:
     case GONIO_KEY_FLAGS:
+    case GONIO_KEY_LINE:
+    case GONIO_KEY_OWN:
         break;
     }
     return json_is_string(value) && gonio_key_parse(m, object, json_string_value(value), NULL) == GONIO_OK;

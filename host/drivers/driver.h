@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "base/keys.h"
 #include "gonio/rig.h"
 #include "host/drivers/controller.h"
 
@@ -22,38 +23,6 @@ typedef enum gonio_device {
 
 const char *gonio_device_name(gonio_device device); // "stage", which is its section of a rig file
 
-typedef enum gonio_driver_kind {
-    GONIO_DRIVER_TEXT,    // array of char, not empty
-    GONIO_DRIVER_WHOLE,   // int
-    GONIO_DRIVER_REAL,    // double, as are the next three, which are given in another unit
-    GONIO_DRIVER_MILLI,   // thousandths
-    GONIO_DRIVER_MICRO,   // millionths
-    GONIO_DRIVER_PERCENT, // hundredths
-    GONIO_DRIVER_YES,     // bool, 1 is true
-    GONIO_DRIVER_NO,      // bool, 1 is false
-    GONIO_DRIVER_HEX,     // int of 16 bits
-    GONIO_DRIVER_PARITY,  // char
-    GONIO_DRIVER_BIAS,    // gonio_gpio_bias
-    GONIO_DRIVER_SIGN,    // int, 1 is -1 and 0 is +1
-} gonio_driver_kind;
-
-// One key of a rig file and the member of the driver's settings that it fills.
-typedef struct gonio_driver_key {
-    const char *section; // NULL: the device's own
-    const char *name;    // NULL ends a table
-    gonio_driver_kind kind;
-    size_t offset, size;
-    double low, high; // of numbers, as they are given
-    bool shared;      // the simulator has a key of this name, which means the same
-} gonio_driver_key;
-#define GONIO_DRIVER_AT(type, member) offsetof(type, member), sizeof(((type *)0)->member)
-
-// Take the value from text. GONIO_E_INPUT with what was expected where it is impossible. section: for the message.
-gonio_status gonio_driver_key_set(const gonio_driver_key *key, const char *section, void *settings, const char *value,
-                                  gonio_error *error);
-// What a value may be: "a number from 0 to 90".
-void gonio_driver_key_expected(const gonio_driver_key *key, char *text, size_t size);
-
 #define GONIO_SHUTTER_SETTLE_S 0.1 // waited after each switching of a shutter, where its key says nothing else
 
 // What a driver may use while it opens.
@@ -69,7 +38,7 @@ typedef struct gonio_driver {
     const char *name; // "v4l2"
     gonio_device device;
     const char *summary;
-    const gonio_driver_key *keys;     // ends with a name of NULL; NULL: none
+    const gonio_key *keys;            // of a rig file's sections, most in the device's own; NULL: none
     size_t settings;                  // bytes of the struct that the keys fill; 0: none
     void (*defaults)(void *settings); // NULL: zeros
     bool controller;                  // behind the controller: the keys of [controller] belong to it as well
@@ -91,7 +60,7 @@ const gonio_driver *gonio_driver_find(gonio_device device, const char *name); //
 // " a b" of the drivers of a device, for messages.
 void gonio_driver_names(gonio_device device, char *text, size_t size);
 // The keys of [controller].
-extern const gonio_driver_key gonio_controller_keys[];
+extern const gonio_key gonio_controller_keys[];
 // Put the device into the rig in place of the one that is there, which is closed.
 void gonio_driver_install(const gonio_driver *driver, void *device, gonio_rig *rig);
 

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "host/drivers/driver.h"
 
 #define GONIO_DRIVER(name) extern const gonio_driver gonio_driver_##name;
@@ -35,11 +36,10 @@ const gonio_driver *gonio_driver_find(gonio_device device, const char *name) {
 }
 
 void gonio_driver_names(gonio_device device, char *text, size_t size) {
-    size_t used = 0;
     text[0] = 0;
-    for (int i = 0; i < COUNT && used < size; i++) {
+    for (int i = 0; i < COUNT; i++) {
         if (drivers[i]->device == device) {
-            used += (size_t)snprintf(text + used, size - used, " %s", drivers[i]->name);
+            gonio_text_append(text, size, " %s", drivers[i]->name);
         }
     }
 }

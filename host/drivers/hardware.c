@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+#include "base/text.h"
 #include "host/drivers/keep_out.h"
 #include "host/drivers/shadow.h"
 
@@ -15,24 +17,23 @@ typedef struct controller_settings {
     char record[256], replay[256];
 } controller_settings;
 
-#define KEY(section, key, kind, type, member, low, high)                                                               \
-    { section, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(type, member), low, high, false }
-#define CONTROLLER(key, kind, member, low, high) KEY("controller", key, kind, controller_settings, member, low, high)
-const gonio_driver_key gonio_controller_keys[] = {CONTROLLER("port", TEXT, config.modbus.port, 0, 0),
-                                                  CONTROLLER("baud", WHOLE, config.modbus.baud, 1200, 1e6),
-                                                  CONTROLLER("parity", PARITY, config.modbus.parity, 0, 0),
-                                                  CONTROLLER("slave", WHOLE, config.modbus.slave, 1, 247),
-                                                  CONTROLLER("timeout_ms", WHOLE, config.modbus.timeout_ms, 5, 10000),
-                                                  CONTROLLER("retries", WHOLE, config.retries, 0, 100),
-                                                  CONTROLLER("deadman_s", REAL, config.deadman_s, 0, 3600),
-                                                  CONTROLLER("feed_s", REAL, config.feed_s, 0, 86400),
-                                                  CONTROLLER("replug_s", REAL, config.replug_s, 0, 3600),
-                                                  CONTROLLER("record", TEXT, record, 0, 0),
-                                                  CONTROLLER("replay", TEXT, replay, 0, 0),
-                                                  {0}};
+GONIO_KEY_NAMES(parities, "N", "E", "O")
+#define CONTROLLER(text, kind, member) .section = "controller", GONIO_KEY_NAMED(controller_settings, member, text, kind)
+const gonio_key gonio_controller_keys[] = {{CONTROLLER("port", LINE, config.modbus.port)},
+                                           {CONTROLLER("baud", INTEGER, config.modbus.baud), 1200, 1e6},
+                                           {CONTROLLER("parity", NAME, config.modbus.parity), .names = parities},
+                                           {CONTROLLER("slave", INTEGER, config.modbus.slave), 1, 247},
+                                           {CONTROLLER("timeout_ms", INTEGER, config.modbus.timeout_ms), 5, 10000},
+                                           {CONTROLLER("retries", INTEGER, config.retries), 0, 100},
+                                           {CONTROLLER("deadman_s", REAL, config.deadman_s), 0, 3600},
+                                           {CONTROLLER("feed_s", REAL, config.feed_s), 0, 86400},
+                                           {CONTROLLER("replug_s", REAL, config.replug_s), 0, 3600},
+                                           {CONTROLLER("record", LINE, record)},
+                                           {CONTROLLER("replay", LINE, replay)},
+                                           {0}};
 
-static const gonio_driver_key keep_out_keys[] = {KEY("keep-out", "retro_deg", REAL, gonio_keep_out, retro_deg, 0, 90),
-                                                 {0}};
+static const gonio_key keep_out_keys[] = {{.section = "keep-out", GONIO_KEY(gonio_keep_out, retro_deg, REAL), 0, 90},
+                                          {0}};
 
 // One device: its driver (NULL: the rig's own device stays), the driver's settings, what it opened.
 typedef struct slot {
@@ -92,10 +93,9 @@ static bool behind_controller(const gonio_hardware *h) {
     return false;
 }
 
-// A table of keys that stands in a section unless its keys name their own, and the settings that it fills.
+// A table of keys and the settings that it fills.
 typedef struct table {
-    const gonio_driver_key *keys;
-    const char *section;
+    const gonio_key *keys;
     void *settings;
 } table;
 
@@ -105,28 +105,14 @@ static void tables_of(gonio_hardware *h, table tables[GONIO_DEVICES + 3]) {
     for (int k = 0; k < GONIO_DEVICES; k++) {
         const slot *s = &h->slots[k];
         if (s->driver != NULL && s->driver->keys != NULL) {
-            tables[n++] = (table){s->driver->keys, gonio_device_name((gonio_device)k), s->settings};
+            tables[n++] = (table){s->driver->keys, s->settings};
         }
     }
     if (behind_controller(h)) {
-        tables[n++] = (table){gonio_controller_keys, NULL, &h->line};
+        tables[n++] = (table){gonio_controller_keys, &h->line};
     }
-    tables[n++] = (table){keep_out_keys, NULL, &h->keep_out};
+    tables[n++] = (table){keep_out_keys, &h->keep_out};
     tables[n] = (table){0};
-}
-
-static const char *section_of(const gonio_driver_key *key, const char *own) {
-    return key->section != NULL ? key->section : own;
-}
-
-static const gonio_driver_key *find(const gonio_driver_key *keys, const char *own, const char *section,
-                                    const char *name) {
-    for (const gonio_driver_key *key = keys; key != NULL && key->name != NULL; key++) {
-        if (strcmp(section_of(key, own), section) == 0 && strcmp(key->name, name) == 0) {
-            return key;
-        }
-    }
-    return NULL;
 }
 
 // [keep-out NAME]: an axis's interval in degrees, "AXIS = LOW HIGH".
@@ -169,9 +155,9 @@ static gonio_status choose(slot *s, const gonio_driver *driver, gonio_error *err
             driver->defaults(next.settings);
         }
     }
-    for (const gonio_driver_key *to = s->driver != NULL && driver != NULL ? driver->keys : NULL;
+    for (const gonio_key *to = s->driver != NULL && driver != NULL ? driver->keys : NULL;
          to != NULL && to->name != NULL; to++) {
-        const gonio_driver_key *from = find(s->driver->keys, "", section_of(to, ""), to->name);
+        const gonio_key *from = gonio_key_find(s->driver->keys, to->section, to->name);
         if (from != NULL && from->kind == to->kind && from->size == to->size) {
             memcpy((char *)next.settings + to->offset, (const char *)s->settings + from->offset, to->size);
         }
@@ -215,11 +201,11 @@ gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const ch
     table tables[GONIO_DEVICES + 3];
     tables_of(h, tables);
     for (const table *t = tables; t->keys != NULL; t++) {
-        const gonio_driver_key *key = find(t->keys, t->section, section, name);
+        const gonio_key *key = gonio_key_find(t->keys, section, name);
         if (key != NULL) {
             *taken = true;
             *shared = key->shared;
-            return gonio_driver_key_set(key, section, t->settings, value, error);
+            return gonio_key_parse(key, t->settings, value, error);
         }
     }
     return GONIO_OK;
@@ -228,43 +214,36 @@ gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const ch
 bool gonio_hardware_list(gonio_hardware *h, const char *section, char *text, size_t size) {
     table tables[GONIO_DEVICES + 3];
     tables_of(h, tables);
-    size_t used = 0;
-    bool any = false;
     text[0] = 0;
     for (int k = 0; k < GONIO_DEVICES; k++) {
         if (strcmp(gonio_device_name((gonio_device)k), section) == 0) {
-            used = (size_t)snprintf(text, size, " driver");
+            gonio_text_append(text, size, " driver");
         }
     }
+    const size_t used = strlen(text);
     for (const table *t = tables; t->keys != NULL; t++) {
-        for (const gonio_driver_key *key = t->keys; key->name != NULL && used < size; key++) {
-            if (strcmp(section_of(key, t->section), section) == 0) {
-                used += (size_t)snprintf(text + used, size - used, " %s", key->name);
-                any = true;
-            }
-        }
+        gonio_key_list(t->keys, section, text, size);
     }
-    return any;
+    return strlen(text) > used;
 }
 
 bool gonio_hardware_elsewhere(const gonio_hardware *h, const char *section, const char *name, gonio_error *error) {
-    char owners[120];
-    size_t used = 0;
+    char owners[120] = "";
     const gonio_driver *present = NULL;
     for (int i = 0; gonio_driver_at(i) != NULL; i++) {
         const gonio_driver *d = gonio_driver_at(i);
-        const bool behind = d->controller && find(gonio_controller_keys, NULL, section, name) != NULL;
-        if ((behind || find(d->keys, gonio_device_name(d->device), section, name) != NULL) && used < sizeof owners) {
-            used += (size_t)snprintf(owners + used, sizeof owners - used, "%s[%s] driver = %s", used > 0 ? ", " : "",
-                                     gonio_device_name(d->device), d->name);
+        const bool behind = d->controller && gonio_key_find(gonio_controller_keys, section, name) != NULL;
+        if (behind || gonio_key_find(d->keys, section, name) != NULL) {
+            gonio_text_append(owners, sizeof owners, "%s[%s] driver = %s", owners[0] != 0 ? ", " : "",
+                              gonio_device_name(d->device), d->name);
             present = h->slots[d->device].driver;
         }
     }
-    if (used > 0) {
+    if (owners[0] != 0) {
         gonio_fail(error, GONIO_E_INPUT, "%s.%s is a key of %s; the driver here is %s", section, name, owners,
                    present != NULL ? present->name : "the rig's own");
     }
-    return used > 0;
+    return owners[0] != 0;
 }
 
 // ---- opening ----

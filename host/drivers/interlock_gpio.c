@@ -206,17 +206,18 @@ const gonio_debounce *gonio_interlock_gpio_contact(const void *opaque, int index
     return &device->contacts[index].filter;
 }
 
+GONIO_KEY_NAMES(no_or_yes, "1", "0") // 1 is false
+GONIO_KEY_NAMES(biases, "as-is", "pull-up", "pull-down")
 typedef gonio_interlock_gpio_config settings;
-#define KEY(key, kind, member, low, high)                                                                              \
-    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, false }
-static const gonio_driver_key keys[] = {KEY("estop_line", TEXT, contacts[0].line, 0, 0),
-                                        KEY("estop_normally_open", NO, contacts[0].normally_closed, 0, 0),
-                                        KEY("estop_bias", BIAS, contacts[0].bias, 0, 0),
-                                        KEY("door_line", TEXT, contacts[1].line, 0, 0),
-                                        KEY("door_normally_open", NO, contacts[1].normally_closed, 0, 0),
-                                        KEY("door_bias", BIAS, contacts[1].bias, 0, 0),
-                                        KEY("debounce_ms", MILLI, debounce_s, 0, 1000),
-                                        {0}};
+#define KEY(text, kind, member) .section = "interlock", GONIO_KEY_NAMED(settings, member, text, kind)
+static const gonio_key keys[] = {{KEY("estop_line", LINE, contacts[0].line)},
+                                 {KEY("estop_normally_open", BOOLEAN, contacts[0].normally_closed), .names = no_or_yes},
+                                 {KEY("estop_bias", CHOICE, contacts[0].bias), .names = biases},
+                                 {KEY("door_line", LINE, contacts[1].line)},
+                                 {KEY("door_normally_open", BOOLEAN, contacts[1].normally_closed), .names = no_or_yes},
+                                 {KEY("door_bias", CHOICE, contacts[1].bias), .names = biases},
+                                 {KEY("debounce_ms", REAL, debounce_s), 0, 1000, .times = 1000},
+                                 {0}};
 
 static void defaults(void *config) { gonio_interlock_gpio_defaults(config); }
 

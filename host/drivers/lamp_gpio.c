@@ -120,15 +120,14 @@ void gonio_trigger_gpio_close(gonio_trigger_gpio *t) {
 }
 
 typedef gonio_lamp_gpio_config settings;
-#define KEY(key, kind, member, low, high, shared)                                                                      \
-    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, shared }
-static const gonio_driver_key keys[] = {KEY("enable_line", TEXT, enable_line, 0, 0, false),
-                                        KEY("enable_low", YES, enable_low, 0, 0, false),
-                                        KEY("shutter_line", TEXT, shutter_line, 0, 0, false),
-                                        KEY("shutter_low", YES, shutter_low, 0, 0, false),
-                                        KEY("shutter_settle_s", REAL, shutter_settle_s, 0, 60, false),
-                                        KEY("warm_up_s", REAL, warm_up_s, 0, 1e5, true),
-                                        {0}};
+#define KEY(text, kind, member) .section = "lamp", GONIO_KEY_NAMED(settings, member, text, kind)
+static const gonio_key keys[] = {{KEY("enable_line", LINE, enable_line)},
+                                 {KEY("enable_low", BOOLEAN, enable_low)},
+                                 {KEY("shutter_line", LINE, shutter_line)},
+                                 {KEY("shutter_low", BOOLEAN, shutter_low)},
+                                 {KEY("shutter_settle_s", REAL, shutter_settle_s), 0, 60},
+                                 {KEY("warm_up_s", REAL, warm_up_s), 0, 1e5, .shared = true},
+                                 {0}};
 
 static void defaults(void *config) { ((settings *)config)->shutter_settle_s = GONIO_SHUTTER_SETTLE_S; }
 

@@ -93,8 +93,7 @@ gonio_status gonio_lamp_modbus_open(gonio_controller *controller, double shutter
 typedef struct settings {
     double shutter_settle_s;
 } settings;
-static const gonio_driver_key keys[] = {
-    {NULL, "shutter_settle_s", GONIO_DRIVER_REAL, GONIO_DRIVER_AT(settings, shutter_settle_s), 0, 60, false}, {0}};
+static const gonio_key keys[] = {{.section = "lamp", GONIO_KEY(settings, shutter_settle_s, REAL), 0, 60}, {0}};
 
 static void defaults(void *config) { ((settings *)config)->shutter_settle_s = GONIO_SHUTTER_SETTLE_S; }
 

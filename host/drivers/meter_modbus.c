@@ -85,9 +85,9 @@ gonio_status gonio_meter_modbus_open(gonio_controller *controller, double scale,
 typedef struct settings {
     double scale, relative_sigma;
 } settings;
-static const gonio_driver_key keys[] = {
-    {NULL, "scale", GONIO_DRIVER_REAL, GONIO_DRIVER_AT(settings, scale), -1e30, 1e30, false},
-    {NULL, "sigma_percent", GONIO_DRIVER_PERCENT, GONIO_DRIVER_AT(settings, relative_sigma), 0, 100, false},
+static const gonio_key keys[] = {
+    {.section = "meter", GONIO_KEY(settings, scale, REAL), -1e30, 1e30},
+    {.section = "meter", GONIO_KEY_NAMED(settings, relative_sigma, "sigma_percent", REAL), 0, 100, .times = 100},
     {0}};
 
 static void defaults(void *config) { *(settings *)config = (settings){.scale = 1, .relative_sigma = 0.005}; }

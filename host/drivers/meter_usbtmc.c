@@ -183,20 +183,30 @@ gonio_status gonio_meter_usbtmc_open(const gonio_meter_usbtmc_config *config, vo
 
 const char *gonio_meter_usbtmc_identity(const void *device) { return ((const meter *)device)->identity; }
 
+static bool parse_hexadecimal(const char *text, void *value) {
+    char *end;
+    const unsigned long number = strtoul(text, &end, 16);
+    const bool good = end != text && *end == 0 && number <= 0xffff;
+    if (good) {
+        *(int *)value = (int)number;
+    }
+    return good;
+}
+
+static const gonio_key_form hexadecimal = {"four hexadecimal digits, as lsusb prints them", parse_hexadecimal, NULL};
 typedef gonio_meter_usbtmc_config settings;
-#define KEY(key, kind, member, low, high)                                                                              \
-    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(settings, member), low, high, false }
-static const gonio_driver_key keys[] = {KEY("vendor", HEX, match.vendor, 0, 0),
-                                        KEY("product", HEX, match.product, 0, 0),
-                                        KEY("serial", TEXT, match.serial, 0, 0),
-                                        KEY("setup", TEXT, setup, 0, 0),
-                                        KEY("query", TEXT, query, 0, 0),
-                                        KEY("scale", REAL, scale, -1e30, 1e30),
-                                        KEY("sigma_percent", PERCENT, relative_sigma, 0, 100),
-                                        KEY("retries", WHOLE, retries, 0, 100),
-                                        KEY("timeout_ms", WHOLE, timeout_ms, 10, 100000),
-                                        KEY("replug_s", REAL, replug_s, 0, 3600),
-                                        {0}};
+#define KEY(text, kind, member) .section = "meter", GONIO_KEY_NAMED(settings, member, text, kind)
+static const gonio_key keys[] = {{KEY("vendor", OWN, match.vendor), .form = &hexadecimal},
+                                 {KEY("product", OWN, match.product), .form = &hexadecimal},
+                                 {KEY("serial", LINE, match.serial)},
+                                 {KEY("setup", LINE, setup)},
+                                 {KEY("query", LINE, query)},
+                                 {KEY("scale", REAL, scale), -1e30, 1e30},
+                                 {KEY("sigma_percent", REAL, relative_sigma), 0, 100, .times = 100},
+                                 {KEY("retries", INTEGER, retries), 0, 100},
+                                 {KEY("timeout_ms", INTEGER, timeout_ms), 10, 100000},
+                                 {KEY("replug_s", REAL, replug_s), 0, 3600},
+                                 {0}};
 
 static void defaults(void *config) { gonio_meter_usbtmc_defaults(config); }
 

@@ -29,7 +29,7 @@ static const char *const axis_names[GONIO_AXES] = {"light_theta", "light_phi", "
 void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
     *config = (gonio_stage_modbus_config){.audit_deg = 0.01, .home_pressed = -1};
     for (int k = 0; k < GONIO_AXES; k++) {
-        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, 1};
+        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, false};
     }
 }
 
@@ -115,7 +115,7 @@ static gonio_status set_up(stage *s, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
         s->axes[k].zero_deg = s->config.axes[k].zero_deg;
-        s->axes[k].sign = s->config.axes[k].sign < 0 ? -1 : 1;
+        s->axes[k].sign = s->config.axes[k].invert ? -1 : 1;
         status = set_up_motion(s, k, error);
         status = status == GONIO_OK ? set_up_limits(s, k, error) : status;
         status = status == GONIO_OK ? set_up_homing(s, k, error) : status;
@@ -398,33 +398,33 @@ double gonio_stage_modbus_user_deg(const void *device, int k, double dial_deg) {
 
 int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage *)device)->lost_steps; }
 
-#define KEY(key, kind, member, low, high)                                                                              \
-    { NULL, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(gonio_stage_modbus_config, member), low, high, false }
-#define AXIS_KEY(axis, key, kind, member, low, high, shared)                                                           \
-    { "axis " axis, key, GONIO_DRIVER_##kind, GONIO_DRIVER_AT(gonio_stage_modbus_config, member), low, high, shared }
+#define KEY(text, kind, member) .section = "stage", GONIO_KEY_NAMED(gonio_stage_modbus_config, member, text, kind)
+#define AXIS_KEY(axis, text, kind, member)                                                                             \
+    .section = "axis " axis, GONIO_KEY_NAMED(gonio_stage_modbus_config, member, text, kind)
 #define AXIS(axis, k)                                                                                                  \
-    AXIS_KEY(axis, "steps_per_deg", REAL, axes[k].steps_per_deg, 0.001, 4e6, false),                                   \
-        AXIS_KEY(axis, "speed_deg_per_s", REAL, axes[k].speed_deg_per_s, 1e-3, 1e4, true),                             \
-        AXIS_KEY(axis, "acceleration_deg_per_s2", REAL, axes[k].acceleration_deg_per_s2, 1e-3, 1e6, true),             \
-        AXIS_KEY(axis, "jerk_deg_per_s3", REAL, axes[k].jerk_deg_per_s3, 0, 1e9, true),                                \
-        AXIS_KEY(axis, "min_deg", REAL, axes[k].min_deg, -720, 720, true),                                             \
-        AXIS_KEY(axis, "max_deg", REAL, axes[k].max_deg, -720, 720, true),                                             \
-        AXIS_KEY(axis, "backlash_deg", REAL, axes[k].backlash_deg, -10, 10, true),                                     \
-        AXIS_KEY(axis, "home_deg", REAL, axes[k].home_deg, -720, 720, false),                                          \
-        AXIS_KEY(axis, "home_fast_deg_per_s", REAL, axes[k].home_fast_deg_per_s, 1e-3, 1e4, false),                    \
-        AXIS_KEY(axis, "home_slow_deg_per_s", REAL, axes[k].home_slow_deg_per_s, 1e-4, 1e3, false),                    \
-        AXIS_KEY(axis, "home_travel_deg", REAL, axes[k].home_travel_deg, 1e-3, 1440, false),                           \
-        AXIS_KEY(axis, "home_order", WHOLE, axes[k].home_order, 0, 4, false),                                          \
-        AXIS_KEY(axis, "home_up", WHOLE, axes[k].home_up, 0, 1, false),                                                \
-        AXIS_KEY(axis, "zero_deg", REAL, axes[k].zero_deg, -720, 720, false),                                          \
-        AXIS_KEY(axis, "invert", SIGN, axes[k].sign, 0, 0, false)
-static const gonio_driver_key keys[] = {KEY("audit_deg", REAL, audit_deg, 0, 10),
-                                        KEY("home_pressed", WHOLE, home_pressed, 0, 1),
-                                        AXIS("light_theta", GONIO_LIGHT_THETA),
-                                        AXIS("light_phi", GONIO_LIGHT_PHI),
-                                        AXIS("camera_theta", GONIO_CAMERA_THETA),
-                                        AXIS("camera_phi", GONIO_CAMERA_PHI),
-                                        {0}};
+    {AXIS_KEY(axis, "steps_per_deg", REAL, axes[k].steps_per_deg), 0.001, 4e6},                                        \
+        {AXIS_KEY(axis, "speed_deg_per_s", REAL, axes[k].speed_deg_per_s), 1e-3, 1e4, .shared = true},                 \
+        {AXIS_KEY(axis, "acceleration_deg_per_s2", REAL, axes[k].acceleration_deg_per_s2), 1e-3, 1e6, .shared = true}, \
+        {AXIS_KEY(axis, "jerk_deg_per_s3", REAL, axes[k].jerk_deg_per_s3), 0, 1e9, .shared = true},                    \
+        {AXIS_KEY(axis, "min_deg", REAL, axes[k].min_deg), -720, 720, .shared = true},                                 \
+        {AXIS_KEY(axis, "max_deg", REAL, axes[k].max_deg), -720, 720, .shared = true},                                 \
+        {AXIS_KEY(axis, "backlash_deg", REAL, axes[k].backlash_deg), -10, 10, .shared = true},                         \
+        {AXIS_KEY(axis, "home_deg", REAL, axes[k].home_deg), -720, 720},                                               \
+        {AXIS_KEY(axis, "home_fast_deg_per_s", REAL, axes[k].home_fast_deg_per_s), 1e-3, 1e4},                         \
+        {AXIS_KEY(axis, "home_slow_deg_per_s", REAL, axes[k].home_slow_deg_per_s), 1e-4, 1e3},                         \
+        {AXIS_KEY(axis, "home_travel_deg", REAL, axes[k].home_travel_deg), 1e-3, 1440},                                \
+        {AXIS_KEY(axis, "home_order", INTEGER, axes[k].home_order), 0, 4},                                             \
+        {AXIS_KEY(axis, "home_up", INTEGER, axes[k].home_up), 0, 1},                                                   \
+        {AXIS_KEY(axis, "zero_deg", REAL, axes[k].zero_deg), -720, 720}, {                                             \
+        AXIS_KEY(axis, "invert", BOOLEAN, axes[k].invert)                                                              \
+    }
+static const gonio_key keys[] = {{KEY("audit_deg", REAL, audit_deg), 0, 10},
+                                 {KEY("home_pressed", INTEGER, home_pressed), 0, 1},
+                                 AXIS("light_theta", GONIO_LIGHT_THETA),
+                                 AXIS("light_phi", GONIO_LIGHT_PHI),
+                                 AXIS("camera_theta", GONIO_CAMERA_THETA),
+                                 AXIS("camera_phi", GONIO_CAMERA_PHI),
+                                 {0}};
 
 static void defaults(void *config) { gonio_stage_modbus_defaults(config); }
 

@@ -16,7 +16,7 @@ typedef struct gonio_axis_config {
     double home_travel_deg; // no switch within this: alarm HOME_MISSING
     int home_order, home_up;
     double zero_deg; // user = sign * (dial - zero); 0
-    int sign;        // +1 or -1; user coordinates are what poses are given in
+    bool invert;     // the sign is -1, else +1; user coordinates are what poses are given in
 } gonio_axis_config;
 
 typedef struct gonio_stage_modbus_config {

@@ -24,7 +24,7 @@ struct gonio_modbus {
 };
 
 void gonio_modbus_defaults(gonio_modbus_config *config) {
-    *config = (gonio_modbus_config){.baud = 115200, .parity = 'N', .slave = 1, .timeout_ms = 200};
+    *config = (gonio_modbus_config){.baud = 115200, .parity = "N", .slave = 1, .timeout_ms = 200};
 }
 
 // "tcp:HOST:PORT" taken apart; false where it is no such text.
@@ -56,7 +56,7 @@ static gonio_status connect_port(gonio_modbus *m, gonio_error *error) {
     const gonio_modbus_config *c = &m->config;
     char host[sizeof c->port], service[32];
     const bool tcp = split_tcp(c->port, host, sizeof host, service, sizeof service);
-    m->context = tcp ? modbus_new_tcp_pi(host, service) : modbus_new_rtu(c->port, c->baud, c->parity, 8, 1);
+    m->context = tcp ? modbus_new_tcp_pi(host, service) : modbus_new_rtu(c->port, c->baud, c->parity[0], 8, 1);
     if (m->context == NULL) {
         return fail_port(m, errno, "cannot be used", error);
     }

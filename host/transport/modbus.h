@@ -13,11 +13,11 @@
 typedef struct gonio_modbus gonio_modbus;
 
 typedef struct gonio_modbus_config {
-    char port[128]; // "/dev/ttyUSB0", or "tcp:HOST:PORT"
-    int baud;       // 115200; serial only, 8 data bits
-    char parity;    // 'N', 'E' or 'O'
-    int slave;      // 1
-    int timeout_ms; // of one answer; 200
+    char port[128];     // "/dev/ttyUSB0", or "tcp:HOST:PORT"
+    int baud;           // 115200; serial only, 8 data bits
+    const char *parity; // "N", "E" or "O"
+    int slave;          // 1
+    int timeout_ms;     // of one answer; 200
 } gonio_modbus_config;
 
 void gonio_modbus_defaults(gonio_modbus_config *config);

@@ -45,15 +45,11 @@ static gonio_status open_text(const char *text, const char *sample, gonio_error 
     return status;
 }
 
-static const char *section_of(const gonio_driver *d, const gonio_driver_key *key) {
-    return key->section != NULL ? key->section : gonio_device_name(d->device);
-}
-
 // The keys of a driver, one table after the other; NULL past the last.
-static const gonio_driver_key *key_at(const gonio_driver *d, int number) {
-    const gonio_driver_key *const tables[] = {d->keys, d->controller ? gonio_controller_keys : NULL};
+static const gonio_key *key_at(const gonio_driver *d, int number) {
+    const gonio_key *const tables[] = {d->keys, d->controller ? gonio_controller_keys : NULL};
     for (int t = 0; t < 2; t++) {
-        for (const gonio_driver_key *key = tables[t]; key != NULL && key->name != NULL; key++) {
+        for (const gonio_key *key = tables[t]; key != NULL && key->name != NULL; key++) {
             if (number-- == 0) {
                 return key;
             }
@@ -63,9 +59,9 @@ static const gonio_driver_key *key_at(const gonio_driver *d, int number) {
 }
 
 static bool has_key(const gonio_driver *d, const char *section, const char *name) {
-    const gonio_driver_key *key;
+    const gonio_key *key;
     for (int i = 0; (key = key_at(d, i)) != NULL; i++) {
-        if (strcmp(section_of(d, key), section) == 0 && strcmp(key->name, name) == 0) {
+        if (strcmp(key->section, section) == 0 && strcmp(key->name, name) == 0) {
             return true;
         }
     }
@@ -116,11 +112,10 @@ static void drivers_are_whole(void **state) {
         assert_ptr_equal(gonio_driver_find(d->device, d->name), d); // no other has its name
         assert_true(d->summary[0] != 0 && d->open != NULL && (d->keys != NULL) == (d->settings > 0));
         complete(d);
-        for (const gonio_driver_key *key = d->keys; key != NULL && key->name != NULL; key++) {
+        for (const gonio_key *key = d->keys; key != NULL && key->name != NULL; key++) {
             assert_true(key->size > 0 && key->offset + key->size <= d->settings && key->low <= key->high);
-            for (const gonio_driver_key *other = d->keys; other != key; other++) {
-                assert_true(strcmp(section_of(d, other), section_of(d, key)) != 0 ||
-                            strcmp(other->name, key->name) != 0);
+            for (const gonio_key *other = d->keys; other != key; other++) {
+                assert_true(strcmp(other->section, key->section) != 0 || strcmp(other->name, key->name) != 0);
             }
         }
         cases++;
@@ -216,12 +211,12 @@ static void unknown_keys_are_refused(void **state) {
         const gonio_driver *d = gonio_driver_at(i);
         const char *own = gonio_device_name(d->device);
         refused(d, own, "no_such_key", "1", "no_such_key", " driver");
-        const gonio_driver_key *key;
+        const gonio_key *key;
         for (int k = 0; (key = key_at(d, k)) != NULL; k++) {
             // The list names every key of the section.
             char name[80];
             snprintf(name, sizeof name, " %s", key->name);
-            refused(d, section_of(d, key), "no_such_key", "1", "no_such_key", name);
+            refused(d, key->section, "no_such_key", "1", "no_such_key", name);
         }
     }
 }
@@ -231,9 +226,9 @@ static void a_key_of_another_driver_says_so(void **state) {
     (void)state;
     for (int i = 0; gonio_driver_at(i) != NULL; i++) {
         const gonio_driver *owner = gonio_driver_at(i);
-        const gonio_driver_key *key;
+        const gonio_key *key;
         for (int k = 0; (key = key_at(owner, k)) != NULL; k++) {
-            const char *section = section_of(owner, key);
+            const char *section = key->section;
             char whose[80], text[200];
             snprintf(whose, sizeof whose, "[%s] driver = %s", gonio_device_name(owner->device), owner->name);
             for (int j = 0; gonio_driver_at(j) != NULL; j++) {
@@ -254,18 +249,15 @@ static void a_key_of_another_driver_says_so(void **state) {
     }
 }
 
+static bool is_text(const gonio_key *key) { return key->kind == GONIO_KEY_LINE; }
+
 // Values that the key must take, or must not; NULL past the last.
-static const char *value_of(const gonio_driver_key *key, bool good, int number, char *text, size_t size) {
-    static const char *const good_words[][3] = {[GONIO_DRIVER_TEXT] = {"a"},
-                                                [GONIO_DRIVER_YES] = {"0", "1"},
-                                                [GONIO_DRIVER_NO] = {"0", "1"},
-                                                [GONIO_DRIVER_HEX] = {"0", "fFfF", "0x1313"},
-                                                [GONIO_DRIVER_PARITY] = {"N", "E", "O"},
-                                                [GONIO_DRIVER_BIAS] = {"as-is", "pull-up", "pull-down"},
-                                                [GONIO_DRIVER_SIGN] = {"0", "1"}};
+static const char *value_of(const gonio_key *key, bool good, int number, char *text, size_t size) {
+    static const char *const good_words[][4] = {
+        [GONIO_KEY_LINE] = {"a"}, [GONIO_KEY_BOOLEAN] = {"0", "1"}, [GONIO_KEY_OWN] = {"0", "fFfF", "0x1313"}};
     static const char *const bad_words[] = {"", "maybe", "2 1", "12345"};
     static const char *const bad_numbers[] = {"", "x", "nan", "1x", "inf"};
-    const bool numeric = key->kind >= GONIO_DRIVER_WHOLE && key->kind <= GONIO_DRIVER_PERCENT;
+    const bool numeric = key->kind == GONIO_KEY_INTEGER || key->kind == GONIO_KEY_REAL;
     if (numeric && number < 2) {
         const double out = good ? 0 : 1 + 1e-3 * fmax(fabs(key->low), fabs(key->high));
         snprintf(text, size, "%.17g", number == 0 ? key->low - out : key->high + out);
@@ -274,24 +266,27 @@ static const char *value_of(const gonio_driver_key *key, bool good, int number, 
     if (numeric) {
         return good || number - 2 >= 5 ? NULL : bad_numbers[number - 2];
     }
-    if (good) {
-        return number < 3 ? good_words[key->kind][number] : NULL;
+    if (good && key->names != NULL) {
+        return key->names()[number];
     }
-    if (key->kind == GONIO_DRIVER_TEXT && number == 1 && key->size < 150) { // what fits into a line
+    if (good) {
+        return good_words[key->kind][number];
+    }
+    if (is_text(key) && number == 1 && key->size < 150) { // what fits into a line
         memset(text, 'a', key->size);
         text[key->size] = 0;
         return text;
     }
-    return number < (key->kind == GONIO_DRIVER_TEXT ? 1 : 4) ? bad_words[number] : NULL;
+    return number < (is_text(key) ? 1 : 4) ? bad_words[number] : NULL;
 }
 
 static void values_are_checked(void **state) {
     (void)state;
     for (int i = 0; gonio_driver_at(i) != NULL; i++) {
         const gonio_driver *d = gonio_driver_at(i);
-        const gonio_driver_key *key;
+        const gonio_key *key;
         for (int k = 0; (key = key_at(d, k)) != NULL; k++) {
-            const char *section = section_of(d, key), *value;
+            const char *section = key->section, *value;
             char text[300], place[100];
             snprintf(place, sizeof place, "[%s] %s: found '", section, key->name);
             for (int n = 0; (value = value_of(key, false, n, text, sizeof text)) != NULL; n++) {
@@ -465,9 +460,9 @@ static bool known(const word *w) {
     bool section = false;
     for (int i = 0; gonio_driver_at(i) != NULL; i++) {
         const gonio_driver *d = gonio_driver_at(i);
-        const gonio_driver_key *key;
+        const gonio_key *key;
         for (int k = 0; (key = key_at(d, k)) != NULL; k++) {
-            section = section || strcmp(section_of(d, key), w->section) == 0;
+            section = section || strcmp(key->section, w->section) == 0;
         }
         if (has_key(d, w->section, w->name) || strcmp(d->name, w->name) == 0) {
             return true;
@@ -493,9 +488,9 @@ static void the_documentation_names_every_key(void **state) {
         if (found == NULL || found > line_end) {
             fail_msg("docs/hardware.md: the table has no `[%s]` %s", gonio_device_name(d->device), name);
         }
-        const gonio_driver_key *key;
+        const gonio_key *key;
         for (int k = 0; (key = key_at(d, k)) != NULL; k++) {
-            const char *section = documented_section(section_of(d, key));
+            const char *section = documented_section(key->section);
             if (!is_documented(words, n, section, key->name)) {
                 fail_msg("docs/hardware.md: `[%s]` lacks `%s`", section, key->name);
             }

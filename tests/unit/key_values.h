@@ -24,6 +24,8 @@ static inline const char *other_value(const gonio_key *key) {
         return "reciprocity";
     case GONIO_KEY_REALS:
     case GONIO_KEY_TEXT:
+    case GONIO_KEY_LINE:
+    case GONIO_KEY_OWN:
         break;
     }
     return NULL;

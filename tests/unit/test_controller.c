@@ -150,7 +150,7 @@ static void test_zero_and_sign(void **state) {
     (void)state;
     start(true, 30, 1);
     axes.axes[0].zero_deg = 2;
-    axes.axes[0].sign = -1;
+    axes.axes[0].invert = true;
     open_stage();
     gonio_error error = {0};
     double target[GONIO_AXES], at[GONIO_AXES], low, high;

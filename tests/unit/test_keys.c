@@ -110,6 +110,80 @@ static void special_texts(void **state) {
     assert_int_equal(gonio_key_check(named("hold_out"), &o, NULL), GONIO_E_USAGE);
 }
 
+// ---- keys of rig files ----
+
+typedef struct rig_values {
+    double percent, rgb[3], centre;
+    int count;
+    bool closed;
+    char line[8];
+} rig_values;
+GONIO_KEY_NAMES(open_or_closed, "open", "closed")
+#define RIG_KEY(text, kind, member) .section = "rig", GONIO_KEY_NAMED(rig_values, member, text, kind)
+static const gonio_key rig_table[] = {
+    {RIG_KEY("a_percent", REAL, percent), 0, 100, "0.2", .times = 100},
+    {RIG_KEY("rgb", REALS, rgb), 0.01, 1, "0.99"},
+    {RIG_KEY("centre", REAL, centre), -1e5, 1e5, "auto", .automatic = NAN},
+    {RIG_KEY("count", INTEGER, count), 0, 1e6, "3"},
+    {RIG_KEY("contact", BOOLEAN, closed), .standard = "closed", .names = open_or_closed},
+    {RIG_KEY("line", LINE, line), .standard = "x"},
+    {0}};
+
+static void rig_take(rig_values *v, const char *name, const char *text, const char *printed) {
+    gonio_error error = {0};
+    char back[64];
+    const gonio_key *key = gonio_key_find(rig_table, "rig", name);
+    if (gonio_key_parse(key, v, text, &error) != GONIO_OK) {
+        fail_msg("%s", error.message);
+    }
+    gonio_key_print(key, v, back, sizeof back);
+    assert_string_equal(back, printed);
+}
+
+static void rig_refuse(const char *name, const char *text, const char *expected) {
+    rig_values v = {.line = "before"}, before = v;
+    gonio_error error = {0};
+    char message[200];
+    snprintf(message, sizeof message, "[rig] %s: found '%s', expected %s", name, text, expected);
+    assert_int_equal(gonio_key_parse(gonio_key_find(rig_table, "rig", name), &v, text, &error), GONIO_E_INPUT);
+    assert_string_equal(error.message, message);
+    assert_memory_equal(&v, &before, sizeof v);
+}
+
+static void keys_of_rig_files(void **state) {
+    (void)state;
+    rig_values v = {0};
+    gonio_key_standards(rig_table, &v);
+    assert_true(v.percent == 0.002 && v.rgb[0] == 0.99 && v.rgb[2] == 0.99 && isnan(v.centre) && v.count == 3);
+    assert_true(v.closed && strcmp(v.line, "x") == 0);
+    rig_take(&v, "a_percent", "12.5", "12.5");
+    assert_true(v.percent == 0.125);
+    rig_take(&v, "rgb", "0.050000000000000003/0.30000000000000004/1", "0.05/0.30000000000000004/1");
+    rig_take(&v, "centre", "-1", "-1");
+    rig_take(&v, "centre", "auto", "auto");
+    rig_take(&v, "count", "1e3", "1000");
+    rig_take(&v, "contact", "open", "open");
+    assert_false(v.closed);
+    rig_take(&v, "line", "1234567", "1234567");
+    rig_refuse("a_percent", "100.1", "a number from 0 to 100");
+    rig_refuse("rgb", "0.5/0.5", "a number from 0.01 to 1, or 3 with / between them");
+    rig_refuse("rgb", "0.5/", "a number from 0.01 to 1, or 3 with / between them");
+    rig_refuse("rgb", "0.5/0.5/0.5/0.5", "a number from 0.01 to 1, or 3 with / between them");
+    rig_refuse("rgb", "0.5/0.5/2", "a number from 0.01 to 1, or 3 with / between them");
+    rig_refuse("centre", "Auto", "a number from -100000 to 100000, or auto");
+    rig_refuse("count", "0.5", "a whole number from 0 to 1e+06");
+    rig_refuse("contact", "1", "open or closed");
+    rig_refuse("line", "", "one line of 1 to 7 bytes");
+    rig_refuse("line", "12345678", "one line of 1 to 7 bytes");
+    rig_refuse("line", "a\nb", "one line of 1 to 7 bytes");
+    char list[64] = "there are";
+    gonio_key_list(rig_table, "rig", list, sizeof list);
+    assert_string_equal(list, "there are a_percent rgb centre count contact line");
+    assert_null(gonio_key_find(rig_table, "rig", "lin"));
+    assert_null(gonio_key_find(rig_table, "camera", "line"));
+    assert_null(gonio_key_find(NULL, "rig", "line"));
+}
+
 // The members that the header declares, one by one: each is in the table, or one of those that no file or command line
 // can hold.
 static void every_member_is_in_the_table(void **state) {
@@ -183,6 +257,7 @@ int main(void) {
         cmocka_unit_test(values_come_back),       cmocka_unit_test(impossible_texts_are_refused),
         cmocka_unit_test(special_texts),          cmocka_unit_test(every_member_is_in_the_table),
         cmocka_unit_test(members_do_not_overlap), cmocka_unit_test(every_option_has_its_help),
+        cmocka_unit_test(keys_of_rig_files),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

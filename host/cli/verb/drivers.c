@@ -6,39 +6,35 @@
 #include "host/cli/cli.h"
 #include "host/drivers/driver.h"
 
-static void add_keys(json_t *keys, const gonio_driver_key *table, const char *own) {
-    for (const gonio_driver_key *key = table; key != NULL && key->name != NULL; key++) {
+static void add_keys(json_t *keys, const gonio_key *table) {
+    for (const gonio_key *key = table; key != NULL && key->name != NULL; key++) {
         char expected[96];
-        gonio_driver_key_expected(key, expected, sizeof expected);
-        json_array_append_new(keys, json_pack("{s:s,s:s,s:s}", "section", key->section != NULL ? key->section : own,
-                                              "key", key->name, "value", expected));
+        gonio_key_expected(key, expected, sizeof expected);
+        json_array_append_new(keys,
+                              json_pack("{s:s,s:s,s:s}", "section", key->section, "key", key->name, "value", expected));
     }
 }
 
 static json_t *to_json(const gonio_driver *d) {
     json_t *keys = json_array();
-    add_keys(keys, d->keys, gonio_device_name(d->device));
+    add_keys(keys, d->keys);
     if (d->controller) {
-        add_keys(keys, gonio_controller_keys, NULL);
+        add_keys(keys, gonio_controller_keys);
     }
     return json_pack("{s:s,s:s,s:s,s:o}", "device", gonio_device_name(d->device), "driver", d->name, "summary",
                      d->summary, "keys", keys);
 }
 
 // One line a key; the four axes have the same ones.
-static void print_keys(const gonio_driver_key *table, const char *own) {
-    for (const gonio_driver_key *key = table; key != NULL && key->name != NULL; key++) {
-        const bool axis = key->section != NULL && strncmp(key->section, "axis ", 5) == 0;
+static void print_keys(const gonio_key *table) {
+    for (const gonio_key *key = table; key != NULL && key->name != NULL; key++) {
+        const bool axis = strncmp(key->section, "axis ", 5) == 0;
         char place[64], expected[96];
         if (axis && strcmp(key->section, "axis light_theta") != 0) {
             continue;
         }
-        snprintf(place, sizeof place, "[%s] %s",
-                 axis                   ? "axis NAME"
-                 : key->section != NULL ? key->section
-                                        : own,
-                 key->name);
-        gonio_driver_key_expected(key, expected, sizeof expected);
+        snprintf(place, sizeof place, "[%s] %s", axis ? "axis NAME" : key->section, key->name);
+        gonio_key_expected(key, expected, sizeof expected);
         printf("    %-38s %s\n", place, expected);
     }
 }
@@ -59,7 +55,7 @@ static int run(int argc, char **argv) {
         if (!common.json) {
             printf("[%s] driver = %s: %s%s\n", gonio_device_name(d->device), d->name, d->summary,
                    d->controller ? "; keys of [controller] as well" : "");
-            print_keys(d->keys, gonio_device_name(d->device));
+            print_keys(d->keys);
             controller = controller || d->controller;
         }
     }
@@ -69,7 +65,7 @@ static int run(int argc, char **argv) {
     json_decref(all);
     if (controller) {
         puts("[controller]");
-        print_keys(gonio_controller_keys, NULL);
+        print_keys(gonio_controller_keys);
     }
     return 0;
 }
