@@ -29,12 +29,14 @@ static gonio_status set_key(builder *b, const char *section, const char *key, co
     if (first != b->driver_pass) {
         return GONIO_OK;
     }
-    bool known, shared;
-    gonio_status status = gonio_rig_keys_set(&b->keys, b->sim != NULL, section, key, value, &known, error);
-    if (known) {
-        return status;
+    const gonio_key *facts = b->sim != NULL ? NULL : gonio_rig_fact_keys;
+    const gonio_key *own = gonio_key_find(gonio_rig_keys, section, key);
+    own = own != NULL ? own : gonio_key_find(facts, section, key);
+    if (own != NULL) {
+        return gonio_key_parse(own, &b->keys, value, error);
     }
-    status = gonio_hardware_set(b->hardware, section, key, value, &known, &shared, error);
+    bool known, shared;
+    const gonio_status status = gonio_hardware_set(b->hardware, section, key, value, &known, &shared, error);
     if (status != GONIO_OK || b->hardware_only || (known && (!shared || b->sim == NULL))) {
         return status;
     }
@@ -50,12 +52,11 @@ static gonio_status set_key(builder *b, const char *section, const char *key, co
     }
     char list[400];
     const bool real = gonio_hardware_list(b->hardware, section, list, sizeof list);
-    size_t used = strlen(list);
     if (b->sim != NULL && !real) {
-        gonio_sim_keys(section, list + used, sizeof list - used);
-        used = strlen(list);
+        gonio_sim_keys(section, list + strlen(list), sizeof list - strlen(list));
     }
-    gonio_rig_keys_list(b->sim != NULL, section, list + used, sizeof list - used);
+    gonio_key_list(gonio_rig_keys, section, list, sizeof list);
+    gonio_key_list(facts, section, list, sizeof list);
     return list[0] != 0 ? gonio_fail(error, GONIO_E_INPUT, "unknown key [%.60s] %.60s; there are%s", section, key, list)
                         : gonio_fail(error, GONIO_E_INPUT, "unknown section [%.60s]", section);
 }

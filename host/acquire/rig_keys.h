@@ -3,6 +3,7 @@
 #ifndef GONIO_HOST_ACQUIRE_RIG_KEYS_H
 #define GONIO_HOST_ACQUIRE_RIG_KEYS_H
 
+#include "base/keys.h"
 #include "host/acquire/acquire.h"
 
 // What they set. Sizes of the texts are those of gonio_rig_facts.
@@ -15,11 +16,7 @@ typedef struct rig_keys {
 } rig_keys;
 
 void gonio_rig_keys_default(rig_keys *keys);
-// *known: whether the host has this key; stated: the driver states the rig's numbers itself (the simulator), so that
-// only the host's own keys are taken here. GONIO_E_INPUT where the value is impossible.
-gonio_status gonio_rig_keys_set(rig_keys *keys, bool stated, const char *section, const char *key, const char *value,
-                                bool *known, gonio_error *error);
-// " key" of every key of the section that would be taken, for messages.
-void gonio_rig_keys_list(bool stated, const char *section, char *text, size_t size);
+// Every rig's, and those that state its numbers, where its driver (the simulator) does not state them itself.
+extern const gonio_key gonio_rig_keys[], gonio_rig_fact_keys[];
 
 #endif
