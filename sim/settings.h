@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/keys.h"
 #include "gonio/rig.h"
 
 typedef struct sim_axis_settings {
@@ -81,13 +82,11 @@ typedef struct sim_settings {
     sim_fault fault[SIM_FAULTS];
 } sim_settings;
 
+extern const gonio_key gonio_sim_setting_keys[];
 void gonio_sim_settings_default(sim_settings *settings);
 // GONIO_E_INPUT for an unknown section or key (the message lists what exists) and for a value that is not possible.
 gonio_status gonio_sim_settings_set(sim_settings *settings, const char *section, const char *key, const char *value,
                                     gonio_error *error);
-bool gonio_sim_settings_has(const char *section, const char *key);
-// " key" of every key of the section; empty where there is no such section.
-void gonio_sim_settings_list(const char *section, char *text, size_t size);
 // All of them as "section.key=value" lines; the caller frees. NULL: no memory.
 char *gonio_sim_settings_text(const sim_settings *settings);
 

@@ -61,9 +61,14 @@ gonio_status gonio_sim_set(gonio_sim *sim, const char *section, const char *key,
     return status;
 }
 
-bool gonio_sim_has_key(const char *section, const char *key) { return gonio_sim_settings_has(section, key); }
+bool gonio_sim_has_key(const char *section, const char *key) {
+    return gonio_key_find(gonio_sim_setting_keys, section, key) != NULL;
+}
 
-void gonio_sim_keys(const char *section, char *text, size_t size) { gonio_sim_settings_list(section, text, size); }
+void gonio_sim_keys(const char *section, char *text, size_t size) {
+    text[0] = 0;
+    gonio_key_list(gonio_sim_setting_keys, section, text, size);
+}
 
 gonio_status gonio_sim_fiducial(gonio_sim *sim, int width, int height, const uint16_t *pixels, double mm_per_px,
                                 gonio_error *error) {
