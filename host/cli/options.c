@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Table-driven options: every verb states its table once; parsing and --help both come from it.
-#include "base/number.h"
 #include "host/cli/cli.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/text.h"
+#include "base/keys.h"
 
 static void help_rows(const cli_option *options) {
     for (const cli_option *o = options; o != NULL && o->name != NULL; o++) {
@@ -45,41 +43,36 @@ static const cli_option *find(const cli_option *options, const char *name, size_
     return NULL;
 }
 
+// How texts become numbers; the other kinds are taken as they are.
+static const gonio_key numbers[] = {
+    [CLI_INT] = {.name = "", .kind = GONIO_KEY_INTEGER, .size = sizeof(int)},
+    [CLI_U64] = {.name = "", .kind = GONIO_KEY_SEED, .size = sizeof(uint64_t)},
+    [CLI_SIZE] = {.name = "", .kind = GONIO_KEY_SIZE, .size = sizeof(size_t)},
+    [CLI_DOUBLE] = {.name = "", .kind = GONIO_KEY_REAL, .size = sizeof(double)},
+};
+
 static bool store(const cli_option *option, const char *text) {
-    char *end = NULL;
-    errno = 0;
+    cli_list *list = option->value;
     switch (option->kind) {
     case CLI_FLAG:
         *(bool *)option->value = true;
         return true;
-    case CLI_INT: {
-        const long value = strtol(text, &end, 10);
-        *(int *)option->value = (int)value;
-        return end != text && *end == 0 && errno == 0 && value == (int)value;
-    }
+    case CLI_INT:
     case CLI_U64:
-        *(uint64_t *)option->value = strtoull(text, &end, 10);
-        return end != text && *end == 0 && errno == 0 && *text != '-';
     case CLI_SIZE:
-        return gonio_text_count(text, option->value);
-    case CLI_DOUBLE: {
-        const double value = gonio_number_parse(text, &end);
-        *(double *)option->value = value;
-        return end != text && *end == 0 && value == value;
-    }
+    case CLI_DOUBLE:
+        return gonio_key_parse(&numbers[option->kind], option->value, text, NULL) == GONIO_OK;
     case CLI_TEXT:
         *(const char **)option->value = text;
         return true;
-    case CLI_TABLE: // never found
-        return false;
-    case CLI_LIST: {
-        cli_list *list = option->value;
-        const bool room = list->n < (int)(sizeof list->items / sizeof *list->items);
-        if (room) {
-            list->items[list->n++] = text;
+    case CLI_LIST:
+        if (list->n == (int)(sizeof list->items / sizeof *list->items)) {
+            return false;
         }
-        return room;
-    }
+        list->items[list->n++] = text;
+        return true;
+    case CLI_TABLE: // never found
+        break;
     }
     return false;
 }
