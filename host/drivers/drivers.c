@@ -44,15 +44,6 @@ void gonio_driver_names(gonio_device device, char *text, size_t size) {
     }
 }
 
-gonio_status gonio_driver_no_device(void *settings, const gonio_driver_context *context, void **device,
-                                    gonio_error *error) {
-    (void)settings, (void)context, (void)error;
-    *device = NULL;
-    return GONIO_OK;
-}
-
-void gonio_driver_nothing_to_close(void *device) { (void)device; }
-
 // Close what stands in the place, if anything does, and put the new device there.
 #define INSTALL(place, type)                                                                                           \
     do {                                                                                                               \
