@@ -15,7 +15,8 @@ static bool recognise(const gonio_source *source) {
     return head[0] == '#' && strstr(head, MARK) != NULL;
 }
 
-static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_collector *sink, gonio_error *error) {
+static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_collector *collector,
+                             gonio_error *error) {
     static const char *const names[4] = {"theta_l", "theta_v cos(dphi)", "theta_v sin(dphi)", "value"};
     double numbers[4];
     gonio_pair pair = {0};
@@ -31,24 +32,24 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
         return status;
     }
     pair.phi_o = pair.theta_o > 0 ? gonio_angle_canonical(atan2(numbers[2], numbers[1])) : 0;
-    return gonio_row_collector_add(sink, &pair, &numbers[3], NULL, NULL, error);
+    return gonio_row_collector_add(collector, &pair, &numbers[3], NULL, NULL, error);
 }
 
 static gonio_status read_retro(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "retro");
-    gonio_status status = gonio_samples_new(1, false, &sink.samples, error);
+    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "retro");
+    gonio_status status = gonio_samples_new(1, false, &collector.samples, error);
     if (status == GONIO_OK) {
-        strcpy(sink.samples->channel_names[0], "value");
+        strcpy(collector.samples->channel_names[0], "value");
     }
     for (char *line; status == GONIO_OK && (line = gonio_text_content(&text)) != NULL;) {
         char *fields[4];
         const int n = gonio_text_split(line, ' ', fields, 4);
-        status = n == 4 ? read_row(&text, fields, &sink, error)
+        status = n == 4 ? read_row(&text, fields, &collector, error)
                         : gonio_text_fail(&text, error, "expected 4 numbers, found %d", n);
     }
-    return gonio_row_collector_end(&sink, status, out, report, error);
+    return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};

@@ -50,14 +50,14 @@ static gonio_status read_wavelengths(gonio_text *text, char **fields, gonio_samp
     return GONIO_OK;
 }
 
-static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_collector *sink, double *numbers,
+static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_collector *collector, double *numbers,
                              gonio_error *error) {
     static const char *const names[4] = {"theta_i", "phi_i", "theta_s", "phi_s"};
-    const int channels = sink->samples->channels;
+    const int channels = collector->samples->channels;
     gonio_status status = GONIO_OK;
     for (int k = 0; k < 4 + channels && status == GONIO_OK; k++) {
-        status = gonio_text_number(text, fields[k], k < 4 ? names[k] : sink->samples->channel_names[k - 4], &numbers[k],
-                                   error);
+        status = gonio_text_number(text, fields[k], k < 4 ? names[k] : collector->samples->channel_names[k - 4],
+                                   &numbers[k], error);
     }
     gonio_pair pair = {0};
     status = status == GONIO_OK ? gonio_polar_rad(text, names[0], numbers[0], &pair.theta_i, error) : status;
@@ -71,11 +71,11 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     }
     pair.phi_i = azimuth(numbers[1]);
     pair.phi_o = azimuth(numbers[3]);
-    return gonio_row_collector_add(sink, &pair, numbers + 4, NULL, NULL, error);
+    return gonio_row_collector_add(collector, &pair, numbers + 4, NULL, NULL, error);
 }
 
-static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collector *sink, gonio_error *error) {
-    const int columns = 4 + sink->samples->channels;
+static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collector *collector, gonio_error *error) {
+    const int columns = 4 + collector->samples->channels;
     double *numbers = malloc((size_t)columns * sizeof *numbers);
     if (numbers == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a row");
@@ -83,7 +83,7 @@ static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collect
     gonio_status status = GONIO_OK;
     for (char *line; status == GONIO_OK && (line = gonio_text_content(text)) != NULL;) {
         const int n = gonio_text_split(line, ' ', fields, columns);
-        status = n == columns ? read_row(text, fields, sink, numbers, error)
+        status = n == columns ? read_row(text, fields, collector, numbers, error)
                               : gonio_text_fail(text, error, "expected 4 angles and %d values, found %d numbers",
                                                 columns - 4, n);
     }
@@ -94,7 +94,7 @@ static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collect
 static gonio_status read_cornell(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                  gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "cornell");
+    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "cornell");
     char *fields[4 + GONIO_CHANNELS_MAX];
     const char *first = gonio_text_content(&text);
     const long channels = strtol(first, NULL, 10);
@@ -102,11 +102,11 @@ static gonio_status read_cornell(const gonio_source *source, const gonio_format_
     if (channels > GONIO_CHANNELS_MAX) {
         status = gonio_text_fail(&text, error, "%ld wavelengths; 1 to %d are possible", channels, GONIO_CHANNELS_MAX);
     } else {
-        status = gonio_samples_new((int)channels, false, &sink.samples, error);
+        status = gonio_samples_new((int)channels, false, &collector.samples, error);
     }
-    status = status == GONIO_OK ? read_wavelengths(&text, fields, sink.samples, error) : status;
-    status = status == GONIO_OK ? read_rows(&text, fields, &sink, error) : status;
-    return gonio_row_collector_end(&sink, status, out, report, error);
+    status = status == GONIO_OK ? read_wavelengths(&text, fields, collector.samples, error) : status;
+    status = status == GONIO_OK ? read_rows(&text, fields, &collector, error) : status;
+    return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};

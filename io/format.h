@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the readers share: one gonio_format a file format, and the sink that collects rows.
+// What the readers share: one gonio_format a file format, and the collector that collects rows.
 #ifndef GONIO_IO_FORMAT_H
 #define GONIO_IO_FORMAT_H
 
@@ -95,10 +95,10 @@ typedef struct gonio_row_collector {
 gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format);
 // values may be changed (clamped). sigma_random and sigma_systematic: both NULL where the file states none. The line is
 // the text's current one.
-gonio_status gonio_row_collector_add(gonio_row_collector *sink, const gonio_pair *pair, double *values,
+gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio_pair *pair, double *values,
                                      const double *sigma_random, const double *sigma_systematic, gonio_error *error);
 // Give the set out, or the error that the policy asks for (the set is freed then). status: how reading went so far.
-gonio_status gonio_row_collector_end(gonio_row_collector *sink, gonio_status status, gonio_samples **out,
+gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error);
 
 // Angles of files in radians: a polar angle at most rounding beyond the horizon is taken back to it.

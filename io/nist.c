@@ -190,10 +190,10 @@ static gonio_status group(const gonio_text *text, nist_rows *all, nist_row **gro
 }
 
 static gonio_status add_groups(gonio_text *text, const nist_rows *all, nist_row **groups, size_t n,
-                               gonio_row_collector *sink, gonio_error *error) {
-    gonio_status status = gonio_samples_new(all->n_lambdas, false, &sink->samples, error);
+                               gonio_row_collector *collector, gonio_error *error) {
+    gonio_status status = gonio_samples_new(all->n_lambdas, false, &collector->samples, error);
     for (int k = 0; k < all->n_lambdas && status == GONIO_OK; k++) {
-        gonio_number_format(sink->samples->channel_names[k], GONIO_CHANNEL_NAME_MAX, "%.10gnm",
+        gonio_number_format(collector->samples->channel_names[k], GONIO_CHANNEL_NAME_MAX, "%.10gnm",
                             1000 * all->lambdas_um[k]);
     }
     for (size_t g = 0; g < n && status == GONIO_OK; g++) {
@@ -202,12 +202,12 @@ static gonio_status add_groups(gonio_text *text, const nist_rows *all, nist_row 
             values[k] = groups[g][k].value;
         }
         text->line = groups[g]->line;
-        status = gonio_row_collector_add(sink, &groups[g]->pair, values, NULL, NULL, error);
+        status = gonio_row_collector_add(collector, &groups[g]->pair, values, NULL, NULL, error);
     }
     return status;
 }
 
-static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collector *sink, gonio_error *error) {
+static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collector *collector, gonio_error *error) {
     if (all->n == 0) {
         return gonio_text_fail(text, error, "no rows after the header");
     }
@@ -217,7 +217,7 @@ static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collecto
     }
     size_t n;
     gonio_status status = group(text, all, groups, &n, error);
-    status = status == GONIO_OK ? add_groups(text, all, groups, n, sink, error) : status;
+    status = status == GONIO_OK ? add_groups(text, all, groups, n, collector, error) : status;
     free(groups);
     return status;
 }
@@ -225,22 +225,23 @@ static gonio_status collect(gonio_text *text, nist_rows *all, gonio_row_collecto
 static gonio_status read_nist(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[NEGATIVES].choice, "nist");
+    gonio_row_collector collector =
+        gonio_row_collector_begin(&text, (gonio_negatives)values->at[NEGATIVES].choice, "nist");
     nist_rows all = {.element = element_of(values->at[MUELLER].text)};
     if (all.element < 0) {
         return gonio_fail(error, GONIO_E_USAGE, "Mueller element '%s'; expected f_r11 to f_r44",
                           values->at[MUELLER].text);
     }
     if (all.element > 0) {
-        sink.policy = GONIO_NEGATIVES_KEEP; // every element but the first is signed by nature
+        collector.policy = GONIO_NEGATIVES_KEEP; // every element but the first is signed by nature
     }
     gonio_status status = read_rows(&text, &all, error);
     if (status == GONIO_OK && values->wavelength_nm > 0) {
         status = choose(&text, &all, values->wavelength_nm / 1000, error);
     }
-    status = status == GONIO_OK ? collect(&text, &all, &sink, error) : status;
+    status = status == GONIO_OK ? collect(&text, &all, &collector, error) : status;
     free(all.rows);
-    return gonio_row_collector_end(&sink, status, out, report, error);
+    return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
 static const gonio_format_option options[] = {

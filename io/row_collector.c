@@ -36,72 +36,72 @@ gonio_status gonio_channel_names_check(const char *path, const char (*names)[GON
 }
 
 gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format) {
-    gonio_row_collector sink = {.text = text, .policy = policy};
-    sink.report.first_negative_line = -1;
-    sink.report.open_end = text->next < text->end && text->end[-1] != '\n';
-    snprintf(sink.report.format, sizeof sink.report.format, "%s", format);
-    return sink;
+    gonio_row_collector collector = {.text = text, .policy = policy};
+    collector.report.first_negative_line = -1;
+    collector.report.open_end = text->next < text->end && text->end[-1] != '\n';
+    snprintf(collector.report.format, sizeof collector.report.format, "%s", format);
+    return collector;
 }
 
-static void note_negative(gonio_row_collector *sink, int channel, double value, double sigma) {
+static void note_negative(gonio_row_collector *collector, int channel, double value, double sigma) {
     const bool noise = -value <= GONIO_NOISE_SIGMAS * sigma;
-    if (sink->report.negatives++ == 0) {
-        sink->report.first_negative_line = sink->text->line;
+    if (collector->report.negatives++ == 0) {
+        collector->report.first_negative_line = collector->text->line;
     }
-    sink->report.noise += noise;
-    const bool accepted = sink->policy == GONIO_NEGATIVES_CLAMP || sink->policy == GONIO_NEGATIVES_KEEP ||
-                          (sink->policy == GONIO_NEGATIVES_NOISE && noise);
-    if (!accepted && sink->refused++ == 0) {
-        sink->refused_line = sink->text->line;
-        sink->refused_channel = channel;
-        sink->refused_value = value;
-        sink->refused_sigma = sigma;
+    collector->report.noise += noise;
+    const bool accepted = collector->policy == GONIO_NEGATIVES_CLAMP || collector->policy == GONIO_NEGATIVES_KEEP ||
+                          (collector->policy == GONIO_NEGATIVES_NOISE && noise);
+    if (!accepted && collector->refused++ == 0) {
+        collector->refused_line = collector->text->line;
+        collector->refused_channel = channel;
+        collector->refused_value = value;
+        collector->refused_sigma = sigma;
     }
 }
 
-gonio_status gonio_row_collector_add(gonio_row_collector *sink, const gonio_pair *pair, double *values,
+gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio_pair *pair, double *values,
                                      const double *sigma_random, const double *sigma_systematic, gonio_error *error) {
-    for (int c = 0; c < sink->samples->channels; c++) {
+    for (int c = 0; c < collector->samples->channels; c++) {
         if (values[c] < 0) {
-            note_negative(sink, c, values[c],
+            note_negative(collector, c, values[c],
                           sigma_random != NULL ? hypot(sigma_random[c], sigma_systematic[c]) : (double)NAN);
-            if (sink->policy == GONIO_NEGATIVES_CLAMP) {
+            if (collector->policy == GONIO_NEGATIVES_CLAMP) {
                 values[c] = 0;
-                sink->report.clamped++;
+                collector->report.clamped++;
             }
         }
     }
-    sink->report.rows++;
-    return gonio_samples_add(sink->samples, pair, values, sigma_random, sigma_systematic, error);
+    collector->report.rows++;
+    return gonio_samples_add(collector->samples, pair, values, sigma_random, sigma_systematic, error);
 }
 
-static gonio_status refuse(const gonio_row_collector *sink, gonio_error *error) {
+static gonio_status refuse(const gonio_row_collector *collector, gonio_error *error) {
     char beyond[64] = "", sigma[48] = "";
-    if (sink->policy == GONIO_NEGATIVES_NOISE && isfinite(sink->refused_sigma)) {
+    if (collector->policy == GONIO_NEGATIVES_NOISE && isfinite(collector->refused_sigma)) {
         snprintf(beyond, sizeof beyond, " more than %d sigma below 0", GONIO_NOISE_SIGMAS);
-        snprintf(sigma, sizeof sigma, " with sigma %g", sink->refused_sigma);
+        snprintf(sigma, sizeof sigma, " with sigma %g", collector->refused_sigma);
     }
-    return gonio_fail_line(error, GONIO_E_INPUT, sink->text->path, sink->refused_line,
+    return gonio_fail_line(error, GONIO_E_INPUT, collector->text->path, collector->refused_line,
                            "%zu negative values%s, the first here: %s = %g%s; `--negatives clamp` raises them to 0, "
                            "`--negatives keep` takes them as they are",
-                           sink->refused, beyond, sink->samples->channel_names[sink->refused_channel],
-                           sink->refused_value, sigma);
+                           collector->refused, beyond, collector->samples->channel_names[collector->refused_channel],
+                           collector->refused_value, sigma);
 }
 
-gonio_status gonio_row_collector_end(gonio_row_collector *sink, gonio_status status, gonio_samples **out,
+gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error) {
-    if (status == GONIO_OK && sink->report.rows == 0) {
-        status = gonio_text_fail(sink->text, error, "no samples in it");
+    if (status == GONIO_OK && collector->report.rows == 0) {
+        status = gonio_text_fail(collector->text, error, "no samples in it");
     }
-    status = status == GONIO_OK && sink->refused > 0 ? refuse(sink, error) : status;
+    status = status == GONIO_OK && collector->refused > 0 ? refuse(collector, error) : status;
     if (report != NULL) {
-        *report = sink->report;
+        *report = collector->report;
     }
     if (status != GONIO_OK) {
-        gonio_samples_free(sink->samples);
-        sink->samples = NULL;
+        gonio_samples_free(collector->samples);
+        collector->samples = NULL;
     }
-    *out = sink->samples;
+    *out = collector->samples;
     return status;
 }
 

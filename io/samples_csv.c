@@ -143,7 +143,7 @@ static gonio_status parse_row(const gonio_text *text, char **fields, const layou
     return status;
 }
 
-static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, gonio_row_collector *sink,
+static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, gonio_row_collector *collector,
                               gonio_error *error) {
     double *numbers = malloc(3 * (size_t)l->channels * sizeof *numbers);
     if (numbers == NULL) {
@@ -157,13 +157,13 @@ static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, 
         if (n != l->columns) {
             status = gonio_text_fail(text, error, "expected %d columns as in the header, found %d", l->columns, n);
         } else {
-            status =
-                parse_row(text, fields, l, sink->samples->channel_names, &pair, numbers, random, systematic, error);
+            status = parse_row(text, fields, l, collector->samples->channel_names, &pair, numbers, random, systematic,
+                               error);
         }
         if (status == GONIO_OK) {
             const bool sigma = l->with_sigma;
-            status =
-                gonio_row_collector_add(sink, &pair, numbers, sigma ? random : NULL, sigma ? systematic : NULL, error);
+            status = gonio_row_collector_add(collector, &pair, numbers, sigma ? random : NULL,
+                                             sigma ? systematic : NULL, error);
         }
     }
     free(numbers);
@@ -180,7 +180,7 @@ static char *find_header(gonio_text *text, bool *anisotropic) {
     return line;
 }
 
-static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_row_collector *sink,
+static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_row_collector *collector,
                               gonio_error *error) {
     bool anisotropic;
     char *header = find_header(text, &anisotropic);
@@ -192,15 +192,15 @@ static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_
         return gonio_text_fail(text, error, "%d columns; at most %d are read", columns, COLUMNS_MAX);
     }
     gonio_status status = parse_header(text, fields, columns, l, error);
-    status = status == GONIO_OK ? gonio_samples_new(l->channels, l->with_sigma, &sink->samples, error) : status;
+    status = status == GONIO_OK ? gonio_samples_new(l->channels, l->with_sigma, &collector->samples, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
-    sink->samples->isotropic = !anisotropic;
+    collector->samples->isotropic = !anisotropic;
     for (int c = 0; c < l->channels; c++) {
-        snprintf(sink->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", fields[4 + c]);
+        snprintf(collector->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", fields[4 + c]);
     }
-    return read_rows(text, fields, l, sink, error);
+    return read_rows(text, fields, l, collector, error);
 }
 
 static gonio_status read_samples(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
@@ -208,16 +208,16 @@ static gonio_status read_samples(const gonio_source *source, const gonio_format_
     char **fields = malloc(COLUMNS_MAX * sizeof *fields);
     layout *l = malloc(sizeof *l);
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector sink = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "samples");
+    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "samples");
     gonio_status status = GONIO_OK;
     if (fields == NULL || l == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
     } else {
-        status = read_with(&text, fields, l, &sink, error);
+        status = read_with(&text, fields, l, &collector, error);
     }
     free(l);
     free(fields);
-    return gonio_row_collector_end(&sink, status, out, report, error);
+    return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
 // ---- writing ----

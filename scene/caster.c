@@ -13,10 +13,10 @@
 // Embree's own sphere error (1e-6), well below a pixel.
 #define LIFT 1e-4
 
-struct sim_caster {
+struct scene_caster {
     RTCDevice device;
     RTCScene scene;
-    const sim_mesh *mesh; // NULL: sphere
+    const scene_mesh *mesh; // NULL: sphere
 };
 
 static bool unit(gonio_vec3 *v) {
@@ -29,7 +29,7 @@ static bool unit(gonio_vec3 *v) {
 }
 
 // Embree owns the buffers: they are padded as it wants them.
-static bool add_mesh(RTCDevice device, RTCScene scene, const sim_mesh *mesh) {
+static bool add_mesh(RTCDevice device, RTCScene scene, const scene_mesh *mesh) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     float *positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                3 * sizeof(float), mesh->vertices);
@@ -59,9 +59,9 @@ static bool add_sphere(RTCDevice device, RTCScene scene) {
     return sphere != NULL;
 }
 
-gonio_status gonio_sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_error *error) {
+gonio_status gonio_scene_caster_new(const scene_mesh *mesh, scene_caster **out, gonio_error *error) {
     *out = NULL;
-    sim_caster *caster = calloc(1, sizeof *caster);
+    scene_caster *caster = calloc(1, sizeof *caster);
     if (caster == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the ray caster");
     }
@@ -79,7 +79,7 @@ gonio_status gonio_sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_
     }
     const enum RTCError code = rtcGetDeviceError(caster->device);
     if (!good || code != RTC_ERROR_NONE) {
-        gonio_sim_caster_free(caster);
+        gonio_scene_caster_free(caster);
         return gonio_fail(error, code == RTC_ERROR_OUT_OF_MEMORY ? GONIO_E_MEMORY : GONIO_E_FAILED,
                           "the ray caster cannot start (Embree error %d)", (int)code);
     }
@@ -87,7 +87,7 @@ gonio_status gonio_sim_caster_new(const sim_mesh *mesh, sim_caster **out, gonio_
     return GONIO_OK;
 }
 
-void gonio_sim_caster_free(sim_caster *caster) {
+void gonio_scene_caster_free(scene_caster *caster) {
     if (caster != NULL) {
         if (caster->scene != NULL) {
             rtcReleaseScene(caster->scene);
@@ -131,12 +131,12 @@ static gonio_vec3 tangent_of(gonio_vec3 normal, gonio_vec3 wish) {
     return tangent;
 }
 
-static void shade_frame(const sim_caster *caster, const struct RTCHit *hit, gonio_vec3 toward_eye, sim_hit *out) {
+static void shade_frame(const scene_caster *caster, const struct RTCHit *hit, gonio_vec3 toward_eye, scene_hit *out) {
     const gonio_vec3 up = {0, 1, 0};
     gonio_vec3 wish = {0, 0, 0};
     out->normal = out->facet;
     if (caster->mesh != NULL) {
-        const sim_mesh *mesh = caster->mesh;
+        const scene_mesh *mesh = caster->mesh;
         const unsigned *corner = mesh->indices + 3 * (size_t)hit->primID;
         gonio_vec3 normal = blended(mesh->normals, corner, (double)hit->u, (double)hit->v);
         out->normal = unit(&normal) ? normal : out->facet;
@@ -156,7 +156,7 @@ static void shade_frame(const sim_caster *caster, const struct RTCHit *hit, goni
     out->tangent = tangent_of(out->normal, dot(wish, wish) > 0 ? wish : cross(up, out->normal));
 }
 
-bool gonio_sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec3 direction, sim_hit *hit) {
+bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRayHit ray = {.ray = make_ray(origin, direction), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
@@ -177,7 +177,7 @@ bool gonio_sim_caster_hit(const sim_caster *caster, gonio_vec3 origin, gonio_vec
     return true;
 }
 
-bool gonio_sim_caster_shadowed(const sim_caster *caster, const sim_hit *hit, gonio_vec3 toward_light) {
+bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRay ray = make_ray(sum(hit->point, scaled(hit->facet, LIFT)), toward_light);

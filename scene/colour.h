@@ -6,18 +6,18 @@
 #include "gonio/model.h"
 
 // rgb[k] = sum over channels of weight[k * channels + c] value[c].
-typedef struct sim_colour {
+typedef struct scene_colour {
     int channels;
     double *weight; // 3 x channels
-} sim_colour;
+} scene_colour;
 
 // Three channels that are no wavelengths: as they are. At least three wavelengths between 380 and 730 nm: by the colour
 // matching functions. Otherwise the mean, as grey. Every choice shows a flat spectrum of 1 as (1, 1, 1).
-gonio_status gonio_sim_colour_new(int channels, const char (*names)[32], sim_colour *colour, gonio_error *error);
-void gonio_sim_colour_free(sim_colour *colour);
-void gonio_sim_colour_rgb(const sim_colour *colour, const double *values, double rgb[3]);
+gonio_status gonio_scene_colour_new(int channels, const char (*names)[32], scene_colour *colour, gonio_error *error);
+void gonio_scene_colour_free(scene_colour *colour);
+void gonio_scene_colour_rgb(const scene_colour *colour, const double *values, double rgb[3]);
 
 // IEC 61966-2-1: linear light to an 8-bit code; clipped to [0, 1] first.
-unsigned char gonio_sim_srgb(double linear);
+unsigned char gonio_scene_srgb(double linear);
 
 #endif

@@ -24,7 +24,7 @@
     (aiProcess_Triangulate | aiProcess_PreTransformVertices | aiProcess_GenSmoothNormals |                             \
      aiProcess_CalcTangentSpace | aiProcess_SortByPType)
 
-void gonio_sim_mesh_free(sim_mesh *mesh) {
+void gonio_scene_mesh_free(scene_mesh *mesh) {
     if (mesh != NULL) {
         free(mesh->positions);
         free(mesh->normals);
@@ -129,7 +129,7 @@ static gonio_status import(const char *path, const struct aiScene **out, bool *n
     return status;
 }
 
-static gonio_status allocate(const struct aiScene *scene, const char *path, sim_mesh **out, gonio_error *error) {
+static gonio_status allocate(const struct aiScene *scene, const char *path, scene_mesh **out, gonio_error *error) {
     size_t vertices = 0, triangles = 0;
     bool tangents = true;
     for (unsigned m = 0; m < scene->mNumMeshes; m++) {
@@ -145,18 +145,18 @@ static gonio_status allocate(const struct aiScene *scene, const char *path, sim_
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%zu triangles in it; at least one is needed",
                                triangles);
     }
-    sim_mesh *mesh = calloc(1, sizeof *mesh);
+    scene_mesh *mesh = calloc(1, sizeof *mesh);
     if (mesh != NULL) {
-        *mesh = (sim_mesh){.vertices = vertices,
-                           .triangles = triangles,
-                           .positions = malloc(vertices * 3 * sizeof(float)),
-                           .normals = malloc(vertices * 3 * sizeof(float)),
-                           .tangents = tangents ? malloc(vertices * 3 * sizeof(float)) : NULL,
-                           .indices = malloc(triangles * 3 * sizeof(unsigned))};
+        *mesh = (scene_mesh){.vertices = vertices,
+                             .triangles = triangles,
+                             .positions = malloc(vertices * 3 * sizeof(float)),
+                             .normals = malloc(vertices * 3 * sizeof(float)),
+                             .tangents = tangents ? malloc(vertices * 3 * sizeof(float)) : NULL,
+                             .indices = malloc(triangles * 3 * sizeof(unsigned))};
     }
     if (mesh == NULL || mesh->positions == NULL || mesh->normals == NULL || mesh->indices == NULL ||
         (tangents && mesh->tangents == NULL)) {
-        gonio_sim_mesh_free(mesh);
+        gonio_scene_mesh_free(mesh);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a mesh of %zu vertices", vertices);
     }
     *out = mesh;
@@ -170,7 +170,8 @@ static void put(float *to, struct aiVector3D v, bool z_up) {
     to[2] = z_up ? -v.y : v.z;
 }
 
-static gonio_status copy(const struct aiScene *scene, const char *path, bool z_up, sim_mesh *mesh, gonio_error *error) {
+static gonio_status copy(const struct aiScene *scene, const char *path, bool z_up, scene_mesh *mesh,
+                         gonio_error *error) {
     size_t vertex = 0, triangle = 0;
     for (unsigned m = 0; m < scene->mNumMeshes; m++) {
         const struct aiMesh *part = scene->mMeshes[m];
@@ -196,7 +197,7 @@ static gonio_status copy(const struct aiScene *scene, const char *path, bool z_u
 }
 
 // About the middle of its box, to the radius of its farthest vertex.
-static gonio_status normalise(sim_mesh *mesh, const char *path, gonio_error *error) {
+static gonio_status normalise(scene_mesh *mesh, const char *path, gonio_error *error) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, radius2 = 0;
     for (size_t i = 0; i < 3 * mesh->vertices; i++) {
         const double p = (double)mesh->positions[i];
@@ -224,7 +225,7 @@ static gonio_status normalise(sim_mesh *mesh, const char *path, gonio_error *err
     return GONIO_OK;
 }
 
-gonio_status gonio_sim_mesh_read(const char *path, bool z_up, sim_mesh **out, gonio_error *error) {
+gonio_status gonio_scene_mesh_read(const char *path, bool z_up, scene_mesh **out, gonio_error *error) {
     *out = NULL;
     gonio_status status = check_file(path, error);
     if (status != GONIO_OK) {
@@ -236,14 +237,14 @@ gonio_status gonio_sim_mesh_read(const char *path, bool z_up, sim_mesh **out, go
     if (status != GONIO_OK) {
         return status;
     }
-    sim_mesh *mesh = NULL;
+    scene_mesh *mesh = NULL;
     status = allocate(scene, path, &mesh, error);
     status = status == GONIO_OK ? copy(scene, path, z_up, mesh, error) : status;
     aiReleaseImport(scene);
     status = status == GONIO_OK ? normalise(mesh, path, error) : status;
-    status = status == GONIO_OK && !normals ? gonio_sim_normals_smooth(mesh, error) : status;
+    status = status == GONIO_OK && !normals ? gonio_scene_normals_smooth(mesh, error) : status;
     if (status != GONIO_OK) {
-        gonio_sim_mesh_free(mesh);
+        gonio_scene_mesh_free(mesh);
         return status;
     }
     *out = mesh;

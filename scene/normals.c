@@ -63,7 +63,7 @@ static void blend(const corner *meeting, size_t n, const corner *own, float *nor
     }
 }
 
-gonio_status gonio_sim_normals_smooth(sim_mesh *mesh, gonio_error *error) {
+gonio_status gonio_scene_normals_smooth(scene_mesh *mesh, gonio_error *error) {
     const size_t count = mesh->vertices;
     corner *corners = calloc(count + 1, sizeof *corners);
     if (corners == NULL) {

@@ -32,9 +32,9 @@ typedef struct pixel {
 
 typedef struct tile {
     const gonio_model *model;
-    const sim_caster *caster;
+    const scene_caster *caster;
     const gonio_render_options *options;
-    sim_colour colour;
+    scene_colour colour;
     gonio_vec3 light;
     double tangent; // a pixel's side at distance 1
     pixel *pixels;
@@ -63,23 +63,23 @@ static gonio_status check(int n, const gonio_render_options *o, gonio_error *err
     return GONIO_OK;
 }
 
-static gonio_vec3 into_frame(const sim_hit *hit, gonio_vec3 w) {
+static gonio_vec3 into_frame(const scene_hit *hit, gonio_vec3 w) {
     const gonio_vec3 n = hit->normal, t = hit->tangent;
     const gonio_vec3 local = {dot(t, w), dot(cross(n, t), w), dot(n, w)};
     const double length = sqrt(dot(local, local));
     return (gonio_vec3){local.x / length, local.y / length, local.z / length};
 }
 
-static void shade(const tile *t, const sim_hit *hit, gonio_vec3 toward_eye, double rgb[3]) {
+static void shade(const tile *t, const scene_hit *hit, gonio_vec3 toward_eye, double rgb[3]) {
     const gonio_vec3 wi = into_frame(hit, t->light), wo = into_frame(hit, toward_eye);
     rgb[0] = rgb[1] = rgb[2] = 0;
     if (!(wi.z > 0) || !(wo.z > 0) || dot(t->light, hit->facet) <= 0 ||
-        gonio_sim_caster_shadowed(t->caster, hit, t->light)) {
+        gonio_scene_caster_shadowed(t->caster, hit, t->light)) {
         return;
     }
     double values[GONIO_CHANNELS_MAX];
     gonio_model_eval(t->model, wi, wo, values);
-    gonio_sim_colour_rgb(&t->colour, values, rgb);
+    gonio_scene_colour_rgb(&t->colour, values, rgb);
     for (int k = 0; k < 3; k++) {
         rgb[k] *= GONIO_PI * wi.z;
     }
@@ -87,7 +87,7 @@ static void shade(const tile *t, const sim_hit *hit, gonio_vec3 toward_eye, doub
 
 // The object's outline fits into the frame: the largest tangents of its points seen from the eye, of a sphere
 // tan(asin(1/distance)), against the frame's sides.
-static double frame_tangent(const sim_mesh *mesh, const gonio_render_options *o) {
+static double frame_tangent(const scene_mesh *mesh, const gonio_render_options *o) {
     const double sphere = tan(asin(1 / EYE_DISTANCE));
     double x = mesh == NULL ? sphere : 0, y = x;
     for (size_t v = 0; mesh != NULL && v < mesh->vertices; v++) {
@@ -109,8 +109,8 @@ static pixel trace_pixel(const tile *t, int column, int row) {
     double sum[3] = {0}, cover = 0;
     for (int k = 0; k < GRID * GRID; k++) {
         const gonio_vec3 ray = eye_ray(t, column + (k % GRID + 0.5) / GRID, row + (k / GRID + 0.5) / GRID);
-        sim_hit hit;
-        if (gonio_sim_caster_hit(t->caster, eye, ray, &hit)) {
+        scene_hit hit;
+        if (gonio_scene_caster_hit(t->caster, eye, ray, &hit)) {
             double rgb[3];
             shade(t, &hit, (gonio_vec3){-ray.x, -ray.y, -ray.z}, rgb);
             cover += 1.0 / (GRID * GRID);
@@ -159,7 +159,7 @@ static void develop(const pixel *pixels, int n, const gonio_render_options *o, d
             const pixel *p = &pixels[k * width * height + i];
             unsigned char *to = image + i / width * stride + 3 * (k * (width + GAP_PX) + i % width);
             for (int c = 0; c < 3; c++) {
-                to[c] = gonio_sim_srgb(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
+                to[c] = gonio_scene_srgb(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
             }
         }
     }
@@ -186,10 +186,10 @@ static gonio_status write_png(const char *path, int width, int height, const uns
 
 static gonio_status trace_strip(const gonio_model *const *models, int n, const gonio_render_options *o, pixel *pixels,
                                 gonio_error *error) {
-    sim_mesh *mesh = NULL;
-    sim_caster *caster = NULL;
-    gonio_status status = o->mesh != NULL ? gonio_sim_mesh_read(o->mesh, o->mesh_z_up, &mesh, error) : GONIO_OK;
-    status = status == GONIO_OK ? gonio_sim_caster_new(mesh, &caster, error) : status;
+    scene_mesh *mesh = NULL;
+    scene_caster *caster = NULL;
+    gonio_status status = o->mesh != NULL ? gonio_scene_mesh_read(o->mesh, o->mesh_z_up, &mesh, error) : GONIO_OK;
+    status = status == GONIO_OK ? gonio_scene_caster_new(mesh, &caster, error) : status;
     const size_t size = (size_t)o->width * (size_t)o->height;
     for (int k = 0; k < n && status == GONIO_OK; k++) {
         tile t = {.model = models[k],
@@ -198,14 +198,14 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                   .light = gonio_direction(gonio_radians(o->light_theta_deg), gonio_radians(o->light_phi_deg)),
                   .tangent = frame_tangent(mesh, o),
                   .pixels = pixels + (size_t)k * size};
-        status = gonio_sim_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
+        status = gonio_scene_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
         if (status == GONIO_OK) {
             gonio_pool_for(o->threads, (size_t)o->height, trace_row, &t);
-            gonio_sim_colour_free(&t.colour);
+            gonio_scene_colour_free(&t.colour);
         }
     }
-    gonio_sim_caster_free(caster);
-    gonio_sim_mesh_free(mesh);
+    gonio_scene_caster_free(caster);
+    gonio_scene_mesh_free(mesh);
     return status;
 }
 

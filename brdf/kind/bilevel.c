@@ -12,11 +12,11 @@
 #include "brdf/locate.h"
 #include "brdf/model_file.h"
 
-typedef struct cbmba_model {
+typedef struct bilevel_model {
     gonio_channels channels;
     gonio_bilevel_parts parts;
     gonio_lattice diffuse; // a view on parts.diffuse
-} cbmba_model;
+} bilevel_model;
 
 typedef struct description {
     uint32_t diffuse_level, specular_level, coordinates, kind, storage, reserved;
@@ -26,7 +26,7 @@ typedef struct description {
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const cbmba_model *m = (const cbmba_model *)model;
+    const bilevel_model *m = (const bilevel_model *)model;
     double x[3];
     float v[model->channels];
     gonio_position position;
@@ -54,7 +54,7 @@ void gonio_bilevel_parts_release(gonio_bilevel_parts *parts) {
 }
 
 static void release(gonio_model *model) {
-    cbmba_model *m = (cbmba_model *)model;
+    bilevel_model *m = (bilevel_model *)model;
     if (m->channels.mapped.base == NULL) {
         gonio_bilevel_parts_release(&m->parts);
     }
@@ -66,7 +66,7 @@ static size_t diffuse_bytes(int level, int channels) {
 }
 
 static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
-    const cbmba_model *m = (const cbmba_model *)model;
+    const bilevel_model *m = (const bilevel_model *)model;
     const gonio_sparse *s = &m->parts.sparse;
     const size_t c = (size_t)model->channels;
     const description about = {.diffuse_level = (uint32_t)m->parts.diffuse_level,
@@ -96,7 +96,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     return gonio_model_file_write(model, path, parts, bytes ? 6 : 5, error);
 }
 
-static const gonio_model_ops cbmba_ops = {
+static const gonio_model_ops bilevel_ops = {
     .kind = "cbmba",
     .eval = eval,
     .save = save,
@@ -104,7 +104,7 @@ static const gonio_model_ops cbmba_ops = {
 };
 
 static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_transform *transforms,
-                              const char (*names)[32], cbmba_model **out, gonio_error *error) {
+                              const char (*names)[32], bilevel_model **out, gonio_error *error) {
     void *model;
     const gonio_sparse *s = &parts->sparse;
     const gonio_status status =
@@ -114,11 +114,11 @@ static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_tran
     }
     const int level = parts->diffuse_level;
     const size_t diffuse = gonio_lattice_count(3, level);
-    cbmba_model *m = *out = model;
+    bilevel_model *m = *out = model;
     m->parts = *parts;
     m->diffuse = (gonio_lattice){3, level, s->channels, gonio_bspline_size(level), diffuse, parts->diffuse};
     gonio_model *head = &m->channels.head;
-    head->ops = &cbmba_ops;
+    head->ops = &bilevel_ops;
     head->isotropic = true;
     head->control_points = diffuse + parts->kept;
     head->bytes = diffuse_bytes(level, s->channels) + gonio_sparse_bytes(s);
@@ -128,7 +128,7 @@ static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_tran
 gonio_status gonio_bilevel_model_new(gonio_bilevel_parts *parts, const gonio_transform *transforms,
                                      const char (*channel_names)[32], gonio_model **out, gonio_error *error) {
     *out = NULL;
-    cbmba_model *m;
+    bilevel_model *m;
     const gonio_status status = new_model(parts, transforms, channel_names, &m, error);
     if (status == GONIO_OK) {
         *parts = (gonio_bilevel_parts){0};
@@ -172,7 +172,7 @@ static gonio_status read_hash(gonio_mapped *mapped, size_t *at, gonio_sparse *s,
     if (s->packed == NULL) {
         return gonio_mapped_fail(mapped, keys_at, "fewer hashed control points than its head says", error);
     }
-    if (s->keys > 0 && !gonio_perfect_hash_unpack(s->packed, s->packed_length, &s->mph)) {
+    if (s->keys > 0 && !gonio_perfect_hash_unpack(s->packed, s->packed_length, &s->hash)) {
         return gonio_mapped_fail(mapped, keys_at, "its perfect hash is not sound", error);
     }
     return GONIO_OK;
@@ -217,7 +217,7 @@ static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts,
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     gonio_bilevel_parts parts;
     const gonio_transform *transforms = NULL;
-    cbmba_model *m;
+    bilevel_model *m;
     gonio_status status = read_parts(mapped, &parts, &transforms, error);
     status = status == GONIO_OK ? new_model(&parts, transforms, NULL, &m, error) : status;
     if (status == GONIO_OK) {
@@ -230,6 +230,6 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
 const gonio_kind gonio_kind_cbmba = {
     .name = "cbmba",
     .summary = "a coarse B-spline for the diffuse part and a sparse fine one for the lobes; isotropic",
-    .ops = &cbmba_ops,
+    .ops = &bilevel_ops,
     .read = read_model,
 };

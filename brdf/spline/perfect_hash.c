@@ -30,16 +30,16 @@ static unsigned value(const unsigned char *bits, uint32_t vertex) { return bits[
 // Vertices in use among the four of a byte: both bits set means unused.
 static uint32_t used(unsigned byte) { return 4 - (uint32_t)__builtin_popcount(byte & byte >> 1 & 0x55); }
 
-uint32_t gonio_perfect_hash_search(const gonio_perfect_hash *mph, uint32_t key) {
-    uint32_t h[3] = {GOLDEN_RATIO + key, GOLDEN_RATIO, mph->seed + KEY_BYTES};
+uint32_t gonio_perfect_hash_search(const gonio_perfect_hash *hash, uint32_t key) {
+    uint32_t h[3] = {GOLDEN_RATIO + key, GOLDEN_RATIO, hash->seed + KEY_BYTES};
     mix(h);
     for (uint32_t k = 0; k < 3; k++) {
-        h[k] = h[k] % mph->third + k * mph->third;
+        h[k] = h[k] % hash->third + k * hash->third;
     }
-    const unsigned char *bits = mph->bits;
+    const unsigned char *bits = hash->bits;
     const uint32_t vertex = h[(value(bits, h[0]) + value(bits, h[1]) + value(bits, h[2])) % 3];
-    const uint32_t block = vertex >> mph->shift;
-    uint32_t rank = mph->ranks[block], byte = (block << mph->shift) >> 2;
+    const uint32_t block = vertex >> hash->shift;
+    uint32_t rank = hash->ranks[block], byte = (block << hash->shift) >> 2;
     while (byte < vertex >> 2) {
         rank += used(bits[byte++]);
     }
@@ -49,7 +49,7 @@ uint32_t gonio_perfect_hash_search(const gonio_perfect_hash *mph, uint32_t key) 
     return rank;
 }
 
-bool gonio_perfect_hash_unpack(const void *packed, size_t length, gonio_perfect_hash *mph) {
+bool gonio_perfect_hash_unpack(const void *packed, size_t length, gonio_perfect_hash *hash) {
     // u32 algorithm, hash function, seed, third, ranks_count; u32 ranks[]; u8 shift; u8 bits[].
     enum { BDZ = 5, JENKINS = 0, HEAD = 20 };
     uint32_t head[5];
@@ -63,14 +63,14 @@ bool gonio_perfect_hash_unpack(const void *packed, size_t length, gonio_perfect_
         length - HEAD < ranks + 1) {
         return false;
     }
-    *mph = (gonio_perfect_hash){.seed = head[2],
-                                .third = head[3],
-                                .ranks_count = head[4],
-                                .ranks = (const uint32_t *)(const void *)(base + HEAD),
-                                .shift = base[HEAD + ranks],
-                                .bits = base + HEAD + ranks + 1};
-    mph->bits_length = length - HEAD - ranks - 1;
-    const uint32_t vertices = 3 * mph->third;
-    return mph->shift >= 2 && mph->shift < 32 && mph->bits_length >= (vertices + 3) / 4 &&
-           (uint64_t)mph->ranks_count << mph->shift >= vertices;
+    *hash = (gonio_perfect_hash){.seed = head[2],
+                                 .third = head[3],
+                                 .ranks_count = head[4],
+                                 .ranks = (const uint32_t *)(const void *)(base + HEAD),
+                                 .shift = base[HEAD + ranks],
+                                 .bits = base + HEAD + ranks + 1};
+    hash->bits_length = length - HEAD - ranks - 1;
+    const uint32_t vertices = 3 * hash->third;
+    return hash->shift >= 2 && hash->shift < 32 && hash->bits_length >= (vertices + 3) / 4 &&
+           (uint64_t)hash->ranks_count << hash->shift >= vertices;
 }

@@ -22,9 +22,9 @@ typedef struct gonio_perfect_hash {
 } gonio_perfect_hash;
 
 // The number of a key in [0, keys); any number below 3 x third for what is not a key.
-uint32_t gonio_perfect_hash_search(const gonio_perfect_hash *mph, uint32_t key);
+uint32_t gonio_perfect_hash_search(const gonio_perfect_hash *hash, uint32_t key);
 // Read the layout of cmph_pack's block (length bytes at packed, 4-aligned); false where it is not a sound BDZ block
 // with Jenkins' hash. The result borrows from packed.
-bool gonio_perfect_hash_unpack(const void *packed, size_t length, gonio_perfect_hash *mph);
+bool gonio_perfect_hash_unpack(const void *packed, size_t length, gonio_perfect_hash *hash);
 
 #endif

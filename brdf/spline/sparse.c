@@ -195,7 +195,7 @@ static void add_hash(const gonio_sparse *s, const gonio_position *position, floa
     gonio_rows_locate(position->x, s->level, size, 3, &place);
     for (uint32_t p = 0; p < 64 && s->keys > 0; p++) {
         const uint32_t key = (uint32_t)place.first + ((p / 16) * size + p / 4 % 4) * size + p % 4;
-        const uint32_t entry = gonio_perfect_hash_search(&s->mph, key);
+        const uint32_t entry = gonio_perfect_hash_search(&s->hash, key);
         if (entry < s->keys && s->key[entry] == key) {
             const double w = place.basis[p / 16][0] * place.basis[p / 4 % 4][1] * place.basis[p % 4][2];
             for (size_t c = 0; c < (size_t)s->channels; c++) {

@@ -40,7 +40,7 @@ typedef struct gonio_sparse {
     const float *values;   // keys x channels
     const void *packed;    // cmph_pack's block; its length
     size_t packed_length;
-    gonio_perfect_hash mph; // read from packed
+    gonio_perfect_hash hash; // read from packed
 } gonio_sparse;
 
 static inline size_t gonio_sparse_side(int level) { return ((((size_t)1 << level) - 1) >> 2) + 2; }

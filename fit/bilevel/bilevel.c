@@ -209,12 +209,12 @@ static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t k
         void *packed = NULL;
         status = gonio_bilevel_hash(keys, kept, &packed, &s->packed_length, error);
         s->packed = packed;
-        if (status == GONIO_OK && !gonio_perfect_hash_unpack(packed, s->packed_length, &s->mph)) {
+        if (status == GONIO_OK && !gonio_perfect_hash_unpack(packed, s->packed_length, &s->hash)) {
             status = gonio_fail(error, GONIO_E_FAILED, "libcmph's perfect hash has an unknown layout");
         }
     }
     for (size_t i = 0; i < kept && status == GONIO_OK; i++) {
-        const size_t entry = gonio_perfect_hash_search(&s->mph, keys[i]);
+        const size_t entry = gonio_perfect_hash_search(&s->hash, keys[i]);
         key[entry] = keys[i];
         memcpy(values + entry * c, l->points + keys[i] * c, c * sizeof *values);
     }

@@ -32,23 +32,23 @@ static void packed_look_up_equals_libcmph(void **state) {
         }
         void *packed;
         size_t length;
-        gonio_perfect_hash mph;
+        gonio_perfect_hash hash;
         gonio_error error = {0};
         if (gonio_bilevel_hash(keys, n, &packed, &length, &error) != GONIO_OK) {
             fail_msg("%zu keys: %s", n, error.message);
         }
-        assert_true(gonio_perfect_hash_unpack(packed, length, &mph));
+        assert_true(gonio_perfect_hash_unpack(packed, length, &hash));
         for (size_t i = 0; i < n; i++) {
-            const uint32_t entry = gonio_perfect_hash_search(&mph, keys[i]);
+            const uint32_t entry = gonio_perfect_hash_search(&hash, keys[i]);
             assert_true(entry < n && !seen[entry]); // minimal and perfect
             seen[entry] = true;
         }
         for (uint32_t key = 0; key < 5000; key++) {
-            assert_int_equal(gonio_perfect_hash_search(&mph, key),
+            assert_int_equal(gonio_perfect_hash_search(&hash, key),
                              cmph_search_packed(packed, (const char *)&key, sizeof key));
         }
         for (size_t cut = 0; cut < length; cut += 1 + length / 50) {
-            assert_false(gonio_perfect_hash_unpack(packed, cut, &mph));
+            assert_false(gonio_perfect_hash_unpack(packed, cut, &hash));
         }
         free(packed);
         free(keys);

@@ -19,7 +19,7 @@
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libassimp"; }
 
-static gonio_status read_text(const char *suffix, const char *text, size_t size, bool z_up, sim_mesh **mesh,
+static gonio_status read_text(const char *suffix, const char *text, size_t size, bool z_up, scene_mesh **mesh,
                               gonio_error *error) {
     char path[64];
     snprintf(path, sizeof path, "/tmp/gonio-mesh-XXXXXX%s", suffix);
@@ -27,7 +27,7 @@ static gonio_status read_text(const char *suffix, const char *text, size_t size,
     assert_true(fd >= 0);
     assert_int_equal(write(fd, text, size), (ssize_t)size);
     close(fd);
-    const gonio_status status = gonio_sim_mesh_read(path, z_up, mesh, error);
+    const gonio_status status = gonio_scene_mesh_read(path, z_up, mesh, error);
     if (status != GONIO_OK) {
         assert_null(*mesh);
         assert_string_equal(error->file, path);
@@ -44,7 +44,7 @@ static const char *const cube = "v -1e-6 -1e-6 -1e-6\nv 1e-6 -1e-6 -1e-6\nv 1e-6
 
 static void a_cube_stays_a_cube(void **state) {
     (void)state;
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     assert_int_equal(read_text(".obj", cube, strlen(cube), false, &mesh, NULL), GONIO_OK);
     assert_int_equal(mesh->triangles, 12);
     assert_null(mesh->tangents);
@@ -59,7 +59,7 @@ static void a_cube_stays_a_cube(void **state) {
         }
         assert_near(largest, 1, 1e-6); // along an axis, outward
     }
-    gonio_sim_mesh_free(mesh);
+    gonio_scene_mesh_free(mesh);
 }
 
 // Two large faces in the plane z = 0 and a sliver that sticks up between them: its direction must not count as much as
@@ -67,12 +67,12 @@ static void a_cube_stays_a_cube(void **state) {
 static void normals_weigh_faces_by_area(void **state) {
     (void)state;
     const char *const sliver = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 1 0.01\nf 1 2 3\nf 1 3 4\nf 1 5 3\n";
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     assert_int_equal(read_text(".obj", sliver, strlen(sliver), false, &mesh, NULL), GONIO_OK);
     for (size_t v = 0; v < 6; v++) {
         assert_true((double)mesh->normals[3 * mesh->indices[v] + 2] > 0.999);
     }
-    gonio_sim_mesh_free(mesh);
+    gonio_scene_mesh_free(mesh);
     for (int steep = 0; steep < 2; steep++) {
         char roof[200];
         snprintf(roof, sizeof roof,
@@ -87,7 +87,7 @@ static void normals_weigh_faces_by_area(void **state) {
             }
         }
         assert_int_equal(ridge, 4);
-        gonio_sim_mesh_free(mesh);
+        gonio_scene_mesh_free(mesh);
     }
 }
 
@@ -97,24 +97,24 @@ static void ply_and_upward_axis(void **state) {
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
         "0 0 0\n1 0 0\n0 0 2\n3 0 1 2\n";
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     assert_int_equal(read_text(".ply", triangle, strlen(triangle), true, &mesh, NULL), GONIO_OK);
     assert_int_equal(mesh->triangles, 1);
     // z has become y: the third corner is the highest.
     const unsigned *i = mesh->indices;
     assert_true(mesh->positions[3 * i[2] + 1] > mesh->positions[3 * i[0] + 1]);
     assert_near((double)mesh->positions[3 * i[2] + 2], (double)mesh->positions[3 * i[0] + 2], 1e-7);
-    gonio_sim_mesh_free(mesh);
+    gonio_scene_mesh_free(mesh);
 }
 
 static void texture_coordinates_give_tangents(void **state) {
     (void)state;
     const char *const obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0 1\nvt 1 0\nf 1/1 2/2 3/3\n"; // u runs along +y
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     assert_int_equal(read_text(".obj", obj, strlen(obj), false, &mesh, NULL), GONIO_OK);
     assert_non_null(mesh->tangents);
     assert_near(fabs((double)mesh->tangents[1]), 1, 1e-5);
-    gonio_sim_mesh_free(mesh);
+    gonio_scene_mesh_free(mesh);
 }
 
 static void bad_files_are_refused(void **state) {
@@ -135,15 +135,15 @@ static void bad_files_are_refused(void **state) {
         {".txt", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"},
     };
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
-        sim_mesh *mesh;
+        scene_mesh *mesh;
         gonio_error error = {0};
         if (read_text(bad[k].suffix, bad[k].text, strlen(bad[k].text), false, &mesh, &error) != GONIO_E_INPUT) {
             fail_msg("case %zu was not refused", k);
         }
     }
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     gonio_error error = {0};
-    assert_int_equal(gonio_sim_mesh_read("/nonexistent/a.ply", false, &mesh, &error), GONIO_E_INPUT);
+    assert_int_equal(gonio_scene_mesh_read("/nonexistent/a.ply", false, &mesh, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "No such file"));
 }
 
@@ -159,7 +159,7 @@ static void files_that_were_dangerous(void **state) {
     const char *const glued = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header40 0 0\n";
     const char *const many = "ply\nformat ascii 1.0\nelement vertex 4294967295\nproperty float x\nend_header\n0\n";
     const char *const all[] = {header_only, glued, many};
-    sim_mesh *mesh;
+    scene_mesh *mesh;
     gonio_error error = {0};
     for (int k = 0; k < 3; k++) {
         assert_int_equal(read_text(".ply", all[k], strlen(all[k]), false, &mesh, &error), GONIO_E_INPUT);
@@ -167,7 +167,7 @@ static void files_that_were_dangerous(void **state) {
     assert_int_equal(error.line, 3);
     for (size_t cut = 0; cut < strlen(ply); cut++) {
         if (read_text(".ply", ply, cut, false, &mesh, &error) == GONIO_OK) {
-            gonio_sim_mesh_free(mesh);
+            gonio_scene_mesh_free(mesh);
         }
     }
 }
@@ -196,10 +196,10 @@ static void damaged_files_do_no_harm(void **state) {
                 size++;
             }
         }
-        sim_mesh *mesh;
+        scene_mesh *mesh;
         gonio_error error = {0};
         if (read_text(files[k % 2].suffix, text, size, false, &mesh, &error) == GONIO_OK) {
-            gonio_sim_mesh_free(mesh);
+            gonio_scene_mesh_free(mesh);
         }
     }
 }
