@@ -132,7 +132,10 @@ gonio_status gonio_plate_estimate(const gonio_calib *calib, const gonio_pair *po
                                   gonio_error *error) {
     const gonio_pair pair = gonio_geometry_pair(&calib->facts, pose);
     gonio_status status = check_incidence(calib, &pair, &exposures[0], error);
-    status = status == GONIO_OK ? check_edges(calib, pose, &exposures[0], error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = check_edges(calib, pose, &exposures[0], error);
     if (status != GONIO_OK) {
         return status;
     }

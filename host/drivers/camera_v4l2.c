@@ -300,7 +300,10 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
     }
     gonio_v4l2_buffer buffer;
     status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
-    return status == GONIO_OK ? unpack_and_give(c, &buffer, window, pixels, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    return unpack_and_give(c, &buffer, window, pixels, error);
 }
 
 // A frame that does not come is asked for by a restarted stream, a camera that is gone by opening it again.

@@ -178,7 +178,10 @@ static gonio_status read_set(gonio_session *session, const char *sql, int64_t st
     *out = NULL;
     gonio_samples *samples;
     gonio_status status = new_set(session, &samples, error);
-    status = status == GONIO_OK ? collect(session, sql, step, samples, rows, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = collect(session, sql, step, samples, rows, error);
     if (status != GONIO_OK) {
         gonio_samples_free(samples);
         return status;
