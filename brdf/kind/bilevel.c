@@ -39,6 +39,19 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
+static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    const bilevel_model *m = (const bilevel_model *)model;
+    double x[3];
+    gonio_position position;
+    gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
+    gonio_position_set(&position, x[0], x[1], x[2], 0);
+    gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
+    gonio_sparse_add(&m->parts.sparse, &position, values);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = (float)gonio_transform_invert(m->parts.kind, &m->channels.transforms[c], (double)values[c]);
+    }
+}
+
 // Arrays are const where a mapped file holds them; our own come from malloc.
 static void drop(const void *owned) { free((void *)(uintptr_t)owned); }
 
@@ -99,6 +112,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
 static const gonio_model_ops bilevel_ops = {
     .kind = "cbmba",
     .eval = eval,
+    .eval_f32 = eval_f32,
     .save = save,
     .free = release,
 };

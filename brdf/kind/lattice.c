@@ -51,6 +51,16 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
+static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    const lattice_model *m = (const lattice_model *)model;
+    gonio_position position;
+    position_of(m, wi, wo, &position);
+    gonio_lattice_eval_positions(&m->lattice, 1, &position, values);
+    for (int c = 0; c < model->channels; c++) {
+        values[c] = (float)gonio_transform_invert(m->channels.kind, &m->channels.transforms[c], (double)values[c]);
+    }
+}
+
 static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
     const lattice_model *m = (const lattice_model *)model;
     double x[4];
@@ -133,6 +143,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
 static const gonio_model_ops lattice_ops = {
     .kind = "lattice",
     .eval = eval,
+    .eval_f32 = eval_f32,
     .eval_channel = eval_channel,
     .eval_many = eval_many,
     .gradient = gradient,
