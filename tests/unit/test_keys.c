@@ -70,7 +70,7 @@ static void impossible_texts_are_refused(void **state) {
             snprintf(text, sizeof text, "%.0f", key->low - 2);
             refused(key, text);
         }
-        if (!key->automatic && (key->names == NULL || gonio_names_find(key->names(), "auto") < 0)) {
+        if (key->automatic == 0 && (key->names == NULL || gonio_names_find(key->names(), "auto") < 0)) {
             refused(key, "auto");
         }
     }
