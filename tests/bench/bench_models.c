@@ -3,12 +3,12 @@
 // same run: cbmba, the automatic choice, and lobe-splines of every base. The runs of all models take turns; a figure is
 // the median of the ratios of neighbouring runs.
 #include <string.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "brdf/kind/lattice.h"
 #include "brdf/kind/lobe_spline.h"
 #include "gonio/fit.h"
-#include "tests/simulate.h"
+#include "tests/unit/lobe_models.h"
 
 #define LEVEL 5
 #define QUERIES 20000
@@ -30,12 +30,6 @@ typedef struct queries {
 
 static int failures;
 static volatile double sink;
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static void check(gonio_status status, const gonio_error *error) {
     if (status != GONIO_OK) {
@@ -148,7 +142,7 @@ static queries *make_queries(void) {
 static double time_way(const gonio_model *m, const queries *q, int way, double *values) {
     float narrow[GONIO_CHANNELS_MAX];
     double sum = 0;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     if (way == BATCHED) {
         gonio_model_eval_many(m, QUERIES, q->wi, q->wo, values);
     } else if (way == SORTED) {
@@ -163,35 +157,7 @@ static double time_way(const gonio_model *m, const queries *q, int way, double *
         sum += (double)narrow[0];
     }
     sink = sum;
-    return now_s() - start;
-}
-
-// What libm and the plain sums say of a lobe-spline.
-static double plain_value(const gonio_lobe_spline_parts *p, gonio_vec3 wi, gonio_vec3 wo, int channel) {
-    double units[1 + GONIO_LOBES_MAX], x[4], mean[1 + GONIO_LOBES_MAX], share[1 + GONIO_LOBES_MAX];
-    gonio_lobe_base_units(&p->base, wi, wo, units);
-    gonio_coordinates_isotropic(p->coordinates, wi, wo, x);
-    double t = p->lattice.points != NULL ? gonio_lattice_eval_channel(&p->lattice, x, channel) : 0;
-    if (p->profile.points != NULL) {
-        const double y[2] = {gonio_coordinates_narrow_radius(p->coordinates, x), x[2]};
-        t += gonio_lattice_eval_channel(&p->profile, y, channel);
-    }
-    if (p->shares != NULL) {
-        gonio_lobe_mean_strengths(&p->base, p->channels, mean);
-        gonio_lobe_shares(&p->base, mean, units, share);
-        for (int j = 0; j <= p->base.lobes; j++) {
-            t += p->shares[3 * channel + j] * share[j];
-        }
-    }
-    t += p->base.lobes == 0 ? units[0] : 0;
-    t = p->range != NULL ? fmin(fmax(t, p->range[2 * channel]), p->range[2 * channel + 1]) : t;
-    const gonio_transform *transform = &p->transforms[channel];
-    if (p->base.lobes > 0) {
-        const double base =
-            gonio_lobe_base_transformed(&p->base, p->base.strength + 3 * channel, units, p->kind, transform);
-        t = fmin(base + t, fmax(base, gonio_transform_apply(p->kind, transform, transform->scale)));
-    }
-    return gonio_transform_invert(p->kind, transform, t);
+    return gonio_clock_s() - start;
 }
 
 // One by one, batched and in float it is the same function, and the plain formula's.
@@ -205,7 +171,7 @@ static void verify(const entrant *e, const queries *q) {
         gonio_model_eval(e->model, q->wi[i], q->wo[i], one);
         gonio_model_eval_f32(e->model, q->wi[i], q->wo[i], narrow);
         for (size_t k = 0; k < c; k++) {
-            const double plain = p != NULL ? plain_value(p, q->wi[i], q->wo[i], (int)k) : one[k];
+            const double plain = p != NULL ? lobe_plain_value(p, q->wi[i], q->wo[i], (int)k) : one[k];
             if (one[k] != all[i * c + k] || fabs((double)narrow[k] - one[k]) > 1e-6 * fabs(one[k]) ||
                 !(fabs(plain - one[k]) <= 1e-10 * fabs(one[k]))) {
                 printf("  %s: evaluations differ at query %zu, channel %zu\n", e->name, i, k);
