@@ -10,9 +10,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
 
@@ -26,12 +26,6 @@ static void must(gonio_status status) {
         fprintf(stderr, "%s: %s\n", gonio_status_text(status), error.message);
         exit(1);
     }
-}
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static int by_value(const void *a, const void *b) {
@@ -92,19 +86,19 @@ static double measure(gonio_session *session, const gonio_rig *rig) {
     const gonio_scan_hooks hooks = {0};
     gonio_scan *scan;
     const gonio_samples *samples;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     must(gonio_scan_new(session, rig, &hooks, &scan, &error));
     while (!gonio_scan_done(scan)) {
         must(gonio_scan_step(scan, &samples, &error));
     }
     gonio_scan_free(scan);
-    return now_s() - start;
+    return gonio_clock_s() - start;
 }
 
 // The same bytes as a stored step's files, without any format: written, synced, renamed, the folder synced.
 static double write_plainly(const char *root, const gonio_exposure *exposures, int n) {
     char path[160], final[160];
-    const double start = now_s();
+    const double start = gonio_clock_s();
     for (int i = 0; i < n; i++) {
         const size_t size = 2 * (size_t)exposures[i].frame.window.width * (size_t)exposures[i].frame.window.height;
         snprintf(path, sizeof path, "%s/plain.new", root);
@@ -119,7 +113,7 @@ static double write_plainly(const char *root, const gonio_exposure *exposures, i
     const int folder = open(root, O_RDONLY | O_DIRECTORY);
     fsync(folder);
     close(folder);
-    return now_s() - start;
+    return gonio_clock_s() - start;
 }
 
 static void storing(const char *root, gonio_session *session, const gonio_rig *rig, const gonio_plan *plan) {
@@ -137,9 +131,9 @@ static void storing(const char *root, gonio_session *session, const gonio_rig *r
         int got;
         must(gonio_session_exposures(session, (int64_t)i, &exposures, &got, &error));
         must(gonio_session_step_samples(session, (int64_t)i, &samples, &error));
-        const double start = now_s();
+        const double start = gonio_clock_s();
         must(gonio_session_finish_step(again, &steps[i], exposures, got, samples, &error));
-        stored_s += now_s() - start;
+        stored_s += gonio_clock_s() - start;
         plain_s += write_plainly(root, exposures, got);
         frames += got;
         gonio_samples_free(samples);
@@ -155,11 +149,11 @@ static double finish(gonio_session *session, const char *model_path, gonio_outco
     gonio_process process;
     gonio_samples **sets;
     bool ready;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     must(gonio_process_begin(session, &process, &error));
     must(gonio_process_prepare(session, &process, NULL, NULL, 0, &ready, &error));
     must(gonio_process_samples(session, &process, false, 0, NULL, NULL, &sets, &error));
-    const double frames_s = now_s() - start;
+    const double frames_s = gonio_clock_s() - start;
     const gonio_finish_options options = {.sets = sets, .model_path = model_path};
     must(gonio_finish(session, &process, &options, outcome, &error));
     gonio_sets_free(sets, process.n);

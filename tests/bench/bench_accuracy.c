@@ -18,6 +18,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "fit/smooth/cg.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
@@ -26,12 +27,6 @@
 
 #define WARD_A "ward:rho_d=0.3,rho_s=0.2,alpha=0.15"
 #define WARD_B "ward:rho_d=0.3,rho_s=0.2,alpha=0.03"
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static int missed;
 
@@ -47,12 +42,12 @@ static result measure(const gonio_samples *samples, const gonio_samples *unseen,
     result r = {0};
     gonio_error error = {0};
     o.hold_out = 0;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     if (gonio_fit(samples, &o, &r.model, &r.report, &error) != GONIO_OK ||
         gonio_errors_model(r.model, unseen, NULL, 0, &r.errors, &error) != GONIO_OK) {
         simulate_die(&error);
     }
-    r.seconds = now_s() - start;
+    r.seconds = gonio_clock_s() - start;
     for (size_t i = 0; i < unseen->n; i++) {
         double p;
         gonio_model_eval_pair(r.model, &unseen->pairs[i], &p);
@@ -210,13 +205,13 @@ static void iteration_case(const gonio_samples *unseen) {
            *predicted = malloc(at.n * sizeof *predicted);
     for (int pass = 0; pass < 3; pass++) {
         memcpy(residual, data.targets, data.n * sizeof *residual);
-        double start = now_s();
+        double start = gonio_clock_s();
         oracle_lattice oracle = oracle_fit(6, data.n, x, residual);
-        plain = fmin(plain, now_s() - start);
+        plain = fmin(plain, gonio_clock_s() - start);
         free(oracle.points);
-        start = now_s();
+        start = gonio_clock_s();
         gonio_smooth_cg_cascade(cg, data.targets, 1, 1e-8, 20, 0, points, &report, &error);
-        best = fmin(best, now_s() - start);
+        best = fmin(best, gonio_clock_s() - start);
     }
     double squares = 0;
     gonio_smooth_cg_eval(cg, &at, 6, points, predicted, 1, &error);
@@ -475,13 +470,13 @@ static void time_fit(const char *what, gonio_samples *samples, double asked) {
     gonio_fit_options_default(&o);
     o.hold_out = 0;
     struct timespec before, after;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &before);
     if (gonio_fit(samples, &o, &model, &report, &error) != GONIO_OK) {
         simulate_die(&error);
     }
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &after);
-    const double seconds = now_s() - start;
+    const double seconds = gonio_clock_s() - start;
     printf("%-46s %.1f s (%.1f s of the processors)", what, seconds,
            (double)(after.tv_sec - before.tv_sec) + 1e-9 * (double)(after.tv_nsec - before.tv_nsec));
     if (asked > 0) {

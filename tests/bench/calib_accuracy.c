@@ -2,9 +2,8 @@
 // Accuracy of the samples of a simulated flat plate against the truth, default rig, nusselt:1400, one session: median
 // and 95th percentile of the relative error for theta <= 75 deg, and apart where the specular term exceeds 10 % of the
 // diffuse one. Then what the uncertainty consists of, and what calibration found of the camera.
+#include "base/clock.h"
 #include "tests/sim_scan.h"
-
-#include <time.h>
 
 #include "gonio/fit.h"
 #include "gonio/plan.h"
@@ -23,12 +22,6 @@ static void print_errors(const char *label, double *errors, size_t n) {
         printf("%-44s %6zu samples  median %.3f %%  95th percentile %.3f %%\n", label, n, 100 * errors[n / 2],
                100 * errors[(size_t)(0.95 * (double)n)]);
     }
-}
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static void compare(const gonio_samples *samples, const gonio_model *truth) {
@@ -83,22 +76,22 @@ int main(void) {
            100 * found.flat_relative_sigma);
     int frames = 0;
     double calib_s = 0;
-    const double start = now_s();
+    const double start = gonio_clock_s();
     for (size_t i = 0; i < plan->n; i++) {
         if (!scan_move(&scan, &plan->poses[i]) || !scan_bracket(&scan, &plan->poses[i])) {
             return 1;
         }
-        const double before = now_s();
+        const double before = gonio_clock_s();
         const gonio_status status =
             gonio_calib_pose(scan.calib, &plan->poses[i], scan.n, scan.exposures, samples, &scan.error);
-        calib_s += now_s() - before;
+        calib_s += gonio_clock_s() - before;
         frames += scan.n;
         if (status != GONIO_OK && status != GONIO_E_RANGE) {
             return 1;
         }
     }
     printf("%zu poses, %d frames, %zu samples in %.1f s; calibration %.2f ms a frame\n", plan->n, frames, samples->n,
-           now_s() - start, 1e3 * calib_s / frames);
+           gonio_clock_s() - start, 1e3 * calib_s / frames);
     gonio_fit_options_default(&options);
     if (gonio_fit(samples, &options, &model, &fit, &error) != GONIO_OK ||
         gonio_calib_pointing(&scan.rig.facts, model, samples, &error) != GONIO_OK) {

@@ -2,8 +2,8 @@
 // 50 million samples, streamed: memory predicted before it starts, and measured; time; error at directions not seen.
 // An argument sets another number of samples.
 #include <sys/resource.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 
@@ -11,12 +11,6 @@
 #define BATCH 100000
 #define UNSEEN 20000
 #define SPEC "ward:rho_d=0.3,rho_s=0.2,alpha=0.15"
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static double peak_bytes(void) {
     struct rusage usage;
@@ -36,9 +30,9 @@ static double add_all(gonio_fit_stream *stream, size_t n) {
     double seconds = 0;
     for (size_t done = 0; done < n; done += BATCH) {
         gonio_samples *part = simulate_samples(SPEC, n - done < BATCH ? n - done : BATCH, 1, 1000 + done);
-        const double start = now_s();
+        const double start = gonio_clock_s();
         check(gonio_fit_stream_add(stream, part, &error), &error);
-        seconds += now_s() - start;
+        seconds += gonio_clock_s() - start;
         gonio_samples_free(part);
     }
     return seconds;

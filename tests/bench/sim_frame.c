@@ -3,17 +3,11 @@
 // the bare evaluations of the same BRDF in the same run.
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
+#include "base/clock.h"
 #include "gonio/sim.h"
 
 #define REPEATS 9
-
-static double now_s(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static int fail(const gonio_error *error) {
     fprintf(stderr, "sim_frame: %s\n", error->message);
@@ -23,11 +17,11 @@ static int fail(const gonio_error *error) {
 static double evaluate(const gonio_model *model, int n) {
     double sum = 0;
     const gonio_vec3 wi = gonio_direction(0.4, 0);
-    const double start = now_s();
+    const double start = gonio_clock_s();
     for (int k = 0; k < n; k++) {
         sum += gonio_model_eval_channel(model, wi, gonio_direction(0.5, 3 + 1e-6 * k), 0);
     }
-    const double taken = now_s() - start;
+    const double taken = gonio_clock_s() - start;
     return sum > 0 ? taken : 0; // the sum keeps the loop
 }
 
@@ -39,11 +33,11 @@ static int measure(const gonio_rig *rig, const gonio_model *model, gonio_window 
     for (int r = 0; r < REPEATS; r++) {
         const gonio_stamp stamp = {.pose = 1, .frame = r, .clock_s = 1000};
         gonio_frame frame = {.pixels = pixels};
-        const double start = now_s();
+        const double start = gonio_clock_s();
         if (rig->camera->capture(rig->camera_device, &window, 0.005, 0, &stamp, 1, &frame, &error) != GONIO_OK) {
             return fail(&error);
         }
-        const double taken = now_s() - start;
+        const double taken = gonio_clock_s() - start;
         frame_s = taken < frame_s ? taken : frame_s;
         const double bare = evaluate(model, n);
         evaluation_s = bare < evaluation_s ? bare : evaluation_s;
