@@ -1,3 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# BRDF files in and out: one file a format.
-lib-y += $(call sources,io)
+# BRDF files in and out: one file a format, or a folder.
+lib-y  += $(call sources,io)
+pkgs-y += libxml-2.0
+deps-y += libxml2-dev

@@ -55,7 +55,18 @@ static inline void format_rgl(format_bytes *b) {
     b->size = offset;
 }
 
-enum { FORMAT_FILES = 6 };
+#define RADIANCE_BEGIN "<WindowElement><Optical><Layer><DataDefinition><IncidentDataStructure>"
+#define RADIANCE_VISIBLE(basis)                                                                                        \
+    "</DataDefinition><WavelengthData><Wavelength unit=\"Integral\">Visible</Wavelength><WavelengthDataBlock>"         \
+    "<WavelengthDataDirection>Reflection Back</WavelengthDataDirection>" basis "<ScatteringData>\n"
+#define RADIANCE_END                                                                                                   \
+    "</ScatteringData></WavelengthDataBlock></WavelengthData></Layer></Optical></WindowElement>" // no line end: every
+                                                                                                 // cut shows
+#define RADIANCE_RING(low, high, n)                                                                                    \
+    "<AngleBasisBlock><nPhis>" n "</nPhis><ThetaBounds><LowerTheta>" low "</LowerTheta><UpperTheta>" high              \
+    "</UpperTheta></ThetaBounds></AngleBasisBlock>"
+
+enum { FORMAT_FILES = 8 };
 
 // rgl holds the bytes of the last file.
 static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
@@ -74,7 +85,18 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
          "0.5,-20,0,20,30,3,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"
          "0.6,-10,0,20,30,2,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"
          "0.6,-20,0,20,30,4,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"},
-        {"retro", "retro", "#SAMPLE\n#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI\n0.26 0.26 0 72.5\n0.26 -1.57 0 1e-3\n"}};
+        {"retro", "retro", "#SAMPLE\n#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI\n0.26 0.26 0 72.5\n0.26 -1.57 0 1e-3\n"},
+        {"klems", "radiance",
+         RADIANCE_BEGIN
+         "Columns</IncidentDataStructure><AngleBasis><AngleBasisName>Own</AngleBasisName>" RADIANCE_RING("0", "30", "1")
+             RADIANCE_RING("30", "90", "2") "</AngleBasis>" RADIANCE_VISIBLE(
+                 "<ColumnAngleBasis>Own</ColumnAngleBasis><RowAngleBasis>Own</RowAngleBasis>") "1, 2, 3, \n4, 5, 6, "
+                                                                                               "\n7, 8, "
+                                                                                               "9\n" RADIANCE_END},
+        {"tree", "radiance",
+         RADIANCE_BEGIN "TensorTree3</IncidentDataStructure>" RADIANCE_VISIBLE(
+             "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>") "{{1}{2}{3}{4}{5 6 7 8 9 10 11 "
+                                                           "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END}};
     for (int k = 0; k + 1 < FORMAT_FILES; k++) {
         files[k] = (format_file){texts[k].name, texts[k].format, texts[k].text, strlen(texts[k].text)};
     }

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// BSDF files of Radiance and LBNL WINDOW: XML with Klems matrices or tensor trees (docs/formats.md), as samples and as
+// a model that is constant over each cell, as Radiance evaluates them.
+//
+// Radiance's front (+z) is "Reflection Back" of the file. Colour: matrices carry CIE-X and CIE-Z beside Visible, which
+// is Y; tensor trees the chromaticity u', v' of CIE 1976. It becomes linear sRGB.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/random.h"
+#include "io/radiance/radiance.h"
+
+typedef struct radiance_model {
+    gonio_model head;
+    bool is_tree;
+    int parts; // 1: Visible alone; 3: with its colour
+    gonio_klems klems[3];
+    gonio_tensor_tree tree[3];
+} radiance_model;
+
+#define CHROMATICITY_MIN 1e-3 // below the v' of every colour
+
+static const char names[3][32] = {"r", "g", "b"};
+static const char single[1][32] = {"visible"};
+
+static bool recognise(const gonio_source *source) {
+    char head[2048];
+    const size_t n = source->size < sizeof head - 1 ? source->size : sizeof head - 1;
+    memcpy(head, source->data, n);
+    head[n] = 0;
+    return strstr(head, "<WindowElement") != NULL;
+}
+
+// ---- the model ----
+
+static void release(gonio_model *model) {
+    radiance_model *m = (radiance_model *)model;
+    for (int k = 0; k < 3; k++) {
+        free(m->klems[k].values);
+        gonio_tensor_tree_free(&m->tree[k]);
+    }
+    free(m);
+}
+
+static double part_value(const radiance_model *m, int part, gonio_vec3 wi, gonio_vec3 wo) {
+    return m->is_tree ? gonio_tensor_tree_value(&m->tree[part], wi, wo) : gonio_klems_value(&m->klems[part], wi, wo);
+}
+
+// IEC 61966-2-1, from XYZ; colours outside its gamut are raised to 0.
+static void to_rgb(double x, double y, double z, double rgb[3]) {
+    rgb[0] = fmax(0, 3.2404542 * x - 1.5371385 * y - 0.4985314 * z);
+    rgb[1] = fmax(0, -0.9692660 * x + 1.8760108 * y + 0.0415560 * z);
+    rgb[2] = fmax(0, 0.0556434 * x - 0.2040259 * y + 1.0572252 * z);
+}
+
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    const radiance_model *m = (const radiance_model *)model;
+    const double y = fmax(0, part_value(m, 0, wi, wo));
+    if (m->parts == 1) {
+        values[0] = y;
+        return;
+    }
+    const double a = part_value(m, 1, wi, wo), b = part_value(m, 2, wi, wo);
+    if (!m->is_tree) {
+        to_rgb(a, y, b, values);
+    } else { // u', v'
+        const double v = fmax(b, CHROMATICITY_MIN);
+        to_rgb(y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v), values);
+    }
+}
+
+static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
+
+// ---- building ----
+
+static const gonio_radiance_block *find(const gonio_radiance_file *file, const char *quantity, const char *direction) {
+    for (int k = 0; k < file->n; k++) {
+        if (strcasecmp(file->blocks[k].quantity, quantity) == 0 &&
+            strcasecmp(file->blocks[k].direction, direction) == 0) {
+            return &file->blocks[k];
+        }
+    }
+    return NULL;
+}
+
+// Which blocks make the model of a side ("Reflection Back").
+static gonio_status choose(const gonio_radiance_file *file, const char *side, const gonio_radiance_block *chosen[3],
+                           int *parts, gonio_error *error) {
+    const bool is_tree = strncasecmp(file->structure, "TensorTree", 10) == 0;
+    chosen[0] = find(file, "Visible", side);
+    if (chosen[0] == NULL) {
+        char list[400] = "";
+        for (int k = 0; k < file->n; k++) {
+            gonio_text_append(list, sizeof list, "%s%.30s %.30s", k > 0 ? ", " : "", file->blocks[k].quantity,
+                              file->blocks[k].direction);
+        }
+        return gonio_radiance_fail(file, -1, error, "no table 'Visible %s'; the file holds %s", side, list);
+    }
+    chosen[1] = find(file, is_tree ? "CIE-u" : "CIE-X", side);
+    chosen[2] = find(file, is_tree ? "CIE-v" : "CIE-Z", side);
+    *parts = chosen[1] != NULL && chosen[2] != NULL ? 3 : 1;
+    return GONIO_OK;
+}
+
+static gonio_status fill(const gonio_radiance_file *file, const char *side, radiance_model *m, gonio_error *error) {
+    static const char *const structures[] = {"Columns", "Rows", "TensorTree3", "TensorTree4"};
+    bool known = false;
+    for (int k = 0; k < 4; k++) {
+        known = known || strcasecmp(file->structure, structures[k]) == 0;
+    }
+    if (!known) {
+        return gonio_radiance_fail(file, file->definition != NULL ? xmlGetLineNo(file->definition) : -1, error,
+                                   "IncidentDataStructure '%.40s'; expected Columns, Rows, TensorTree3 or TensorTree4",
+                                   file->structure);
+    }
+    const gonio_radiance_block *chosen[3];
+    gonio_status status = choose(file, side, chosen, &m->parts, error);
+    m->is_tree = strncasecmp(file->structure, "TensorTree", 10) == 0;
+    for (int k = 0; status == GONIO_OK && k < m->parts; k++) {
+        status = m->is_tree ? gonio_tensor_tree_read(file, chosen[k], &m->tree[k], error)
+                            : gonio_klems_read(file, chosen[k], &m->klems[k], error);
+        const size_t n =
+            m->is_tree ? m->tree[k].n_values : (size_t)m->klems[k].in.patches * (size_t)m->klems[k].out.patches;
+        m->head.bytes += n * sizeof(double) + m->tree[k].n_nodes * sizeof(int);
+        m->head.control_points = k == 0 ? n : m->head.control_points;
+    }
+    for (int k = 1; status == GONIO_OK && !m->is_tree && k < m->parts; k++) {
+        if (memcmp(&m->klems[k].in, &m->klems[0].in, sizeof m->klems[0].in) != 0 ||
+            memcmp(&m->klems[k].out, &m->klems[0].out, sizeof m->klems[0].out) != 0) {
+            status = gonio_radiance_fail(file, chosen[k]->line, error, "its angle bases are not those of Visible");
+        }
+    }
+    return status;
+}
+
+// side: 0 the one that is there, the front (+z) first; 1 and 2 that one.
+static gonio_status load(const gonio_source *source, int side, radiance_model **out, gonio_error *error) {
+    gonio_radiance_file file;
+    gonio_status status = gonio_radiance_open(source, &file, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    radiance_model *m = calloc(1, sizeof *m);
+    if (m == NULL) {
+        gonio_radiance_close(&file);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", source->path);
+    }
+    const bool front = side == 1 || (side == 0 && (find(&file, "Visible", "Reflection Back") != NULL ||
+                                                   find(&file, "Visible", "Reflection Front") == NULL));
+    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
+    status = fill(&file, front ? "Reflection Back" : "Reflection Front", m, error);
+    m->head.channels = m->parts;
+    m->head.channel_names = m->parts == 3 ? names : single;
+    gonio_radiance_close(&file);
+    if (status != GONIO_OK) {
+        release(&m->head);
+        return status;
+    }
+    *out = m;
+    return GONIO_OK;
+}
+
+static gonio_status table_radiance(const gonio_source *source, gonio_model **out, gonio_error *error) {
+    radiance_model *m = NULL;
+    const gonio_status status = load(source, 0, &m, error);
+    *out = status == GONIO_OK ? &m->head : NULL;
+    return status;
+}
+
+// ---- samples: the cells' centres ----
+
+typedef struct cells {
+    const radiance_model *m;
+    gonio_samples *samples;
+    size_t count, n; // cells so far; in all
+    double share;
+    uint64_t key;
+    gonio_status status;
+    gonio_error *error;
+} cells;
+
+static bool count_cell(void *context, const gonio_pair *pair) {
+    (void)pair;
+    ((cells *)context)->n++;
+    return true;
+}
+
+static bool add_cell(void *context, const gonio_pair *pair) {
+    cells *c = context;
+    const uint64_t number = c->count++;
+    if (c->share < 1 && gonio_random_uniform((c->key ^ number * GONIO_RANDOM_STEP) - GONIO_RANDOM_STEP) >= c->share) {
+        return true;
+    }
+    double values[3];
+    eval(&c->m->head, gonio_direction(pair->theta_i, pair->phi_i), gonio_direction(pair->theta_o, pair->phi_o), values);
+    c->status = gonio_samples_add(c->samples, pair, values, NULL, NULL, c->error);
+    return c->status == GONIO_OK;
+}
+
+static void for_cells(const radiance_model *m, gonio_tensor_tree_fn call, cells *c) {
+    if (m->is_tree) {
+        gonio_tensor_tree_cells(&m->tree[0], call, c);
+        return;
+    }
+    const gonio_klems *k = &m->klems[0];
+    for (int in = 0; in < k->in.patches; in++) {
+        for (int out = 0; out < k->out.patches; out++) {
+            const gonio_pair pair = gonio_klems_centre(k, in, out);
+            if (!call(c, &pair)) {
+                return;
+            }
+        }
+    }
+}
+
+static gonio_status read_radiance(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                                  gonio_read_report *report, gonio_error *error) {
+    radiance_model *m = NULL;
+    gonio_status status = load(source, values->at[1].choice, &m, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    cells c = {.m = m, .key = gonio_random(values->seed), .error = error};
+    status = gonio_samples_new(m->head.channels, false, &c.samples, error);
+    if (status == GONIO_OK) {
+        c.samples->isotropic = m->head.isotropic;
+        memcpy(c.samples->channel_names, m->head.channel_names,
+               (size_t)m->head.channels * sizeof *c.samples->channel_names);
+        for_cells(m, count_cell, &c);
+        c.share = values->at[0].count > 0 ? (double)values->at[0].count / (double)c.n : 1;
+        for_cells(m, add_cell, &c);
+        status = c.status;
+    }
+    if (status == GONIO_OK && report != NULL) {
+        *report = (gonio_read_report){.format = "radiance", .rows = c.samples->n, .first_negative_line = -1};
+    }
+    release(&m->head);
+    if (status != GONIO_OK) {
+        gonio_samples_free(c.samples);
+        c.samples = NULL;
+    }
+    *out = c.samples;
+    return status;
+}
+
+static const gonio_format_option options[] = {
+    {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"},
+    {"side", GONIO_FORMAT_CHOICE, "auto|front|back", "auto",
+     "which reflection: front (+z, 'Reflection Back' of the file) or back"},
+    {0}};
+
+const gonio_format gonio_format_radiance = {.name = "radiance",
+                                            .summary = "Radiance/WINDOW BSDF XML",
+                                            .extensions = ".xml",
+                                            .recognise = recognise,
+                                            .read = read_radiance,
+                                            .table = table_radiance,
+                                            .options = options};

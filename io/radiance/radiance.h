@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the files of io/radiance/ share: the XML of WINDOW and Radiance, and the two kinds of table in it.
+#ifndef GONIO_IO_RADIANCE_H
+#define GONIO_IO_RADIANCE_H
+
+#include <libxml/tree.h>
+
+#include "io/format.h"
+
+// One WavelengthData: a table of one quantity for one way through the layer.
+typedef struct gonio_radiance_block {
+    const xmlNode *node;                     // its WavelengthDataBlock
+    const char *quantity;                    // "Visible", "CIE-X", "CIE-u" ...
+    const char *direction;                   // "Reflection Back" ...
+    const char *column, *row, *basis, *data; // of angles; the numbers
+    long long line;                          // where the numbers begin
+} gonio_radiance_block;
+
+enum { GONIO_RADIANCE_BLOCKS_MAX = 64 };
+
+typedef struct gonio_radiance_file {
+    const char *path;
+    xmlDoc *doc;
+    const xmlNode *definition; // DataDefinition
+    const char *structure;     // "Columns", "Rows", "TensorTree3", "TensorTree4"
+    gonio_radiance_block blocks[GONIO_RADIANCE_BLOCKS_MAX];
+    int n;
+} gonio_radiance_file;
+
+// ---- xml.c ----
+// Every text that the file gives is the document's and lives until gonio_radiance_close.
+gonio_status gonio_radiance_open(const gonio_source *source, gonio_radiance_file *file, gonio_error *error);
+void gonio_radiance_close(gonio_radiance_file *file);
+// Child elements by name, whatever their namespace; NULL past the last.
+const xmlNode *gonio_radiance_child(const xmlNode *parent, const char *name);
+const xmlNode *gonio_radiance_next(const xmlNode *child);
+// The text of a child element, blanks around it taken away; "" where there is none.
+const char *gonio_radiance_text(const xmlNode *parent, const char *name);
+gonio_status gonio_radiance_fail(const gonio_radiance_file *file, long long line, gonio_error *error,
+                                 const char *format, ...) __attribute__((format(printf, 4, 5)));
+// Numbers of a text, separated by blanks and commas, one after the other: *at moves on, *line counts. False where none
+// follows, or one beyond +-1e30.
+bool gonio_radiance_number(const char **at, long long *line, double *value);
+
+// ---- klems.c: matrices over patches of two hemispheres ----
+// Rings of a hemisphere; patch 0 is the first ring's first. Patches of a ring are centred at azimuths 2 pi k / n.
+enum { GONIO_KLEMS_RINGS_MAX = 64, GONIO_KLEMS_PATCHES_MAX = 4096 };
+typedef struct gonio_klems_basis {
+    int rings, patches;
+    double bound[GONIO_KLEMS_RINGS_MAX + 1]; // theta, rad, ascending from 0 to pi/2
+    int n[GONIO_KLEMS_RINGS_MAX], first[GONIO_KLEMS_RINGS_MAX];
+} gonio_klems_basis;
+typedef struct gonio_klems {
+    gonio_klems_basis in, out;
+    double *values; // [out patch][in patch], 1/sr
+} gonio_klems;
+// The caller frees klems->values, also after a failure.
+gonio_status gonio_klems_read(const gonio_radiance_file *file, const gonio_radiance_block *block, gonio_klems *klems,
+                              gonio_error *error);
+double gonio_klems_value(const gonio_klems *klems, gonio_vec3 wi, gonio_vec3 wo);
+// The pair of the two patches' centres.
+gonio_pair gonio_klems_centre(const gonio_klems *klems, int in, int out);
+
+// ---- tensor_tree.c: a tree of uniform grids over squares ----
+typedef struct gonio_tensor_tree {
+    int dimensions; // 3 or 4
+    int *nodes;     // see tensor_tree.c
+    double *values; // 1/sr
+    size_t n_nodes, n_values;
+} gonio_tensor_tree;
+// The caller frees with gonio_tensor_tree_free, also after a failure.
+gonio_status gonio_tensor_tree_read(const gonio_radiance_file *file, const gonio_radiance_block *block,
+                                    gonio_tensor_tree *tree, gonio_error *error);
+void gonio_tensor_tree_free(gonio_tensor_tree *tree);
+double gonio_tensor_tree_value(const gonio_tensor_tree *tree, gonio_vec3 wi, gonio_vec3 wo);
+// Call for the centre of every cell that lies on the hemispheres; false from call ends it.
+typedef bool (*gonio_tensor_tree_fn)(void *context, const gonio_pair *pair);
+void gonio_tensor_tree_cells(const gonio_tensor_tree *tree, gonio_tensor_tree_fn call, void *context);
+
+#endif
