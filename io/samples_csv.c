@@ -8,6 +8,7 @@
 // comment "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "io/format.h"
 
@@ -27,6 +28,9 @@ static bool recognise(const gonio_source *source) {
     static const char *const angles[] = {"theta_i", "phi_i", "theta_o", "phi_o"};
     char line[256];
     const char *first = gonio_source_first_line(source, line, sizeof line, &number);
+    if (strncasecmp(first, "VARS", 4) == 0) {
+        return false; // ASTM's
+    }
     for (size_t k = 0; k < sizeof angles / sizeof *angles; k++) {
         if (strstr(first, angles[k]) != NULL) {
             return true;

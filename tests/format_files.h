@@ -4,6 +4,7 @@
 #define GONIO_TESTS_FORMAT_FILES_H
 
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
 
 typedef struct format_file {
@@ -66,13 +67,13 @@ static inline void format_rgl(format_bytes *b) {
     "<AngleBasisBlock><nPhis>" n "</nPhis><ThetaBounds><LowerTheta>" low "</LowerTheta><UpperTheta>" high              \
     "</UpperTheta></ThetaBounds></AngleBasisBlock>"
 
-enum { FORMAT_FILES = 8 };
+enum { FORMAT_FILES = 14 };
 
 // rgl holds the bytes of the last file.
 static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
     static const struct {
         const char *name, *format, *text;
-    } texts[FORMAT_FILES - 1] = {
+    } texts[FORMAT_FILES - 2] = {
         {"samples", "samples",
          "# anisotropic\ntheta_i,phi_i,theta_o,phi_o,r,g,sigma_r,sigma_g,sigma_random_r,"
          "sigma_random_g,sigma_systematic_r,sigma_systematic_g\n"
@@ -93,15 +94,50 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
                  "<ColumnAngleBasis>Own</ColumnAngleBasis><RowAngleBasis>Own</RowAngleBasis>") "1, 2, 3, \n4, 5, 6, "
                                                                                                "\n7, 8, "
                                                                                                "9\n" RADIANCE_END},
+        {"zemax", "zemax",
+         "# a\nSource Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType "
+         "BRDF\nSampleRotation 1\n"
+         "0\nAngleOfIncidence 2\n0 30\nScatterAzimuth 2\n0 180\nScatterRadial 2\n0 10\n\nMonochrome\nDataBegin\nTIS "
+         "0.5\n"
+         "1 2\n3 4\nTIS 0.5\n5 6\n7 8\nDataEnd\n"},
+        {"lighttools", "lighttools",
+         "Symmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterAzimuth 2\n90 270\nScatterRadial 2\n0 30\n"
+         "DataBegin\nAOI 30\nPOI 0\nSide Front\nWavelength 550\nScatterType BRDF\nTIS 0.5\n1 2\n3 4\nAOI 0\nSide Back\n"
+         "ScatterType BTDF\nTIS 0\n0 0 0 0\nDataEnd\n"},
+        {"ssdd", "ssdd",
+         "VERSION 0.3\nSOFTWARE a\nDATA_TYPE brdf\nCOLOR_MODEL spectrum\nWAVELENGTH_LIST 450 550\nPARAM_TYPE "
+         "specular_coordinate_system\nREDUCTION_TYPE bilateral_symmetry\nPARAM0_LIST 0 30\nPARAM2_LIST 0 10 # "
+         "b\nPARAM3_LIST "
+         "0 180\nDATA ascii\n1 2\n# c\n3 4\n5 6\n7 8\n9 10\n11 12\n13 14\n15 16\n"},
+        {"ddr", "ddr",
+         ";; a\nSource Measured\nTypeSym PlaneSymmetrical\nTypeColorModel BW\nTypeData Luminance Absolute\nsigma 2\n0 "
+         "30\n"
+         "phi 2\n0 180\ntheta 2\n0 10\nbw\nkbdf 0.5 0.25\ndef\n;; b\n1 2\n3 4\n5 6\n7 8\n"},
+        {"astm", "astm",
+         "a line\nNUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,R,G,B\n0.1,0,0.2,3,1,2,3\n0.5,0,0.2,3,4,5,6\n"},
         {"tree", "radiance",
          RADIANCE_BEGIN "TensorTree3</IncidentDataStructure>" RADIANCE_VISIBLE(
              "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>") "{{1}{2}{3}{4}{5 6 7 8 9 10 11 "
                                                            "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END}};
-    for (int k = 0; k + 1 < FORMAT_FILES; k++) {
+    static const char mbsdf[] = "NVIDIA ARC MBSDF V1\nname=\"a\"\nMBSDF_DATA=\n"
+                                "\0\0\0\0\1\0\0\0\2\0\0\0\0\0\x80\x3f\0\0\0\x3f";
+    for (int k = 0; k + 2 < FORMAT_FILES; k++) {
         files[k] = (format_file){texts[k].name, texts[k].format, texts[k].text, strlen(texts[k].text)};
     }
+    files[FORMAT_FILES - 2] = (format_file){"mbsdf", "mbsdf", mbsdf, sizeof mbsdf - 1};
     format_rgl(rgl);
     files[FORMAT_FILES - 1] = (format_file){"rgl", "rgl", rgl->data, rgl->size};
+}
+
+// A UTIA table, which has one size only: number k is k / NUMBERS. The caller frees it.
+enum { FORMAT_UTIA_NUMBERS = 3 * 288 * 288 };
+static inline unsigned char *format_utia(void) {
+    unsigned char *data = malloc(FORMAT_UTIA_NUMBERS * 8);
+    for (int k = 0; data != NULL && k < FORMAT_UTIA_NUMBERS; k++) {
+        const double value = (double)k / FORMAT_UTIA_NUMBERS;
+        memcpy(data + 8 * k, &value, 8);
+    }
+    return data;
 }
 
 #endif

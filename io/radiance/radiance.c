@@ -10,6 +10,7 @@
 #include <strings.h>
 
 #include "base/random.h"
+#include "io/optics/grid.h"
 #include "io/radiance/radiance.h"
 
 typedef struct radiance_model {
@@ -48,13 +49,6 @@ static double part_value(const radiance_model *m, int part, gonio_vec3 wi, gonio
     return m->is_tree ? gonio_tensor_tree_value(&m->tree[part], wi, wo) : gonio_klems_value(&m->klems[part], wi, wo);
 }
 
-// IEC 61966-2-1, from XYZ; colours outside its gamut are raised to 0.
-static void to_rgb(double x, double y, double z, double rgb[3]) {
-    rgb[0] = fmax(0, 3.2404542 * x - 1.5371385 * y - 0.4985314 * z);
-    rgb[1] = fmax(0, -0.9692660 * x + 1.8760108 * y + 0.0415560 * z);
-    rgb[2] = fmax(0, 0.0556434 * x - 0.2040259 * y + 1.0572252 * z);
-}
-
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const radiance_model *m = (const radiance_model *)model;
     const double y = fmax(0, part_value(m, 0, wi, wo));
@@ -64,10 +58,10 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
     const double a = part_value(m, 1, wi, wo), b = part_value(m, 2, wi, wo);
     if (!m->is_tree) {
-        to_rgb(a, y, b, values);
+        gonio_xyz_to_rgb((double[3]){a, y, b}, values);
     } else { // u', v'
         const double v = fmax(b, CHROMATICITY_MIN);
-        to_rgb(y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v), values);
+        gonio_xyz_to_rgb((double[3]){y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v)}, values);
     }
 }
 

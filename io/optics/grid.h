@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the readers of optics programs' tables share: words of a text, a grid over four angles, colours.
+#ifndef GONIO_IO_OPTICS_GRID_H
+#define GONIO_IO_OPTICS_GRID_H
+
+#include "io/format.h"
+
+// ---- words: a text as a stream of words, blanks and lines between them ----
+typedef struct gonio_words {
+    gonio_text text;     // its line is that of the last word
+    const char *comment; // what begins a comment that runs to the line's end
+    char *rest;
+    bool open_end; // as in gonio_read_report
+} gonio_words;
+gonio_words gonio_words_begin(const gonio_source *source, const char *comment);
+// The next word; NULL at the end. It lives as long as the source.
+char *gonio_word(gonio_words *words);
+// The rest of the line of the last word, which may be empty.
+char *gonio_words_line(gonio_words *words);
+gonio_status gonio_word_number(gonio_words *words, const char *what, double *value, gonio_error *error);
+// The next word must be one of a list, "a|b|c"; *choice tells which (letters of either case).
+gonio_status gonio_word_choice(gonio_words *words, const char *what, const char *list, int *choice, gonio_error *error);
+// Is the first word of a text that is no comment this one? For recognising.
+bool gonio_source_begins(const gonio_source *source, const char *comment, const char *word);
+
+// ---- the grid ----
+typedef enum gonio_grid_frame {
+    GONIO_GRID_ABSOLUTE, // outgoing theta and azimuth
+    // Outgoing polar angle and azimuth about the mirror direction; azimuth 0 towards the normal, counter-clockwise.
+    GONIO_GRID_SPECULAR,
+    // Rusinkiewicz: the axes are theta_h, phi_h, theta_d, phi_d.
+    GONIO_GRID_HALF,
+} gonio_grid_frame;
+enum { GONIO_GRID_IN_PHI, GONIO_GRID_IN_THETA, GONIO_GRID_OUT_PHI, GONIO_GRID_OUT_THETA, GONIO_GRID_AXES };
+typedef struct gonio_grid_axis {
+    int n;
+    double *deg;
+} gonio_grid_axis;
+typedef struct gonio_grid {
+    gonio_grid_frame frame;
+    gonio_grid_axis axis[GONIO_GRID_AXES];
+    double light_deg; // added to every incident azimuth
+    int channels;
+    char (*names)[GONIO_CHANNEL_NAME_MAX];
+    bool xyz;       // the channels are X, Y, Z and become r, g, b
+    double *values; // [channel][in_phi][in_theta][out_phi][out_theta], f_r in 1/sr; NaN: none
+    gonio_negatives policy;
+    gonio_read_report report;
+} gonio_grid;
+// The axis' angles: as many numbers, ascending, between two bounds.
+gonio_status gonio_grid_axis_read(gonio_grid *grid, int axis, gonio_words *words, const char *what, int n, double low,
+                                  double high, gonio_error *error);
+// The same after their count.
+gonio_status gonio_grid_axis_counted(gonio_grid *grid, int axis, gonio_words *words, const char *what, double low,
+                                     double high, gonio_error *error);
+// Channels with their names, "r,g,b"; the values once all axes are known (a missing incident azimuth is 0).
+gonio_status gonio_grid_channels(gonio_grid *grid, int channels, gonio_error *error);
+gonio_status gonio_grid_allocate(gonio_grid *grid, const gonio_words *words, gonio_error *error);
+double *gonio_grid_at(gonio_grid *grid, int channel, int in_phi, int in_theta, int out_phi, int out_theta);
+// The next number as a value, after the policy on negative ones.
+gonio_status gonio_grid_value(gonio_grid *grid, gonio_words *words, double *value, gonio_error *error);
+// The pair of a node; false where a direction lies below the horizon.
+bool gonio_grid_pair(const gonio_grid *grid, const int at[GONIO_GRID_AXES], gonio_pair *pair);
+// Every node above the horizon that has a value in each channel, as samples; frees the grid's arrays in every case.
+// status: how reading went so far.
+gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_source *source, const char *format,
+                            gonio_samples **out, gonio_read_report *report, gonio_error *error);
+
+// CIE XYZ -> linear sRGB (IEC 61966-2-1); what lies outside its gamut is raised to 0.
+void gonio_xyz_to_rgb(const double xyz[3], double rgb[3]);
+
+#endif

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// LightTools' BSDF text (docs/formats.md): absolute outgoing angles, f_r in 1/sr, a block for each incidence and
+// channel. The light of a plane-symmetrical or isotropic file stands at azimuth 90 deg. Front reflection is read;
+// blocks of the back and of transmission are passed over and counted.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "io/optics/grid.h"
+
+#define LIGHT_DEG 90
+
+static bool recognise(const gonio_source *source) {
+    return (gonio_source_begins(source, "#", "Symmetry") || gonio_source_begins(source, "#", "SpectralContent")) &&
+           strstr(source->data, "ScatterAzimuth") != NULL && strstr(source->data, "AOI") != NULL;
+}
+
+static gonio_status read_header(gonio_words *words, gonio_grid *grid, gonio_error *error) {
+    int choice;
+    for (char *word; (word = gonio_word(words)) != NULL;) {
+        gonio_status status = GONIO_OK;
+        if (strcasecmp(word, "Symmetry") == 0) {
+            status = gonio_word_choice(words, "Symmetry", "PlaneSymmetrical|Asymmetric", &choice, error);
+        } else if (strcasecmp(word, "SpectralContent") == 0) {
+            status = gonio_word_choice(words, "SpectralContent", "Monochrome|XYZ", &choice, error);
+            grid->xyz = choice == 1;
+            status = status == GONIO_OK ? gonio_grid_channels(grid, grid->xyz ? 3 : 1, error) : status;
+        } else if (strcasecmp(word, "ScatterAzimuth") == 0) {
+            status = gonio_grid_axis_counted(grid, GONIO_GRID_OUT_PHI, words, "ScatterAzimuth", -360, 360, error);
+        } else if (strcasecmp(word, "ScatterRadial") == 0) {
+            status = gonio_grid_axis_counted(grid, GONIO_GRID_OUT_THETA, words, "ScatterRadial", 0, 180, error);
+        } else if (strcasecmp(word, "DataBegin") == 0) {
+            return GONIO_OK;
+        } else {
+            status = gonio_text_fail(&words->text, error, "unknown keyword '%.40s' of a LightTools BSDF", word);
+        }
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    return gonio_text_fail(&words->text, error, "the file ends before DataBegin");
+}
+
+// ---- what incidences there are ----
+
+typedef struct block {
+    double aoi, poi, tis;
+    int side, type, channel; // front, back; BRDF, BTDF; of X, Y, Z
+} block;
+
+// The lines before a block's values; *end: DataEnd stood there.
+static gonio_status read_block_head(gonio_words *words, block *b, bool *end, gonio_error *error) {
+    *b = (block){0};
+    *end = false;
+    double wavelength;
+    for (char *word; (word = gonio_word(words)) != NULL;) {
+        gonio_status status = GONIO_OK;
+        if (strcasecmp(word, "AOI") == 0) {
+            status = gonio_word_number(words, "AOI", &b->aoi, error);
+        } else if (strcasecmp(word, "POI") == 0) {
+            status = gonio_word_number(words, "POI", &b->poi, error);
+        } else if (strcasecmp(word, "Side") == 0) {
+            status = gonio_word_choice(words, "Side", "Front|Back", &b->side, error);
+        } else if (strcasecmp(word, "Wavelength") == 0) {
+            status = gonio_word_number(words, "Wavelength", &wavelength, error);
+        } else if (strcasecmp(word, "ScatterType") == 0) {
+            status = gonio_word_choice(words, "ScatterType", "BRDF|BTDF", &b->type, error);
+        } else if (strcasecmp(word, "TristimulusValue") == 0) {
+            status = gonio_word_choice(words, "TristimulusValue", "TrisX|TrisY|TrisZ", &b->channel, error);
+        } else if (strcasecmp(word, "TIS") == 0) {
+            return gonio_word_number(words, "TIS", &b->tis, error);
+        } else if (strcasecmp(word, "DataEnd") == 0) {
+            *end = true;
+            return GONIO_OK;
+        } else {
+            status = gonio_text_fail(&words->text, error, "unknown keyword '%.40s' of a block", word);
+        }
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    return gonio_text_fail(&words->text, error, "the file ends before DataEnd");
+}
+
+// Blocks come in any order, so values are kept by block until all are known.
+typedef struct blocks {
+    block *items;
+    double *values; // of all, one after the other
+    size_t n, room, each;
+} blocks;
+
+static gonio_status grow(blocks *all, const gonio_words *words, gonio_error *error) {
+    if (all->n < all->room) {
+        return GONIO_OK;
+    }
+    const size_t room = all->room > 0 ? 2 * all->room : 16;
+    if (room > ((size_t)1 << 27) / (all->each + 1)) {
+        return gonio_text_fail(&words->text, error, "too many values");
+    }
+    block *items = realloc(all->items, room * sizeof *items);
+    all->items = items != NULL ? items : all->items;
+    double *values = realloc(all->values, room * all->each * sizeof *values);
+    all->values = values != NULL ? values : all->values;
+    if (items == NULL || values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the values");
+    }
+    all->room = room;
+    return GONIO_OK;
+}
+
+static gonio_status read_blocks(gonio_words *words, gonio_grid *grid, blocks *all, gonio_error *error) {
+    all->each = (size_t)grid->axis[GONIO_GRID_OUT_PHI].n * (size_t)grid->axis[GONIO_GRID_OUT_THETA].n;
+    if (all->each == 0 || grid->channels == 0) {
+        return gonio_text_fail(&words->text, error,
+                               "DataBegin stands before SpectralContent, ScatterAzimuth or ScatterRadial");
+    }
+    for (;;) {
+        block b;
+        bool end;
+        gonio_status status = grow(all, words, error);
+        status = status == GONIO_OK ? read_block_head(words, &b, &end, error) : status;
+        if (status == GONIO_OK && !end && (b.aoi < 0 || b.aoi > 90 || (b.poi != 0 && b.type == 0 && b.side == 0))) {
+            status = gonio_text_fail(&words->text, error,
+                                     "AOI %g, POI %g; expected an incidence of 0 to 90 deg in one plane (POI 0)", b.aoi,
+                                     b.poi);
+        }
+        for (size_t k = 0; status == GONIO_OK && !end && k < all->each; k++) {
+            status = gonio_grid_value(grid, words, &all->values[all->n * all->each + k], error);
+        }
+        if (status != GONIO_OK || end) {
+            return status;
+        }
+        all->items[all->n] = b;
+        const bool front = b.side == 0 && b.type == 0;
+        all->n += front;
+        grid->report.rows += front ? 0 : all->each;
+        grid->report.invalid += front ? 0 : all->each;
+    }
+}
+
+// ---- into the grid ----
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static gonio_status incidences(gonio_grid *grid, const blocks *all, const gonio_words *words, gonio_error *error) {
+    gonio_grid_axis *in = &grid->axis[GONIO_GRID_IN_THETA];
+    in->deg = malloc((all->n + 1) * sizeof *in->deg);
+    if (in->deg == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu angles", all->n);
+    }
+    for (size_t k = 0; k < all->n; k++) {
+        in->deg[k] = all->items[k].aoi;
+    }
+    qsort(in->deg, all->n, sizeof *in->deg, compare);
+    for (size_t k = 0; k < all->n; k++) {
+        if (in->n == 0 || in->deg[k] > in->deg[in->n - 1]) {
+            in->deg[in->n++] = in->deg[k];
+        }
+    }
+    return in->n > 0 ? GONIO_OK
+                     : gonio_text_fail(&words->text, error,
+                                       "there is no block of front reflection (Side Front, "
+                                       "ScatterType BRDF)");
+}
+
+static gonio_status place(gonio_grid *grid, const blocks *all, const gonio_words *words, gonio_error *error) {
+    for (size_t k = 0; k < all->n; k++) {
+        const block *b = &all->items[k];
+        int t = 0;
+        while (grid->axis[GONIO_GRID_IN_THETA].deg[t] != b->aoi) {
+            t++;
+        }
+        double *to = gonio_grid_at(grid, grid->xyz ? b->channel : 0, 0, t, 0, 0);
+        if (!isnan(*to)) {
+            return gonio_text_fail(&words->text, error, "two blocks of AOI %g and one channel", b->aoi);
+        }
+        memcpy(to, all->values + k * all->each, all->each * sizeof *to);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_lighttools(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                                    gonio_read_report *report, gonio_error *error) {
+    gonio_words words = gonio_words_begin(source, "#");
+    gonio_grid grid = {
+        .frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG, .policy = (gonio_negatives)values->at[0].choice};
+    blocks all = {0};
+    gonio_status status = read_header(&words, &grid, error);
+    status = status == GONIO_OK ? read_blocks(&words, &grid, &all, error) : status;
+    status = status == GONIO_OK ? incidences(&grid, &all, &words, error) : status;
+    status = status == GONIO_OK ? gonio_grid_allocate(&grid, &words, error) : status;
+    status = status == GONIO_OK ? place(&grid, &all, &words, error) : status;
+    free(all.items);
+    free(all.values);
+    return gonio_grid_end(&grid, status, source, "lighttools", out, report, error);
+}
+
+static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+
+const gonio_format gonio_format_lighttools = {.name = "lighttools",
+                                              .summary = "LightTools BSDF text",
+                                              .extensions = ".bsdf",
+                                              .recognise = recognise,
+                                              .read = read_lighttools,
+                                              .options = options};

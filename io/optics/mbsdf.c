@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// MBSDF, the measured BSDF of NVIDIA's Material Definition Language (MDL specification, appendix "MBSDF file format"):
+// a header line, lines name="value", then MBSDF_DATA_REFLECTION= (or MBSDF_DATA=) and, little-endian, u32 type (0
+// scalar, 1 rgb), u32 thetas, u32 phis, float32 f_r in 1/sr at cells' centres: [theta_in][theta_out][dphi][type]. dphi
+// = 0 is the light's side. Isotropic and mirror-symmetric.
+#include <endian.h>
+#include <math.h>
+#include <string.h>
+
+#include "io/format.h"
+
+#define MAGIC "NVIDIA ARC MBSDF V1\n"
+enum { SIDE_MAX = 4096 };
+
+static bool recognise(const gonio_source *source) {
+    return source->size >= sizeof MAGIC - 1 && memcmp(source->data, MAGIC, sizeof MAGIC - 1) == 0;
+}
+
+static uint32_t word_at(const gonio_source *source, size_t byte) {
+    uint32_t raw;
+    memcpy(&raw, source->data + byte, 4);
+    return le32toh(raw);
+}
+
+// Where the reflection's numbers begin.
+static gonio_status find_data(const gonio_source *source, size_t *at, gonio_error *error) {
+    size_t line = sizeof MAGIC - 1;
+    while (line < source->size) {
+        const char *begin = source->data + line, *end = memchr(begin, '\n', source->size - line);
+        if (end == NULL) {
+            break;
+        }
+        const size_t n = (size_t)(end - begin);
+        if ((n == 22 && memcmp(begin, "MBSDF_DATA_REFLECTION=", 22) == 0) ||
+            (n == 11 && memcmp(begin, "MBSDF_DATA=", 11) == 0)) {
+            *at = line + n + 1;
+            return GONIO_OK;
+        }
+        const char *equals = memchr(begin, '=', n);
+        if (n > 0 && (equals == NULL || n > 1000)) {
+            return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)line,
+                                   "expected name=\"value\" or MBSDF_DATA_REFLECTION=, found '%.30s'", begin);
+        }
+        if (n >= 12 && memcmp(begin, "MBSDF_DATA_T", 12) == 0) {
+            break; // transmission alone
+        }
+        line += n + 1;
+    }
+    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)line, "there is no MBSDF_DATA_REFLECTION=");
+}
+
+typedef struct table {
+    size_t begin, thetas, phis, channels;
+} table;
+
+static gonio_status read_head(const gonio_source *source, table *t, gonio_error *error) {
+    size_t at = 0;
+    *t = (table){0};
+    const gonio_status status = find_data(source, &at, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (source->size - at < 12) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)at, "the file ends inside its table");
+    }
+    const uint32_t type = word_at(source, at);
+    *t = (table){at + 12, word_at(source, at + 4), word_at(source, at + 8), type == 1 ? 3 : 1};
+    if (type > 1 || t->thetas < 1 || t->phis < 1 || t->thetas > SIDE_MAX || t->phis > SIDE_MAX) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)at,
+                               "type %u, %zu thetas, %zu azimuths; expected type 0 or 1 and 1 to %d", type, t->thetas,
+                               t->phis, SIDE_MAX);
+    }
+    const size_t bytes = 4 * t->thetas * t->thetas * t->phis * t->channels;
+    return source->size - t->begin >= bytes
+               ? GONIO_OK
+               : gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)source->size,
+                                 "the file ends inside its table: %zu bytes of it are there, %zu were expected",
+                                 source->size - t->begin, bytes);
+}
+
+static gonio_status add_cell(const gonio_source *source, const table *t, size_t cell, gonio_samples *samples,
+                             gonio_error *error) {
+    const size_t k = cell % t->phis, o = cell / t->phis % t->thetas, i = cell / t->phis / t->thetas;
+    const double step = 90.0 / (double)t->thetas;
+    const gonio_pair pair = {gonio_angle_canonical(gonio_radians(((double)i + 0.5) * step)), 0,
+                             gonio_angle_canonical(gonio_radians(((double)o + 0.5) * step)),
+                             gonio_angle_canonical(gonio_radians(((double)k + 0.5) * 180 / (double)t->phis))};
+    double values[3];
+    for (size_t c = 0; c < t->channels; c++) {
+        const size_t byte = t->begin + 4 * (cell * t->channels + c);
+        const uint32_t raw = word_at(source, byte);
+        float single;
+        memcpy(&single, &raw, 4);
+        values[c] = (double)single;
+        if (!isfinite(values[c]) || values[c] < 0) {
+            return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)byte,
+                                   "expected a finite number, 0 or more, found %g", values[c]);
+        }
+    }
+    return gonio_samples_add(samples, &pair, values, NULL, NULL, error);
+}
+
+static gonio_status read_mbsdf(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                               gonio_read_report *report, gonio_error *error) {
+    (void)values;
+    table t;
+    gonio_status status = read_head(source, &t, error);
+    status = status == GONIO_OK ? gonio_samples_new((int)t.channels, false, out, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    (*out)->isotropic = true;
+    for (size_t c = 0; c < t.channels; c++) {
+        snprintf((*out)->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%.*s", t.channels == 1 ? 7 : 1,
+                 t.channels == 1 ? "visible" : &"rgb"[c]);
+    }
+    for (size_t cell = 0; status == GONIO_OK && cell < t.thetas * t.thetas * t.phis; cell++) {
+        status = add_cell(source, &t, cell, *out, error);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    } else if (report != NULL) {
+        *report = (gonio_read_report){.format = "mbsdf", .rows = (*out)->n, .first_negative_line = -1};
+    }
+    return status;
+}
+
+const gonio_format gonio_format_mbsdf = {
+    .name = "mbsdf", .summary = "MBSDF (MDL)", .extensions = ".mbsdf", .recognise = recognise, .read = read_mbsdf};

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The tables of optics programs: which number belongs to which pair of directions, units, colour; what is refused.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "gonio/io.h"
+#include "tests/format_files.h"
+#include "tests/fuzz/memory_file.h"
+#include "tests/unit/near.h"
+
+static gonio_samples *read_text(const char *text, const gonio_read_options *options) {
+    gonio_samples *s;
+    gonio_error error = {0};
+    if (gonio_read(memory_file((const uint8_t *)text, strlen(text)), options, &s, NULL, &error) != GONIO_OK) {
+        fail_msg("line %lld: %s", error.line, error.message);
+    }
+    return s;
+}
+
+// One value that must be there: degrees, phi_o relative to phi_i.
+static void has(const gonio_samples *s, double ti, double to, double phi, double value) {
+    for (size_t i = 0; i < s->n; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        const double turn = remainder(p->phi_o - p->phi_i - gonio_radians(phi), 2 * GONIO_PI);
+        if (fabs(p->theta_i - gonio_radians(ti)) < 1e-9 && fabs(p->theta_o - gonio_radians(to)) < 1e-9 &&
+            (fabs(turn) < 1e-9 || fabs(sin(p->theta_o)) < 1e-9) &&
+            fabs(s->values[i * (size_t)s->channels] - value) < 1e-9 * value) {
+            return;
+        }
+    }
+    for (size_t i = 0; i < s->n; i++) {
+        print_message("%g %g %g: %g\n", gonio_degrees(s->pairs[i].theta_i), gonio_degrees(s->pairs[i].theta_o),
+                      gonio_degrees(s->pairs[i].phi_o - s->pairs[i].phi_i), s->values[i * (size_t)s->channels]);
+    }
+    fail_msg("no %g at theta_i %g, theta_o %g, phi %g", value, ti, to, phi);
+}
+
+static gonio_samples *read_file(const char *name) {
+    format_file files[FORMAT_FILES];
+    format_bytes rgl;
+    format_files(files, &rgl);
+    for (int k = 0; k < FORMAT_FILES; k++) {
+        if (strcmp(files[k].name, name) == 0) {
+            gonio_samples *s;
+            gonio_error error = {0};
+            gonio_read_report report;
+            if (gonio_read(memory_file(files[k].data, files[k].size), NULL, &s, &report, &error) != GONIO_OK) {
+                fail_msg("%s: line %lld: %s", name, error.line, error.message);
+            }
+            assert_string_equal(report.format, name);
+            return s;
+        }
+    }
+    fail_msg("no file '%s'", name);
+    return NULL;
+}
+
+static void zemax(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("zemax");
+    assert_true(s->isotropic && s->n == 8);
+    has(s, 30, 30, 180, 5); // the mirror direction
+    has(s, 30, 20, 180, 6); // azimuth 0: towards the normal
+    has(s, 30, 40, 180, 8);
+    has(s, 0, 10, 180, 4); // at normal incidence azimuth 180 points away from where the light will be... to -x
+    gonio_samples_free(s);
+}
+
+// Rotations and colours: the light turns by +R; X, Y, Z of white become equal r, g, b.
+static void zemax_turned_and_coloured(void **state) {
+    (void)state;
+    gonio_samples *s =
+        read_text("Source Measured\nSymmetry ASymmetrical4D\nSpectralContent XYZ\nScatterType BRDF\n"
+                  "SampleRotation 2\n0 90\nAngleOfIncidence 1\n30\nScatterAzimuth 1\n0\nScatterRadial 2\n0 80\n\n"
+                  "TristimulusX\nDataBegin\nTIS 0.3\n0.1901 0\nTIS 0.3\n0.09505 0\nDataEnd\n"
+                  "TristimulusY\nDataBegin\nTIS 0.3\n0.2 0\nTIS 0.3\n0.1 0\nDataEnd\n"
+                  "TristimulusZ\nDataBegin\nTIS 0.3\n0.2178 0\nTIS 0.3\n0.1089 0\nDataEnd\n",
+                  NULL);
+    assert_false(s->isotropic);
+    assert_int_equal(s->n, 4);
+    assert_int_equal(s->channels, 3);
+    for (size_t i = 0; i < 4; i += 2) {
+        assert_near(s->pairs[i].phi_i, gonio_radians(i == 0 ? 0 : 90), 1e-12);
+        assert_near(remainder(s->pairs[i].phi_o - s->pairs[i].phi_i - GONIO_PI, 2 * GONIO_PI), 0, 1e-12);
+        for (size_t c = 0; c < 3; c++) {
+            assert_near(s->values[3 * i + c], i == 0 ? 0.2 : 0.1, 2e-4);
+        }
+    }
+    gonio_samples_free(s);
+}
+
+static void lighttools(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("lighttools");
+    assert_int_equal(s->n, 4);
+    has(s, 30, 30, 0, 2); // azimuth 90 is the light's own
+    has(s, 30, 30, 180, 4);
+    gonio_samples_free(s);
+}
+
+static void ssdd(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("ssdd");
+    assert_int_equal(s->channels, 2);
+    assert_string_equal(s->channel_names[1], "550nm");
+    has(s, 30, 30, 180, 3); // parameter 0 is the fastest
+    has(s, 30, 20, 180, 7);
+    has(s, 30, 40, 180, 15);
+    gonio_samples_free(s);
+    // Half and difference angles: theta_h 0, theta_d 30 is the mirror direction; theta_h 30, theta_d 0 looks back.
+    s = read_text("VERSION 0.2\nDATA_TYPE brdf\nCOLOR_MODEL monochrome\nPARAM_TYPE half_difference_coordinate_system\n"
+                  "PARAM0_LIST 0 30\nPARAM2_LIST 0 30\nPARAM3_LIST 0\nDATA ascii\n1\n2\n3\n4\n\nDATA_TYPE btdf\n",
+                  NULL);
+    has(s, 0, 0, 0, 1);
+    has(s, 30, 30, 0, 2);
+    has(s, 30, 30, 180, 3);
+    has(s, 60, 0, 0, 4);
+    gonio_samples_free(s);
+    // Absolute angles, binary.
+    static const char binary[] =
+        "VERSION 0.3\nDATA_TYPE brdf\nCOLOR_MODEL monochrome\nPARAM_TYPE "
+        "spherical_coordinate_system\nPARAM0_LIST 45\nPARAM1_LIST 0 90\nPARAM2_LIST 20\nPARAM3_LIST "
+        "180\nDATA binary\n\0\0\x80\x3f\0\0\0\x40";
+    assert_int_equal(gonio_read(memory_file((const uint8_t *)binary, sizeof binary - 1), NULL, &s, NULL, NULL),
+                     GONIO_OK);
+    has(s, 45, 20, 180, 1);
+    has(s, 45, 20, 90, 2);
+    gonio_samples_free(s);
+}
+
+static void ddr(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("ddr");
+    has(s, 30, 30, 180, 0.25 * 5 / GONIO_PI);
+    has(s, 30, 20, 180, 0.25 * 6 / GONIO_PI);
+    has(s, 0, 10, 0, 0.5 * 2 / GONIO_PI);
+    gonio_samples_free(s);
+    s = read_text(
+        "Source Measured\nTypeSym AxiSymmetrical\nTypeColorModel Spectral 1\nTypeData Intensity Absolute\nsigma 1\n60\n"
+        "phi 1\n0\ntheta 1\n0\nwl 550\nkbdf 0.5\ndef\n2\n",
+        NULL);
+    assert_string_equal(s->channel_names[0], "550nm");
+    has(s, 60, 60, 180, 0.5 * 2 / GONIO_PI / 0.5); // over the cosine of 60 deg
+    gonio_samples_free(s);
+}
+
+static void astm(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("astm");
+    assert_int_equal(s->n, 2);
+    assert_string_equal(s->channel_names[0], "r");
+    has(s, gonio_degrees(0.5), gonio_degrees(0.2), gonio_degrees(3), 4);
+    gonio_samples_free(s);
+}
+
+static void mbsdf(void **state) {
+    (void)state;
+    gonio_samples *s = read_file("mbsdf");
+    has(s, 45, 45, 45, 1); // centres of one theta and two azimuths
+    has(s, 45, 45, 135, 0.5);
+    gonio_samples_free(s);
+}
+
+static void utia(void **state) {
+    (void)state;
+    unsigned char *data = format_utia();
+    const char *path = memory_file(data, FORMAT_UTIA_NUMBERS * 8);
+    free(data);
+    gonio_samples *s;
+    gonio_error error = {0};
+    assert_int_equal(gonio_read(path, NULL, &s, NULL, &error), GONIO_E_USAGE);
+    assert_non_null(strstr(error.message, "--scale"));
+    const gonio_read_options options = {.seed = 1, .settings = {{"scale", "0.5"}}};
+    assert_int_equal(gonio_read(path, &options, &s, NULL, &error), GONIO_OK);
+    assert_int_equal(s->n, (1 + 5 * 48) * (1 + 5 * 48)); // the poles once
+    // theta_i 30, phi_i 7.5; theta_o 15, phi_o 15: row 2 * 48 + 1, column 48 + 2.
+    has(s, 30, 15, 7.5, 0.5 * (97 * 288 + 50) / FORMAT_UTIA_NUMBERS);
+    gonio_samples_free(s);
+}
+
+static void refused_with_words(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *words;
+    } bad[] = {
+        {"Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType BTDF\nAngleOfIncidence "
+         "ScatterRadial\n",
+         "transmission"},
+        {"Source Measured\nUnits degrees\nAngleOfIncidence ScatterRadial\n", "unknown keyword 'Units'"},
+        {"Source Measured\nSpectralContent Monochrome\nAngleOfIncidence 2\n30 0\nScatterRadial 1\n", "ascending"},
+        {"Source Measured\nSpectralContent Monochrome\nAngleOfIncidence 1\n30\nScatterAzimuth 1\n0\nScatterRadial "
+         "1\n0\n"
+         "Monochrome\nDataBegin\nTIS 1\n-1\n",
+         "negative"},
+        {"Source Measured\nTypeSym ASymmetrical 4D\nTypeColorModel BW\nTypeData Luminance Relative\n", "relative"},
+        {"note\nunits: degrees\nVARS theta_i,phi_i,theta_s,phi_s,R\n", "may change"},
+        {"VARS theta_i,phi_i,theta_s,phi_s,R\n1,2,3\n", "expected 5 columns"},
+        {"NUM_POINTS 3\nVARS theta_i,phi_i,theta_s,phi_s,R\n0,0,0,0,1\n", "NUM_POINTS states 3"},
+        {"VERSION 0.3\nDATA_TYPE btdf\n", "expected brdf"},
+        {"VERSION 0.3\nDATA_TYPE brdf\nCOLOR_MODEL rgb\nPARAM_TYPE distorted_spherical_coordinate_system\n",
+         "PARAM_TYPE"},
+        {"VERSION 0.3\nDATA_TYPE brdf\nPOLARISATION s\n", "unknown entry"},
+        {"Symmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterAzimuth 1\n0\nScatterRadial "
+         "1\n0\nDataBegin\nAOI 30\n"
+         "POI 45\nTIS 0\n1\nDataEnd\n",
+         "POI 45"},
+    };
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        gonio_samples *s;
+        gonio_error error = {.line = -1};
+        const char *path = memory_file((const uint8_t *)bad[k].text, strlen(bad[k].text));
+        assert_int_equal(gonio_read(path, NULL, &s, NULL, &error), GONIO_E_INPUT);
+        if (strstr(error.message, bad[k].words) == NULL || error.line < 1) {
+            fail_msg("line %lld: %s; expected '%s'", error.line, error.message, bad[k].words);
+        }
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(zemax),
+        cmocka_unit_test(zemax_turned_and_coloured),
+        cmocka_unit_test(lighttools),
+        cmocka_unit_test(ssdd),
+        cmocka_unit_test(ddr),
+        cmocka_unit_test(astm),
+        cmocka_unit_test(mbsdf),
+        cmocka_unit_test(utia),
+        cmocka_unit_test(refused_with_words),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
