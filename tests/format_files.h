@@ -67,7 +67,7 @@ static inline void format_rgl(format_bytes *b) {
     "<AngleBasisBlock><nPhis>" n "</nPhis><ThetaBounds><LowerTheta>" low "</LowerTheta><UpperTheta>" high              \
     "</UpperTheta></ThetaBounds></AngleBasisBlock>"
 
-enum { FORMAT_FILES = 14 };
+enum { FORMAT_FILES = 16 };
 
 // rgl holds the bytes of the last file.
 static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
@@ -97,12 +97,11 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
         {"zemax", "zemax",
          "# a\nSource Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType "
          "BRDF\nSampleRotation 1\n"
-         "0\nAngleOfIncidence 2\n0 30\nScatterAzimuth 2\n0 180\nScatterRadial 2\n0 10\n\nMonochrome\nDataBegin\nTIS "
-         "0.5\n"
-         "1 2\n3 4\nTIS 0.5\n5 6\n7 8\nDataEnd\n"},
+         "0\nAngleOfIncidence 2\n0 30\nScatterAzimuth 2\n0 180\nScatterRadial 2\n0 10\n\nMonochrome\nDataBegin\nTIS 0\n"
+         "1 2\n3 4\nTIS 0\n5 6\n7 8\nDataEnd\n"},
         {"lighttools", "lighttools",
          "Symmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterAzimuth 2\n90 270\nScatterRadial 2\n0 30\n"
-         "DataBegin\nAOI 30\nPOI 0\nSide Front\nWavelength 550\nScatterType BRDF\nTIS 0.5\n1 2\n3 4\nAOI 0\nSide Back\n"
+         "DataBegin\nAOI 30\nPOI 0\nSide Front\nWavelength 550\nScatterType BRDF\nTIS 0\n1 2\n3 4\nAOI 0\nSide Back\n"
          "ScatterType BTDF\nTIS 0\n0 0 0 0\nDataEnd\n"},
         {"ssdd", "ssdd",
          "VERSION 0.3\nSOFTWARE a\nDATA_TYPE brdf\nCOLOR_MODEL spectrum\nWAVELENGTH_LIST 450 550\nPARAM_TYPE "
@@ -113,6 +112,14 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
          ";; a\nSource Measured\nTypeSym PlaneSymmetrical\nTypeColorModel BW\nTypeData Luminance Absolute\nsigma 2\n0 "
          "30\n"
          "phi 2\n0 180\ntheta 2\n0 10\nbw\nkbdf 0.5 0.25\ndef\n;; b\n1 2\n3 4\n5 6\n7 8\n"},
+        {"speos", "speos",
+         "OPTIS - brdf surface file v8.0\n0\na comment\n8\ntwo\nbit\n1\t0\n1\n1\t2\n30\n450 550\n50\n2 2\n\t0\t180\n0 "
+         "1 1\n90 1 1\n"
+         "25\n2 2\n\t0\t180\n0 2 2\n90 2 2\n"},
+        {"pab", "pab",
+         "#sample_name \"a\"\n#format: theta phi DSF\n#intheta 30\n#inphi 180\n#colorimetry: CIE-Y\n60 0 0.5\n10.5 12 "
+         "0.25\n"
+         "120 0 3\n20 300 0.125\n"},
         {"astm", "astm",
          "a line\nNUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,R,G,B\n0.1,0,0.2,3,1,2,3\n0.5,0,0.2,3,4,5,6\n"},
         {"tree", "radiance",

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// OPTIS / Ansys Speos .brdf, text of version 8: for each incidence and wavelength a reflectance in per cent and a table
+// over theta and phi, whose mirror direction lies at phi = 0. The table gives the shape, the percentage its scale: the
+// hemisphere's integral of f_r cos(theta_o), by the trapezoidal rule over the table.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/number.h"
+#include "io/optics/grid.h"
+
+#define MAGIC "OPTIS - brdf surface file v"
+enum { ANGLES_MAX = 100000 };
+
+static bool recognise(const gonio_source *source) {
+    return source->size > sizeof MAGIC && memcmp(source->data, MAGIC, sizeof MAGIC - 1) == 0;
+}
+
+// The tables of one incidence: angles that all its wavelengths share, values[wavelength][theta][phi].
+typedef struct tables {
+    int thetas, phis;
+    double *theta, *phi, *values;
+} tables;
+
+typedef struct speos {
+    gonio_words words;
+    gonio_negatives policy;
+    gonio_samples *samples;
+    gonio_read_report report;
+    bool intensity;
+    int incidences, wavelengths;
+    double *incidence;
+} speos;
+
+static gonio_status count(speos *s, const char *what, int most, int *n, gonio_error *error) {
+    double value;
+    const gonio_status status = gonio_word_number(&s->words, what, &value, error);
+    *n = status == GONIO_OK && value >= 1 && value <= most && value == floor(value) ? (int)value : 0;
+    return status != GONIO_OK || *n > 0
+               ? status
+               : gonio_text_fail(&s->words.text, error, "%s: expected 1 to %d, found %g", what, most, value);
+}
+
+// ---- the head ----
+
+// A description of so many bytes, over as many lines as they take.
+static gonio_status skip_description(speos *s, gonio_error *error) {
+    double bytes;
+    const gonio_status status = gonio_word_number(&s->words, "length of the description", &bytes, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    s->words.rest = NULL;
+    for (double seen = 0; seen < bytes;) {
+        const char *line = gonio_text_line(&s->words.text);
+        if (line == NULL) {
+            return gonio_text_fail(&s->words.text, error, "the file ends inside its description");
+        }
+        seen += (double)strlen(line) + 1;
+    }
+    return GONIO_OK;
+}
+
+static gonio_status read_kind(speos *s, gonio_error *error) {
+    int reflection, transmission, bsdf;
+    const char *version = gonio_text_line(&s->words.text) + sizeof MAGIC - 1;
+    if (strncmp(version, "8.", 2) != 0) {
+        return gonio_text_fail(&s->words.text, error, "version '%.20s' of a Speos brdf; 8.0 is read", version);
+    }
+    gonio_status status = gonio_word_choice(&s->words, "text (0) or binary", "0", &bsdf, error);
+    s->words.rest = gonio_text_line(&s->words.text); // a comment
+    s->words.rest = NULL;
+    status = status == GONIO_OK ? skip_description(s, error) : status;
+    status = status == GONIO_OK ? gonio_word_choice(&s->words, "reflection (1)", "1", &reflection, error) : status;
+    status = status == GONIO_OK ? gonio_word_choice(&s->words, "transmission", "0|1", &transmission, error) : status;
+    status = status == GONIO_OK ? gonio_word_choice(&s->words, "intensity or bsdf", "0|1", &bsdf, error) : status;
+    s->intensity = bsdf == 0;
+    return status;
+}
+
+static gonio_status name_channels(speos *s, gonio_error *error) {
+    gonio_status status = gonio_samples_new(s->wavelengths, false, &s->samples, error);
+    for (int k = 0; status == GONIO_OK && k < s->wavelengths; k++) {
+        double nm;
+        status = gonio_word_number(&s->words, "wavelength", &nm, error);
+        if (status == GONIO_OK && !(nm >= 1 && nm <= 1e6)) {
+            status = gonio_text_fail(&s->words.text, error, "wavelength: expected 1 to 1e6 nm, found %g", nm);
+        }
+        if (status == GONIO_OK) {
+            gonio_number_format(s->samples->channel_names[k], GONIO_CHANNEL_NAME_MAX, "%.10gnm", nm);
+        }
+    }
+    return status;
+}
+
+static gonio_status read_head(speos *s, gonio_error *error) {
+    gonio_status status = read_kind(s, error);
+    status = status == GONIO_OK ? count(s, "number of incidences", ANGLES_MAX, &s->incidences, error) : status;
+    status =
+        status == GONIO_OK ? count(s, "number of wavelengths", GONIO_CHANNELS_MAX, &s->wavelengths, error) : status;
+    if (status == GONIO_OK && (s->incidence = malloc((size_t)s->incidences * sizeof(double))) == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %d angles", s->incidences);
+    }
+    for (int k = 0; status == GONIO_OK && k < s->incidences; k++) {
+        status = gonio_word_number(&s->words, "incidence", &s->incidence[k], error);
+        if (status == GONIO_OK && !(s->incidence[k] >= 0 && s->incidence[k] <= 90)) {
+            status =
+                gonio_text_fail(&s->words.text, error, "incidence: expected 0 to 90 deg, found %g", s->incidence[k]);
+        }
+    }
+    return status == GONIO_OK ? name_channels(s, error) : status;
+}
+
+// ---- the tables ----
+
+static gonio_status allocate(speos *s, tables *t, int thetas, int phis, gonio_error *error) {
+    if (t->values != NULL) {
+        return t->thetas == thetas && t->phis == phis
+                   ? GONIO_OK
+                   : gonio_text_fail(&s->words.text, error,
+                                     "a table of %d x %d; the first wavelength of this incidence has %d x %d", thetas,
+                                     phis, t->thetas, t->phis);
+    }
+    const size_t n = (size_t)thetas * (size_t)phis;
+    if (n > ((size_t)1 << 26) / (size_t)s->wavelengths) {
+        return gonio_text_fail(&s->words.text, error, "too many values");
+    }
+    t->thetas = thetas;
+    t->phis = phis;
+    t->theta = calloc((size_t)thetas, sizeof *t->theta);
+    t->phi = calloc((size_t)phis, sizeof *t->phi);
+    t->values = malloc(n * (size_t)s->wavelengths * sizeof *t->values);
+    return t->theta != NULL && t->phi != NULL && t->values != NULL
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_MEMORY, "no memory for a table");
+}
+
+// An angle of the first wavelength, or the same again; ascending.
+static gonio_status angle(speos *s, const char *what, double high, double *list, int k, bool first,
+                          gonio_error *error) {
+    double value;
+    const gonio_status status = gonio_word_number(&s->words, what, &value, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (!(value >= 0 && value <= high) || (k > 0 && value <= list[k - 1]) || (!first && value != list[k])) {
+        return gonio_text_fail(&s->words.text, error,
+                               first ? "%s: expected ascending angles of 0 to %g deg, found %g"
+                                     : "%s: expected the angles of the first wavelength (0 to %g), found %g",
+                               what, high, value);
+    }
+    list[k] = value;
+    return GONIO_OK;
+}
+
+static gonio_status value(speos *s, double *to, gonio_error *error) {
+    const gonio_status status = gonio_word_number(&s->words, "value", to, error);
+    if (status != GONIO_OK || *to >= 0) {
+        return status;
+    }
+    s->report.first_negative_line = s->report.negatives++ == 0 ? s->words.text.line : s->report.first_negative_line;
+    if (s->policy == GONIO_NEGATIVES_CLAMP) {
+        s->report.clamped++;
+        *to = 0;
+    }
+    return s->policy >= GONIO_NEGATIVES_CLAMP
+               ? GONIO_OK
+               : gonio_text_fail(&s->words.text, error, "negative value %g; --negatives clamp or keep lets it pass",
+                                 *to);
+}
+
+// The projected solid angle's integral: 0 to 180 deg stand for both halves, one phi for all.
+static double integral(const tables *t, const double *v) {
+    double sum = 0;
+    for (int i = 0; i + 1 < t->thetas; i++) {
+        const double low = sin(gonio_radians(t->theta[i])), high = sin(gonio_radians(fmin(t->theta[i + 1], 90)));
+        const double ring = fmax(high * high - low * low, 0) / 2;
+        const double *a = v + (size_t)i * (size_t)t->phis, *b = a + t->phis;
+        double mean = t->phis == 1 ? (a[0] + b[0]) * GONIO_PI : 0;
+        for (int k = 0; k + 1 < t->phis; k++) {
+            mean += (a[k] + a[k + 1] + b[k] + b[k + 1]) / 4 * gonio_radians(t->phi[k + 1] - t->phi[k]);
+        }
+        sum += ring * mean;
+    }
+    const double span = t->phis > 1 ? t->phi[t->phis - 1] - t->phi[0] : 360;
+    return span > 0 ? sum * 360 / span : 0;
+}
+
+static gonio_status read_table(speos *s, tables *t, int wavelength, gonio_error *error) {
+    const bool first = t->values == NULL;
+    double percent;
+    int thetas = 0, phis = 0;
+    gonio_status status = gonio_word_number(&s->words, "reflectance in per cent", &percent, error);
+    if (status == GONIO_OK && !(percent >= 0 && percent <= 1000)) {
+        status = gonio_text_fail(&s->words.text, error, "a reflectance of %g %%", percent);
+    }
+    status = status == GONIO_OK ? count(s, "number of thetas", ANGLES_MAX, &thetas, error) : status;
+    status = status == GONIO_OK ? count(s, "number of phis", ANGLES_MAX, &phis, error) : status;
+    status = status == GONIO_OK ? allocate(s, t, thetas, phis, error) : status;
+    for (int k = 0; status == GONIO_OK && k < phis; k++) {
+        status = angle(s, "phi", 360, t->phi, k, first, error);
+    }
+    double *v = status == GONIO_OK ? t->values + (size_t)wavelength * (size_t)thetas * (size_t)phis : NULL;
+    for (int i = 0; status == GONIO_OK && i < thetas; i++) {
+        status = angle(s, "theta", 90, t->theta, i, first, error);
+        for (int k = 0; status == GONIO_OK && k < phis; k++) {
+            double *to = &v[(size_t)i * (size_t)phis + (size_t)k];
+            status = value(s, to, error);
+            *to /= s->intensity ? fmax(cos(gonio_radians(t->theta[i])), 1e-4) : 1;
+        }
+    }
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const double whole = integral(t, v);
+    if (!(whole > 0) && percent > 0) {
+        return gonio_text_fail(&s->words.text, error, "a table without any light, of %g %% reflectance", percent);
+    }
+    for (size_t k = 0; k < (size_t)thetas * (size_t)phis; k++) {
+        v[k] *= whole > 0 ? percent / 100 / whole : 0;
+    }
+    return GONIO_OK;
+}
+
+static gonio_status add_tables(speos *s, const tables *t, double incidence, gonio_error *error) {
+    double *values = calloc((size_t)s->wavelengths, sizeof *values);
+    gonio_status status = values != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a sample");
+    for (int i = 0; status == GONIO_OK && i < t->thetas; i++) {
+        for (int k = 0; status == GONIO_OK && k < t->phis; k++) {
+            s->report.rows++;
+            // The pole is one direction, and so are 0 and 360 deg.
+            if ((t->theta[i] == 0 && k > 0) || (k > 0 && t->phi[k] - t->phi[0] == 360)) {
+                continue;
+            }
+            for (int w = 0; w < s->wavelengths; w++) {
+                values[w] = t->values[((size_t)w * (size_t)t->thetas + (size_t)i) * (size_t)t->phis + (size_t)k];
+            }
+            const double phi = remainder(t->phi[k] + 180, 360);
+            const gonio_pair pair = {gonio_angle_canonical(gonio_radians(incidence)), 0,
+                                     gonio_angle_canonical(gonio_radians(t->theta[i])),
+                                     gonio_angle_canonical(gonio_radians(phi))};
+            status = gonio_samples_add(s->samples, &pair, values, NULL, NULL, error);
+        }
+    }
+    free(values);
+    return status;
+}
+
+static gonio_status read_incidence(speos *s, int k, gonio_error *error) {
+    tables t = {0};
+    gonio_status status = GONIO_OK;
+    for (int w = 0; status == GONIO_OK && w < s->wavelengths; w++) {
+        status = read_table(s, &t, w, error);
+    }
+    status = status == GONIO_OK ? add_tables(s, &t, s->incidence[k], error) : status;
+    free(t.theta);
+    free(t.phi);
+    free(t.values);
+    return status;
+}
+
+static gonio_status read_speos(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                               gonio_read_report *report, gonio_error *error) {
+    speos s = {.words = gonio_words_begin(source, "\1"), // the format has no comments but its third line
+               .policy = (gonio_negatives)values->at[0].choice,
+               .report = {.format = "speos", .first_negative_line = -1}};
+    s.report.open_end = s.words.open_end;
+    gonio_status status = read_head(&s, error);
+    for (int k = 0; status == GONIO_OK && k < s.incidences; k++) {
+        status = read_incidence(&s, k, error);
+    }
+    free(s.incidence);
+    if (status != GONIO_OK) {
+        gonio_samples_free(s.samples);
+        s.samples = NULL;
+    } else if (report != NULL) {
+        *report = s.report;
+    }
+    *out = s.samples;
+    return status;
+}
+
+static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+
+const gonio_format gonio_format_speos = {.name = "speos",
+                                         .summary = "Speos brdf text",
+                                         .extensions = ".brdf",
+                                         .recognise = recognise,
+                                         .read = read_speos,
+                                         .options = options};
