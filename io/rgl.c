@@ -9,7 +9,9 @@
 // field is interpolated linearly over theta_i and phi_i. rgb has out-of-gamut negatives, raised to 0 as the published
 // evaluator does; the cosine is divided out here.
 //
-// Only isotropic files (one phi_i) are read.
+// Up to two phi_i are an isotropic file, whose half vector's azimuth counts from the light's. With more it is
+// anisotropic and counts from the mark; a file over half or a quarter of a turn, [-pi, 0] or [-pi, -pi/2], stands for
+// the rest by a half turn or by two mirror planes (Mitsuba 3's `measured` reads it so).
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -167,16 +169,18 @@ typedef struct stack {
 
 typedef struct rgl_model {
     gonio_model head;
-    size_t n_theta;
-    double *theta_i;                 // ascending, rad
+    size_t n_phi, n_theta;
+    double *phi_i, *theta_i;         // ascending, rad
+    int reduction;                   // the files' phi_i cover a turn over 1, 2 or 4
     bool jacobian;                   // the stored spectra are without ndf/(4 sigma)
-    stack ndf, sigma, vndf, spectra; // spectra: slices = n_theta x channels
+    stack ndf, sigma, vndf, spectra; // spectra: slices = n_phi x n_theta (x channels)
     float *conditional, *marginal;   // of vndf: running integrals along each row, and over the rows
     char (*names)[32];
 } rgl_model;
 
 static void release(gonio_model *model) {
     rgl_model *m = (rgl_model *)model;
+    free(m->phi_i);
     free(m->theta_i);
     free(m->ndf.values);
     free(m->sigma.values);
@@ -205,28 +209,39 @@ static double bilinear(const stack *s, size_t slice, double x, double y) {
     return (1 - fy) * low + fy * high;
 }
 
-// Which slices to blend for an incident angle.
+// Which slices to blend for an incident direction.
 typedef struct blend {
-    size_t slice[2];
-    double weight[2];
+    size_t slice[4];
+    double weight[4];
 } blend;
 
-static blend over_theta(const rgl_model *m, double theta) {
+// The lower of the two nodes around x, and the upper one's weight; held at the ends.
+static size_t between(const double *nodes, size_t n, double x, double *weight) {
     size_t low = 0;
-    if (m->n_theta == 1) {
-        return (blend){{0, 0}, {1, 0}};
-    }
-    while (low + 2 < m->n_theta && m->theta_i[low + 1] <= theta) {
+    *weight = 0;
+    while (low + 2 < n && nodes[low + 1] <= x) {
         low++;
     }
-    const double span = m->theta_i[low + 1] - m->theta_i[low];
-    const double w = fmin(fmax((theta - m->theta_i[low]) / span, 0), 1);
-    return (blend){{low, low + 1}, {1 - w, w}};
+    if (n > 1) {
+        *weight = fmin(fmax((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0), 1);
+    }
+    return low;
+}
+
+static blend slices_at(const rgl_model *m, double phi, double theta) {
+    double wp, wt;
+    const size_t p = between(m->phi_i, m->n_phi, phi, &wp), t = between(m->theta_i, m->n_theta, theta, &wt);
+    blend b;
+    for (size_t k = 0; k < 4; k++) {
+        b.weight[k] = (k & 2 ? wp : 1 - wp) * (k & 1 ? wt : 1 - wt);
+        b.slice[k] = b.weight[k] > 0 ? (p + (k >> 1)) * m->n_theta + t + (k & 1) : 0;
+    }
+    return b;
 }
 
 static double mixed(const float *values, const blend *b, size_t stride, size_t offset) {
     double sum = 0;
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < 4; k++) {
         sum += b->weight[k] > 0 ? b->weight[k] * (double)values[b->slice[k] * stride + offset] : 0;
     }
     return sum;
@@ -256,13 +271,24 @@ static double u_phi(double phi) {
     return u - floor(u);
 }
 
+// Turn a pair of a reduced file to where its phi_i are.
+static void reduce(int reduction, gonio_vec3 *wi, gonio_vec3 *wo) {
+    const bool turn = wi->y > 0 || (wi->y == 0 && wi->x > 0);
+    const double sy = turn ? -1 : 1, sx = reduction == 4 ? (wi->x > 0 ? -1 : 1) : sy;
+    wi->x *= sx, wi->y *= sy;
+    wo->x *= sx, wo->y *= sy;
+}
+
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const rgl_model *m = (const rgl_model *)model;
+    if (m->reduction > 1) {
+        reduce(m->reduction, &wi, &wo);
+    }
     const gonio_vec3 half = {wi.x + wo.x, wi.y + wo.y, wi.z + wo.z};
     const double theta_i = gonio_direction_theta(wi), phi_i = gonio_direction_phi(wi);
     const double x_m = u_theta(fmin(gonio_direction_theta(half), GONIO_PI / 2));
-    const double y_m = u_phi(gonio_direction_phi(half) - phi_i);
-    const blend b = over_theta(m, theta_i);
+    const double y_m = u_phi(gonio_direction_phi(half) - (model->isotropic ? phi_i : 0));
+    const blend b = slices_at(m, phi_i, theta_i);
     double x = x_m, y = y_m;
     unwarp(m, &b, &x, &y);
     const double sigma = bilinear(&m->sigma, 0, u_theta(theta_i), u_phi(phi_i));
@@ -273,7 +299,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     scale /= fmax(wo.z, COSINE_MIN);
     for (size_t c = 0; c < (size_t)model->channels; c++) {
         double f = 0;
-        for (int k = 0; k < 2; k++) {
+        for (int k = 0; k < 4; k++) {
             f += b.weight[k] > 0 ? b.weight[k] * bilinear(&m->spectra, b.slice[k] * (size_t)model->channels + c, x, y)
                                  : 0;
         }
@@ -309,21 +335,43 @@ static gonio_status copy_stack(const tensor_file *file, const field *f, stack *s
     return GONIO_OK;
 }
 
-static gonio_status copy_thetas(const tensor_file *file, const field *f, rgl_model *m, gonio_error *error) {
-    m->n_theta = f->count;
-    m->theta_i = malloc(f->count * sizeof *m->theta_i);
-    if (m->theta_i == NULL) {
+// Ascending angles, rad.
+static gonio_status copy_angles(const tensor_file *file, const field *f, double low, double high, double **out,
+                                size_t *n, gonio_error *error) {
+    *n = f->count;
+    double *angles = malloc(f->count * sizeof *angles);
+    *out = angles;
+    if (angles == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu angles", f->count);
     }
     for (size_t k = 0; k < f->count; k++) {
-        m->theta_i[k] = (double)float_at(f, k);
-        if (!(m->theta_i[k] >= (k > 0 ? m->theta_i[k - 1] + 1e-9 : 0) && m->theta_i[k] < 1.6)) {
-            return gonio_fail_byte(error, GONIO_E_INPUT, file->source->path,
-                                   f->data - file->source->data + (long long)(4 * k),
-                                   "field 'theta_i': expected ascending angles of 0 to pi/2");
+        angles[k] = (double)float_at(f, k);
+        if (!(angles[k] >= (k > 0 ? angles[k - 1] + 1e-9 : low) && angles[k] <= high)) {
+            return gonio_fail_byte(
+                error, GONIO_E_INPUT, file->source->path, f->data - file->source->data + (long long)(4 * k),
+                "field '%s': expected ascending angles of %g to %g, found %g", f->name, low, high, angles[k]);
         }
     }
     return GONIO_OK;
+}
+
+#define TURN_SLACK 1e-3 // of angles in single precision
+
+// What part of a turn the phi_i of an anisotropic file cover.
+static gonio_status set_reduction(const tensor_file *file, rgl_model *m, gonio_error *error) {
+    m->reduction = 1;
+    m->head.isotropic = m->n_phi <= 2;
+    if (m->head.isotropic) {
+        return GONIO_OK;
+    }
+    const double first = m->phi_i[0], last = m->phi_i[m->n_phi - 1];
+    for (m->reduction = 1; m->reduction <= 4; m->reduction *= 2) {
+        if (fabs(first + GONIO_PI) < TURN_SLACK && fabs(last - first - 2 * GONIO_PI / m->reduction) < TURN_SLACK) {
+            return GONIO_OK;
+        }
+    }
+    return gonio_fail_byte(error, GONIO_E_INPUT, file->source->path, HEADER,
+                           "phi_i of %g to %g; expected -pi to pi, to 0 or to -pi/2", first, last);
 }
 
 // vndf scaled to integrate to 1 in each slice, with the running integrals (trapezoids: the density is bilinear).
@@ -393,19 +441,17 @@ static gonio_status load(const tensor_file *file, rgl_model *m, gonio_error *err
             return status;
         }
     }
-    if (f[0]->count > 2) {
-        return gonio_fail_byte(error, GONIO_E_UNSUPPORTED, file->source->path, HEADER,
-                               "an anisotropic RGL file (%zu phi_i); only isotropic ones are read", f[0]->count);
-    }
-    const size_t n = f[1]->count, channels = f[5]->shape[2];
-    if (f[0]->count != 1 || f[4]->shape[0] != 1 || f[4]->shape[1] != n || f[5]->shape[0] != 1 || f[5]->shape[1] != n ||
+    const size_t turns = f[0]->count, n = f[1]->count, channels = f[5]->shape[2];
+    if (f[4]->shape[0] != turns || f[4]->shape[1] != n || f[5]->shape[0] != turns || f[5]->shape[1] != n ||
         channels > GONIO_CHANNELS_MAX) {
         return bad(file, HEADER, error, "the fields' shapes do not fit together");
     }
     m->head.channels = (int)channels;
     const field *jacobian = find(file, "jacobian");
     m->jacobian = jacobian == NULL || jacobian->data[0] != 0;
-    gonio_status status = copy_thetas(file, f[1], m, error);
+    gonio_status status = copy_angles(file, f[0], -3.2, 6.3, &m->phi_i, &m->n_phi, error);
+    status = status == GONIO_OK ? copy_angles(file, f[1], 0, 1.6, &m->theta_i, &m->n_theta, error) : status;
+    status = status == GONIO_OK ? set_reduction(file, m, error) : status;
     stack *const stacks[4] = {&m->sigma, &m->ndf, &m->vndf, &m->spectra};
     for (int k = 0; k < 4 && status == GONIO_OK; k++) {
         status = copy_stack(file, f[k + 2], stacks[k], error);
@@ -425,7 +471,6 @@ static gonio_status table_rgl(const gonio_source *source, gonio_model **out, gon
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
     } else {
         m->head.ops = &ops;
-        m->head.isotropic = true;
         status = parse_container(source, file, error);
     }
     status = status == GONIO_OK ? load(file, m, error) : status;
@@ -448,7 +493,7 @@ static gonio_status read_rgl(const gonio_source *source, const gonio_format_valu
         return status;
     }
     char text[64];
-    snprintf(text, sizeof text, "nusselt:%zu", values->at[0].count);
+    snprintf(text, sizeof text, "nusselt:%zu%s", values->at[0].count, model->isotropic ? "" : ",anisotropic=1");
     gonio_plan *plan;
     status = gonio_plan_make(text, values->seed, &plan, error);
     if (status == GONIO_OK) {
