@@ -23,6 +23,17 @@ int gonio_keep_out_zone(gonio_keep_out *keep_out, const char *name) {
     return keep_out->n++;
 }
 
+// The box between two places meets the zone where their intervals do in every axis.
+static bool sweeps(const gonio_zone *zone, const double from_deg[GONIO_AXES], const double to_deg[GONIO_AXES]) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (fmax(from_deg[k], to_deg[k]) < zone->minimum_deg[k] ||
+            fmin(from_deg[k], to_deg[k]) > zone->maximum_deg[k]) {
+            return false;
+        }
+    }
+    return true;
+}
+
 // Slabs: the part of the line (0 to 1) inside each axis's interval; what all share is inside the box.
 static bool meets(const gonio_zone *zone, const double from_deg[GONIO_AXES], const double to_deg[GONIO_AXES],
                   double *where) {
@@ -61,6 +72,13 @@ gonio_status gonio_keep_out_check(const gonio_keep_out *keep_out, const double f
     }
     for (int i = 0; i < keep_out->n; i++) {
         const gonio_zone *zone = &keep_out->zones[i];
+        if (keep_out->independent && sweeps(zone, from_deg, to_deg)) {
+            return gonio_fail(
+                error, GONIO_E_RANGE,
+                "keep-out zone '%s': the axes move each at its own pace and may meet it on the way; go by "
+                "places from which single axes lead past it",
+                zone->name);
+        }
         if (meets(zone, from_deg, to_deg, &where)) {
             double at[GONIO_AXES];
             for (int k = 0; k < GONIO_AXES; k++) {
@@ -151,6 +169,7 @@ gonio_status gonio_keep_out_guard(const gonio_keep_out *keep_out, gonio_rig *rig
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for keep-out zones");
     }
     *g = (guard){*keep_out, rig->stage, rig->stage_device, guard_ops};
+    g->keep_out.independent = g->ops.independent = rig->stage->independent;
     g->ops.audit = rig->stage->audit != NULL ? guard_audit : NULL;
     rig->stage = &g->ops;
     rig->stage_device = g;

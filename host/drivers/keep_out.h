@@ -18,6 +18,7 @@ typedef struct gonio_zone {
 typedef struct gonio_keep_out {
     int n;
     gonio_zone zones[GONIO_ZONES_MAX];
+    bool independent; // the axes move each at its own pace: all of the box between two places counts as the way
     double retro_deg; // light and camera directions nearer than this: the camera shadows the light; 0: not checked
 } gonio_keep_out;
 

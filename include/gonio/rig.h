@@ -69,6 +69,7 @@ typedef struct gonio_stage_ops {
     // because positions were lost in between. GONIO_E_MISMATCH where it is more than the stage is allowed: steps were
     // lost. The stage is homed either way.
     gonio_status (*audit)(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error);
+    bool independent; // the axes move each at its own pace: a move may pass any place of the box between its ends
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----
