@@ -4,17 +4,14 @@
 #define GONIO_DRIVERS_METER_USBTMC_H
 
 #include "gonio/rig.h"
+#include "host/drivers/scpi_meter.h"
 #include "host/transport/usbtmc.h"
 
 typedef struct gonio_meter_usbtmc_config {
     gonio_usbtmc_match match;
-    char setup[256];       // SCPI sent once after opening; empty: nothing
-    char query[128];       // "MEAS:POW?"
-    double scale;          // unit of the answer to unit of the readings; 1
-    double relative_sigma; // stated relative standard uncertainty of one reading (k = 1)
-    int retries;           // of one query; 3
-    int timeout_ms;        // of one query; 2000
-    double replug_s;       // wait this long for an unplugged meter to come back; 10
+    gonio_scpi_config scpi;
+    int timeout_ms;  // of one query; 2000
+    double replug_s; // wait this long for an unplugged meter to come back; 10
 } gonio_meter_usbtmc_config;
 
 void gonio_meter_usbtmc_defaults(gonio_meter_usbtmc_config *config);

@@ -28,8 +28,7 @@ typedef struct stage {
 } stage;
 
 void gonio_stage_lines_defaults(gonio_stage_lines_config *config) {
-    *config = (gonio_stage_lines_config){
-        .line = {.baud = 115200, .parity = 'N', .timeout_ms = 1000}, .table = "grbl", .retries = 3};
+    *config = (gonio_stage_lines_config){.line = {.baud = 115200, .timeout_ms = 1000}, .table = "grbl", .retries = 3};
     for (int k = 0; k < GONIO_AXES; k++) {
         config->axes[k] =
             (gonio_lines_axis){.units_per_deg = 1, .speed_deg_per_s = 10, .min_deg = -360, .max_deg = 360};
@@ -447,20 +446,12 @@ gonio_status gonio_stage_lines_open(const gonio_stage_lines_config *config, void
 
 typedef gonio_stage_lines_config settings;
 
-static bool parse_parity(const char *text, void *value) {
-    const bool good = (text[0] == 'N' || text[0] == 'E' || text[0] == 'O') && text[1] == 0;
-    if (good) {
-        *(char *)value = text[0];
-    }
-    return good;
-}
-
-static const gonio_key_form parity = {"N, E or O", parse_parity, NULL};
+GONIO_KEY_NAMES(parities, "N", "E", "O")
 #define KEY(text, kind, member) .section = "stage", GONIO_KEY_NAMED(settings, member, text, kind)
 #define ONE(number, title, text, kind, member)                                                                         \
     .section = title, GONIO_KEY_NAMED(settings, axes[number].member, text, kind)
 #define AXIS(title, number)                                                                                            \
-    {ONE(number, title, "name", TEXT, name)}, {ONE(number, title, "units_per_deg", REAL, units_per_deg), -1e9, 1e9},   \
+    {ONE(number, title, "name", LINE, name)}, {ONE(number, title, "units_per_deg", REAL, units_per_deg), -1e9, 1e9},   \
         {ONE(number, title, "speed_deg_per_s", REAL, speed_deg_per_s), 1e-3, 1e4, .shared = true},                     \
         {ONE(number, title, "min_deg", REAL, min_deg), -3600, 3600, .shared = true},                                   \
         {ONE(number, title, "max_deg", REAL, max_deg), -3600, 3600, .shared = true},                                   \
@@ -471,7 +462,7 @@ static const gonio_key_form parity = {"N, E or O", parse_parity, NULL};
     }
 static const gonio_key keys[] = {{KEY("port", LINE, line.port)},
                                  {KEY("baud", INTEGER, line.baud), 1200, 921600},
-                                 {KEY("parity", OWN, line.parity), .form = &parity},
+                                 {KEY("parity", CHOICE, line.parity), .names = parities},
                                  {KEY("timeout_ms", INTEGER, line.timeout_ms), 10, 100000},
                                  {KEY("retries", INTEGER, retries), 0, 100},
                                  {KEY("table", LINE, table)},

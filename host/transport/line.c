@@ -65,7 +65,7 @@ static gonio_status open_serial(gonio_line *line, gonio_error *error) {
     cfmakeraw(&mode);
     mode.c_cflag &= ~(tcflag_t)(PARENB | PARODD | CSTOPB | CRTSCTS);
     mode.c_cflag |=
-        CLOCAL | CREAD | (line->config.parity != 'N' ? PARENB : 0u) | (line->config.parity == 'O' ? PARODD : 0u);
+        CLOCAL | CREAD | (line->config.parity != 0 ? PARENB : 0u) | (line->config.parity == 2 ? PARODD : 0u);
     mode.c_cc[VMIN] = 0;
     mode.c_cc[VTIME] = 0;
     if (cfsetspeed(&mode, speed) != 0 || tcsetattr(line->fd, TCSANOW, &mode) != 0) {

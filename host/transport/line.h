@@ -15,7 +15,7 @@ enum { GONIO_LINE_MAX = 1024 }; // bytes of an answer
 typedef struct gonio_line_config {
     char port[256]; // "/dev/ttyUSB0" or "tcp:HOST:PORT"
     int baud;       // of a serial device; 8 data bits
-    char parity;    // 'N', 'E', 'O'
+    int parity;     // 0 none, 1 even, 2 odd
     int timeout_ms; // of one answer
 } gonio_line_config;
 

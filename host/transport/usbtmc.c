@@ -308,6 +308,9 @@ gonio_status gonio_usbtmc_clear(gonio_usbtmc *device, gonio_error *error) {
     if (code != 0) {
         return fail_usb(device, code, "INITIATE_CLEAR", error);
     }
+    if (reply[0] != STATUS_SUCCESS) { // section 4.2.1.6: anything else, and it has not begun
+        return gonio_fail(error, GONIO_E_DEVICE, "INITIATE_CLEAR: the device answers status 0x%02x", reply[0]);
+    }
     const gonio_deadline deadline = gonio_deadline_in_ms(RECOVERY_MS);
     do {
         code = ask(device, REQUEST_TO_INTERFACE, CHECK_CLEAR_STATUS, 0, interface, reply, 2);

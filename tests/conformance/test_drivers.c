@@ -341,9 +341,11 @@ static const struct {
 } absent[] = {
     {GONIO_DEVICE_INTERLOCK, "gpio", "estop_line = gpiochip77:3\n", "gpiochip77"},
     {GONIO_DEVICE_STAGE, "modbus", "[controller]\nport = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
+    {GONIO_DEVICE_STAGE, "lines", "port = /dev/gonio-absent\n[axis light_theta]\nname = X\n", "/dev/gonio-absent"},
     {GONIO_DEVICE_LAMP, "modbus", "[controller]\nport = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
     {GONIO_DEVICE_LAMP, "gpio", "enable_line = gpiochip77:3\n", "gpiochip77"},
     {GONIO_DEVICE_METER, "usbtmc", "vendor = fffe\nproduct = fffd\nreplug_s = 0\n", "fffe"},
+    {GONIO_DEVICE_METER, "scpi", "port = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
     {GONIO_DEVICE_METER, "modbus", "[controller]\nport = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
     {GONIO_DEVICE_CAMERA, "v4l2", "device = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
 };

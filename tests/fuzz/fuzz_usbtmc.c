@@ -174,7 +174,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     gonio_meter_usbtmc_defaults(&config);
     config.replug_s = 0;
     config.timeout_ms = 1000;
-    strcpy(config.setup, "SENS:CORR:WAV 550");
+    strcpy(config.scpi.setup, "SENS:CORR:WAV 550");
     void *device = NULL;
     gonio_error error = {0};
     gonio_usbtmc_info *list;

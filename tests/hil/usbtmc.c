@@ -35,7 +35,7 @@ static gonio_meter_usbtmc_config config_of(const char *query) {
     config.match.vendor = 0x1209;
     config.timeout_ms = 700;
     config.replug_s = 10;
-    snprintf(config.query, sizeof config.query, "%s", query);
+    snprintf(config.scpi.query, sizeof config.scpi.query, "%s", query);
     return config;
 }
 

@@ -16,7 +16,13 @@
 #include <time.h>
 #include <unistd.h>
 
-typedef enum emulator_kind { EMULATOR_GRBL, EMULATOR_ESP, EMULATOR_SMC, EMULATOR_ELLIPTEC } emulator_kind;
+typedef enum emulator_kind {
+    EMULATOR_GRBL,
+    EMULATOR_ESP,
+    EMULATOR_SMC,
+    EMULATOR_ELLIPTEC,
+    EMULATOR_METER
+} emulator_kind;
 
 typedef struct emulator {
     emulator_kind kind;
@@ -30,6 +36,9 @@ typedef struct emulator {
     double lost;            // every move ends so far from its target
     double lowest, highest; // of all places that axis 0 has been sent to
     int moves, stops, homings;
+    const char *reading, *identity, *setup_error; // of a meter
+    int questions;
+    bool hang_up; // at the next question
     char line[256];
     size_t n;
     int client;
@@ -246,6 +255,30 @@ static inline bool elliptec_command(emulator *e) {
     return true;
 }
 
+// ---- SCPI ----
+
+static inline void meter_line(emulator *e, const char *line) {
+    if (strchr(line, '?') == NULL) {
+        return;
+    }
+    if (e->hang_up) {
+        e->hang_up = false;
+        close(e->client);
+        e->client = -1;
+        return;
+    }
+    if (strcmp(line, "*IDN?") == 0) {
+        emulator_say(e, e->identity);
+    } else if (strcmp(line, "SYST:ERR?") == 0) {
+        if (e->setup_error != NULL) {
+            emulator_say(e, e->setup_error);
+        }
+    } else {
+        e->questions++;
+        emulator_say(e, e->reading);
+    }
+}
+
 static inline void emulator_byte(emulator *e, char c) {
     if (e->kind == EMULATOR_GRBL && grbl_byte(e, c)) {
         return;
@@ -258,7 +291,7 @@ static inline void emulator_byte(emulator *e, char c) {
     } else if (c == '\n' || c == '\r') {
         e->line[e->n] = 0;
         if (e->n > 0) {
-            (e->kind == EMULATOR_GRBL ? grbl_line : newport_line)(e, e->line);
+            (e->kind == EMULATOR_GRBL ? grbl_line : e->kind == EMULATOR_METER ? meter_line : newport_line)(e, e->line);
         }
         e->n = 0;
     } else if (e->n < sizeof e->line - 1) {
@@ -280,10 +313,10 @@ static inline void *emulator_run(void *context) {
         } else if (at[1].revents != 0) {
             char bytes[256];
             const ssize_t n = read(e->client, bytes, sizeof bytes);
-            for (ssize_t k = 0; k < n; k++) {
+            for (ssize_t k = 0; k < n && e->client >= 0; k++) {
                 emulator_byte(e, bytes[k]);
             }
-            if (n <= 0) {
+            if (n <= 0 && e->client >= 0) {
                 close(e->client);
                 e->client = -1;
             }

@@ -91,9 +91,9 @@ static void test_reading_and_its_sigma(void **state) {
     (void)state;
     need_wrapper();
     gonio_meter_usbtmc_config config = quick();
-    config.scale = 1000;
-    config.relative_sigma = 0.01;
-    snprintf(config.setup, sizeof config.setup, "SENS:CORR:WAV 550");
+    config.scpi.scale = 1000;
+    config.scpi.relative_sigma = 0.01;
+    snprintf(config.scpi.setup, sizeof config.scpi.setup, "SENS:CORR:WAV 550");
     void *device = open_meter(&config);
     assert_string_equal(gonio_meter_usbtmc_identity(device), "GONIO,PM-1,S1,1.0");
     assert_string_equal(model.last_setup, "SENS:CORR:WAV 550\n");
