@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "host/drivers/camera_controls.h"
+#include "host/drivers/camera_keys.h"
 #include "host/drivers/driver.h"
 #include "host/drivers/lamp_gpio.h"
 #include "host/transport/clock.h"
@@ -494,7 +495,7 @@ typedef struct settings {
     gonio_v4l2_recorder *recorder;
 } settings;
 
-#define KEY(text, kind, member) .section = "camera", GONIO_KEY_NAMED(settings, member, text, kind)
+#define KEY(text, kind, member) GONIO_CAMERA_KEY(settings, text, kind, member)
 static const gonio_key keys[] = {
     {KEY("device", LINE, config.path)},
     {KEY("format", LINE, config.format)},
@@ -509,17 +510,7 @@ static const gonio_key keys[] = {
     {KEY("exposure_tolerance_percent", REAL, config.exposure_tolerance), 0, 1000, .times = 100},
     {KEY("gain_db_per_step", REAL, config.gain_unit_db), 0, 20},
     {KEY("replug_s", REAL, config.replug_s), 0, 3600},
-    {KEY("serial", LINE, config.info.serial)},
-    {KEY("fx_px", REAL, config.info.fx), 1, 1e7},
-    {KEY("fy_px", REAL, config.info.fy), 1, 1e7},
-    {KEY("cx_px", REAL, config.info.cx), -1e5, 1e5},
-    {KEY("cy_px", REAL, config.info.cy), -1e5, 1e5},
-    {KEY("k1", REAL, config.info.k1), -1e3, 1e3},
-    {KEY("k2", REAL, config.info.k2), -1e6, 1e6},
-    {KEY("p1", REAL, config.info.p1), -10, 10},
-    {KEY("p2", REAL, config.info.p2), -10, 10},
-    {KEY("k3", REAL, config.info.k3), -1e9, 1e9},
-    {KEY("read_out_s", REAL, config.info.read_out_s), 0, 100},
+    GONIO_CAMERA_INFO_KEYS(settings, config.info),
     {KEY("record", LINE, record)},
     {KEY("replay", LINE, replay)},
     {KEY("trigger_line", LINE, trigger.line)},

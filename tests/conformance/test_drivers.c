@@ -347,6 +347,7 @@ static const struct {
     {GONIO_DEVICE_METER, "usbtmc", "vendor = fffe\nproduct = fffd\nreplug_s = 0\n", "fffe"},
     {GONIO_DEVICE_METER, "scpi", "port = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
     {GONIO_DEVICE_METER, "modbus", "[controller]\nport = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
+    {GONIO_DEVICE_CAMERA, "aravis", "device = Absent-7\nreplug_s = 0\n", "Absent-7"},
     {GONIO_DEVICE_CAMERA, "v4l2", "device = /dev/gonio-absent\nreplug_s = 0\n", "/dev/gonio-absent"},
 };
 
