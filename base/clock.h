@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The monotonic clock: never set back, counts while the machine runs.
+// The monotonic clock: never set back, counts while the machine runs. And the wall clock.
 #ifndef GONIO_BASE_CLOCK_H
 #define GONIO_BASE_CLOCK_H
 
@@ -13,5 +13,12 @@ static inline int64_t gonio_clock_ns(void) {
 }
 
 static inline double gonio_clock_s(void) { return 1e-9 * (double)gonio_clock_ns(); }
+
+// The wall clock, seconds since 1970: may be set, and is for people.
+static inline double gonio_clock_utc_s(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
 
 #endif

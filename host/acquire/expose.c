@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "host/acquire/acquire.h"
 
 // gonio_calib_bracket ends by itself; this bound holds should it not.
@@ -68,7 +69,7 @@ static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const g
     gonio_exposure *exposure = &out->items[out->n];
     const gonio_window all = {0, 0, setup->camera.width, setup->camera.height};
     const gonio_window window = step->kind == GONIO_STEP_CHECK ? all : setup->window;
-    *exposure = (gonio_exposure){.frame = {window, exposure_s, 0, stamp, NULL}, NAN, NAN};
+    *exposure = (gonio_exposure){.frame = {window, exposure_s, 0, stamp, NULL}, .monitor = NAN, .monitor_sigma = NAN};
     const size_t pixels = (size_t)window.width * (size_t)window.height;
     exposure->frame.pixels = malloc(pixels * sizeof *exposure->frame.pixels);
     if (exposure->frame.pixels == NULL) {
@@ -77,6 +78,8 @@ static gonio_status take(const gonio_rig *rig, const gonio_setup *setup, const g
     out->n++;
     status = rig->camera->capture(rig->camera_device, &window, exposure_s, 0, &stamp, exposure_s + CAPTURE_MARGIN_S,
                                   &exposure->frame, error);
+    exposure->utc_s = gonio_clock_utc_s();
+    exposure->monotonic_s = gonio_clock_s();
     // Behind a closed shutter the monitor tells nothing that a frame needs.
     if (status == GONIO_OK && step->kind != GONIO_STEP_DARK) {
         status = read_monitor(rig, &out->monitor, exposure, error);

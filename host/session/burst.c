@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "host/session/internal.h"
 
 struct gonio_burst {
@@ -160,7 +161,11 @@ void gonio_burst_put(gonio_burst *b, const gonio_frame *frame) {
     pthread_mutex_lock(&b->lock);
     if (b->taken) {
         const int slot = (b->head + b->filled) % b->slots;
-        b->ring[slot] = (gonio_exposure){.frame = *frame, .monitor = NAN, .monitor_sigma = NAN};
+        b->ring[slot] = (gonio_exposure){.frame = *frame,
+                                         .monitor = NAN,
+                                         .monitor_sigma = NAN,
+                                         .utc_s = gonio_clock_utc_s(),
+                                         .monotonic_s = gonio_clock_s()};
         b->ring[slot].frame.pixels = b->pixels + (size_t)slot * frame_pixels(b);
         b->filled++;
         b->taken = false;

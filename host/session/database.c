@@ -4,24 +4,6 @@
 
 #include <stdarg.h>
 
-// Angles stand in degrees, for people with an SQL shell. step: the running number of gonio_stamp. rows are
-// little-endian doubles, see docs/formats.md.
-const char gonio_session_schema[] =
-    "CREATE TABLE settings(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE steps(step INTEGER PRIMARY KEY, kind TEXT NOT NULL, theta_i_deg REAL NOT NULL,"
-    " phi_i_deg REAL NOT NULL, theta_o_deg REAL NOT NULL, phi_o_deg REAL NOT NULL, done INTEGER NOT NULL DEFAULT 0,"
-    " frames INTEGER NOT NULL DEFAULT 0, clock_end_s REAL, exposure_end_s REAL);"
-    "CREATE TABLE frames(step INTEGER NOT NULL REFERENCES steps(step), frame INTEGER NOT NULL, file TEXT NOT NULL,"
-    " sha256 TEXT NOT NULL, x INTEGER NOT NULL, y INTEGER NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL,"
-    " exposure_s REAL NOT NULL, gain_db REAL NOT NULL, clock_s REAL NOT NULL, monitor REAL, monitor_sigma REAL,"
-    " PRIMARY KEY(step, frame)) WITHOUT ROWID;"
-    "CREATE TABLE samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
-    " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
-    "CREATE TABLE final_samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
-    " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
-    "CREATE TABLE flagged(step INTEGER PRIMARY KEY REFERENCES steps(step));"
-    "CREATE TABLE events(event INTEGER PRIMARY KEY, utc TEXT NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL);";
-
 gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, const char *what) {
     const int code = sqlite3_errcode(session->db);
     const char *text = sqlite3_errmsg(session->db);
@@ -41,9 +23,21 @@ gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, c
     }
 }
 
-gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_error *error) {
+static gonio_status exec(gonio_session *session, const char *sql, gonio_error *error) {
     return sqlite3_exec(session->db, sql, NULL, NULL, NULL) == SQLITE_OK ? GONIO_OK
                                                                          : gonio_session_db_fail(session, error, sql);
+}
+
+// What is changed outside a transaction is one of its own: the chain knows no other changes.
+static gonio_status begin_for_chain(gonio_session *session, bool changes, bool *own, gonio_error *error) {
+    *own = false;
+    return session->chained && changes ? gonio_session_begin_own(session, own, error) : GONIO_OK;
+}
+
+gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_error *error) {
+    bool own;
+    const gonio_status status = begin_for_chain(session, true, &own, error);
+    return status == GONIO_OK ? gonio_session_end_own(session, own, exec(session, sql, error), error) : status;
 }
 
 gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error) {
@@ -53,13 +47,16 @@ gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqli
 }
 
 gonio_status gonio_session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error) {
-    const int code = sqlite3_step(statement);
-    gonio_status status = GONIO_OK;
-    if (code != SQLITE_DONE && code != SQLITE_ROW) {
-        status = gonio_session_db_fail(session, error, sqlite3_sql(statement));
+    bool own;
+    gonio_status status = begin_for_chain(session, sqlite3_stmt_readonly(statement) == 0, &own, error);
+    if (status == GONIO_OK) {
+        const int code = sqlite3_step(statement);
+        if (code != SQLITE_DONE && code != SQLITE_ROW) {
+            status = gonio_session_db_fail(session, error, sqlite3_sql(statement));
+        }
     }
     sqlite3_finalize(statement);
-    return status;
+    return gonio_session_end_own(session, own, status, error);
 }
 
 gonio_status gonio_session_do(gonio_session *session, gonio_error *error, const char *sql, const char *kinds, ...) {
@@ -99,18 +96,27 @@ gonio_status gonio_session_integer(gonio_session *session, const char *sql, int6
 }
 
 gonio_status gonio_session_begin(gonio_session *session, gonio_error *error) {
-    const gonio_status status = gonio_session_exec(session, "BEGIN IMMEDIATE", error);
+    // The log lags by one transaction at most: what it could not take the last time comes first.
+    gonio_status status = session->chained && session->log.lags ? gonio_session_log_catch_up(session, error) : GONIO_OK;
+    status = status == GONIO_OK ? exec(session, "BEGIN IMMEDIATE", error) : status;
     session->in_transaction = status == GONIO_OK;
     return status;
 }
 
 gonio_status gonio_session_commit(gonio_session *session, gonio_error *error) {
-    const gonio_status status = gonio_session_exec(session, "COMMIT", error);
+    gonio_status status = session->chained ? gonio_session_chain_commit(session, error) : GONIO_OK;
+    status = status == GONIO_OK ? exec(session, "COMMIT", error) : status;
     if (status != GONIO_OK) {
         gonio_session_rollback(session);
+        return status;
     }
     session->in_transaction = false;
-    return status;
+    if (session->chained && session->log.lags) {
+        // The transaction stands, whatever becomes of the log; the next one tries again and tells why not.
+        session->host_known = true;
+        gonio_session_log_catch_up(session, NULL);
+    }
+    return GONIO_OK;
 }
 
 void gonio_session_rollback(gonio_session *session) {

@@ -92,6 +92,16 @@ static gonio_status count_stray(gonio_session *session, const char *name, void *
 
 // ---- checks ----
 
+static bool proven(gonio_session *session, gonio_doctor_report *report) {
+    session_proof proof;
+    gonio_error why = {0};
+    const gonio_status status = gonio_session_verify(session, &proof, &why);
+    if (status != GONIO_OK || !proof.sound) {
+        note(report, "%s", status != GONIO_OK ? why.message : proof.what);
+    }
+    return status == GONIO_OK && (proof.sound || !proof.chained);
+}
+
 static bool integrity(gonio_session *session, gonio_doctor_report *report) {
     sqlite3_stmt *rows;
     gonio_error why = {0};
@@ -268,21 +278,21 @@ gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_re
     *report = (gonio_doctor_report){0};
     gonio_session *session;
     gonio_error why = {0};
-    gonio_status status = gonio_session_open(path, repair, &session, &why);
+    gonio_status status = gonio_session_open_unproven(path, repair, &session, &why);
     if (status != GONIO_OK && !is_damage(status, &why)) {
         if (error != NULL) {
             *error = why;
         }
         return status;
     }
-    report->database_ok = status == GONIO_OK && integrity(session, report);
+    report->database_ok = status == GONIO_OK && integrity(session, report) && proven(session, report);
     if (!report->database_ok && status != GONIO_OK) {
         note(report, "%s", why.message);
     }
     if (!report->database_ok && repair) {
         gonio_session_close(session);
         status = gonio_session_salvage(path, error);
-        status = status == GONIO_OK ? gonio_session_open(path, repair, &session, error) : status;
+        status = status == GONIO_OK ? gonio_session_open_unproven(path, repair, &session, error) : status;
         if (status != GONIO_OK) {
             return status;
         }

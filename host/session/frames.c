@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "host/session/internal.h"
@@ -26,22 +27,40 @@ gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_e
 
 // ---- writing ----
 
+// UTC with milliseconds, as the events have it.
+static const char *utc_text(double utc_s, char text[32]) {
+    const time_t whole = (time_t)utc_s;
+    struct tm parts;
+    char seconds[24];
+    if (!(utc_s > 0) || gmtime_r(&whole, &parts) == NULL ||
+        strftime(seconds, sizeof seconds, "%Y-%m-%dT%H:%M:%S", &parts) == 0) {
+        return NULL;
+    }
+    snprintf(text, 32, "%s.%03dZ", seconds, (int)(1000 * (utc_s - (double)whole)));
+    return text;
+}
+
 static gonio_status enter_frame(gonio_session *session, const gonio_exposure *exposure, int64_t step, int number,
-                                const char *hash, gonio_error *error) {
+                                const session_stored *stored, gonio_error *error) {
     const gonio_frame *frame = &exposure->frame;
     const gonio_window *w = &frame->window;
-    char name[SESSION_FRAME_NAME];
+    char name[SESSION_FRAME_NAME], utc[32];
     gonio_session_frame_name(step, number, name);
-    return gonio_session_do(session, error, "INSERT INTO frames VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)", "littiiiirrrrr",
-                            step, number, name, hash, w->x, w->y, w->width, w->height, frame->exposure_s,
-                            frame->gain_db, frame->stamp.clock_s, exposure->monitor, exposure->monitor_sigma);
+    return gonio_session_do(
+        session, error,
+        "INSERT INTO frames(step, frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s, monitor,"
+        " monitor_sigma, utc, monotonic_s, bytes) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
+        "littiiiirrrrrtrl", step, number, name, stored->sha256, w->x, w->y, w->width, w->height, frame->exposure_s,
+        frame->gain_db, frame->stamp.clock_s, exposure->monitor, exposure->monitor_sigma,
+        utc_text(exposure->utc_s, utc), exposure->utc_s > 0 ? exposure->monotonic_s : NAN, stored->bytes);
 }
 
 static gonio_status mark_done(gonio_session *session, const gonio_step *step, int frames, gonio_error *error) {
-    const gonio_status status = gonio_session_do(
-        session, error,
-        "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ? WHERE step = ? AND done = 0",
-        "irrl", frames, step->clock_end_s, step->exposure_end_s, step->index);
+    const gonio_status status =
+        gonio_session_do(session, error,
+                         "UPDATE steps SET done = 1, frames = ?, clock_end_s = ?, exposure_end_s = ?,"
+                         " utc = strftime('%Y-%m-%dT%H:%M:%fZ', 'now') WHERE step = ? AND done = 0",
+                         "irrl", frames, step->clock_end_s, step->exposure_end_s, step->index);
     if (status == GONIO_OK && sqlite3_changes(session->db) != 1) {
         return gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1, "step %lld is done already, or unknown",
                                (long long)step->index);
@@ -50,10 +69,10 @@ static gonio_status mark_done(gonio_session *session, const gonio_step *step, in
 }
 
 static gonio_status enter(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures, int n,
-                          char (*hashes)[GONIO_SHA256_HEX], const gonio_samples *samples, gonio_error *error) {
+                          const session_stored *stored, const gonio_samples *samples, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (int i = 0; status == GONIO_OK && i < n; i++) {
-        status = enter_frame(session, &exposures[i], step->index, i, hashes[i], error);
+        status = enter_frame(session, &exposures[i], step->index, i, &stored[i], error);
     }
     if (status == GONIO_OK && samples != NULL) {
         status = gonio_session_store_samples(session, step->index, samples, error);
@@ -71,20 +90,20 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
     if (status != GONIO_OK) {
         return status;
     }
-    char(*hashes)[GONIO_SHA256_HEX] = calloc((size_t)n + 1, sizeof *hashes);
-    if (hashes == NULL) {
+    session_stored *stored = calloc((size_t)n + 1, sizeof *stored);
+    if (stored == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d checksums", n);
     }
-    status = gonio_session_store_frames(session, step->index, exposures, n, bits, hashes, error);
+    status = gonio_session_store_frames(session, step->index, exposures, n, bits, stored, error);
     if (status == GONIO_OK) {
         bool own;
         status = gonio_session_begin_own(session, &own, error);
         if (status == GONIO_OK) {
             status =
-                gonio_session_end_own(session, own, enter(session, step, exposures, n, hashes, samples, error), error);
+                gonio_session_end_own(session, own, enter(session, step, exposures, n, stored, samples, error), error);
         }
     }
-    free(hashes);
+    free(stored);
     return status;
 }
 

@@ -3,6 +3,7 @@
 #ifndef GONIO_SESSION_INTERNAL_H
 #define GONIO_SESSION_INTERNAL_H
 
+#include <jansson.h>
 #include <openssl/evp.h>
 #include <sqlite3.h>
 
@@ -13,15 +14,27 @@
 // Hashes and sample rows are of little-endian words; every machine that Gonio runs on is one.
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the session's hashes need a little-endian machine");
 
+enum { SESSION_TABLES = 8, SESSION_COLUMNS = 16, SESSION_KEY = 160 };
+
 struct gonio_session {
     sqlite3 *db;
     char *path;
     char *db_path;
     int folder_fd; // also holds the lock of a writable session
     int frames_fd;
+    int version; // of the format that the database is in
     bool writable;
     bool in_transaction;
-    bool plain; // frames are stored uncompressed
+    bool plain;                           // frames are stored uncompressed
+    bool chained;                         // what is changed enters the chain
+    bool host_known;                      // this run has its row in `hosts`
+    sqlite3_stmt *row_of[SESSION_TABLES]; // one row by its key, prepared at the first use
+    struct {                              // session.log, as far as this connection may write it
+        int fd;                           // -1: not
+        int64_t seq, size;                // of its last record, and where that ends
+        char hash[65];
+        bool lags, off; // off: it contradicts the database, and nothing is added to it
+    } log;
 };
 
 // ---- database.c: SQLite with gonio's errors ----
@@ -30,17 +43,136 @@ gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, c
 gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_error *error);
 // The caller finalizes the statement.
 gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error);
-// Step a statement that returns no rows, and finalize it in every case.
+// Step a statement that returns no rows, and finalize it in every case. One that changes something is a transaction of
+// its own, unless the caller has opened one.
 gonio_status gonio_session_run(gonio_session *session, sqlite3_stmt *statement, gonio_error *error);
 // A statement that returns no rows, with its parameters; kinds has a letter for each: i an int, l an int64_t, r a
-// double (NaN: NULL), t a text.
+// double (NaN: NULL), t a text (NULL: NULL).
 gonio_status gonio_session_do(gonio_session *session, gonio_error *error, const char *sql, const char *kinds, ...);
 // One integer from a query without parameters.
 gonio_status gonio_session_integer(gonio_session *session, const char *sql, int64_t *value, gonio_error *error);
 // A transaction of its own, unless the caller has opened one.
 gonio_status gonio_session_begin_own(gonio_session *session, bool *own, gonio_error *error);
 gonio_status gonio_session_end_own(gonio_session *session, bool own, gonio_status status, gonio_error *error);
+
+// ---- schema.c: the tables whose rows the chain holds; the last has no name ----
+typedef struct session_table {
+    const char *name, *keys[2], *columns[SESSION_COLUMNS]; // in the table's order
+} session_table;
 extern const char gonio_session_schema[];
+extern const session_table gonio_session_tables[SESSION_TABLES + 1];
+const session_table *gonio_session_table(const char *name); // NULL: none
+int gonio_session_columns(const session_table *table);
+// The key as a text, "3" or "3/0", as SQL; row: "NEW.", "t." or "". The columns as a list, each after `before`.
+enum { SESSION_KEY_SQL = 96, SESSION_COLUMNS_SQL = 512 };
+void gonio_session_key_sql(const session_table *table, const char *row, char sql[SESSION_KEY_SQL]);
+void gonio_session_list_columns(const session_table *table, const char *before, char sql[SESSION_COLUMNS_SQL]);
+// The same as parameters `first`, ... of a statement.
+void gonio_session_bind_key(const session_table *table, sqlite3_stmt *statement, int first, const char *key);
+// SHA-256 of a row that stands in the columns first, ... of a statement's answer.
+gonio_status gonio_session_row_hash(const session_table *table, sqlite3_stmt *row, int first,
+                                    char hex[GONIO_SHA256_HEX], gonio_error *error);
+// That row as a JSON object without what is NULL; NULL: no memory. And back, into parameters 1, ...; false: no such
+// row.
+json_t *gonio_session_row_json(const session_table *table, sqlite3_stmt *row, int first);
+bool gonio_session_row_bind(const session_table *table, sqlite3_stmt *statement, json_t *row);
+
+// ---- hosts.c ----
+gonio_status gonio_session_enter_host(gonio_session *session, gonio_error *error);
+
+// ---- chain.c: every change of a row is a record, whose hash is over the record before it too ----
+#define SESSION_CHAIN_START "0000000000000000000000000000000000000000000000000000000000000000"
+typedef struct session_record {
+    int64_t seq;           // 1, 2, ...
+    const char *tbl, *key; // "" for a commit
+    const char *op;        // put: the row is now so; delete: it is gone; commit: a transaction ends
+    const char *content;   // SHA-256 of the row; "" where there is none
+} session_record;
+gonio_status gonio_session_record_hash(const char *prev, const session_record *record, char hex[GONIO_SHA256_HEX],
+                                       gonio_error *error);
+// From now on every transaction of this connection enters the chain.
+gonio_status gonio_session_chain_begin(gonio_session *session, gonio_error *error);
+// Every row there is counts as changed: those of a session that had no chain yet.
+gonio_status gonio_session_chain_all(gonio_session *session, gonio_error *error);
+// Enter what the transaction has touched; just before its COMMIT.
+gonio_status gonio_session_chain_commit(gonio_session *session, gonio_error *error);
+// Look up a row by its key: *row stands on it (reset it), or is NULL where there is none. It lives as long as the
+// session.
+gonio_status gonio_session_row(gonio_session *session, const session_table *table, const char *key, sqlite3_stmt **row,
+                               gonio_error *error);
+void gonio_session_chain_end(gonio_session *session);
+
+// ---- log.c: session.log, the chain a second time, with the rows ----
+typedef struct session_line {
+    long long number;   // 1, 2, ...
+    int64_t begin, end; // bytes in the file
+    bool proven;        // the rest is sound and fits hash and prev; else nothing of it counts
+    session_record record;
+    const char *prev, *hash;
+    json_t *row; // NULL: a commit, a deletion, or a row that was not known any more when the line was written
+} session_line;
+typedef gonio_status (*session_line_fn)(const session_line *line, void *context, gonio_error *error);
+// Call for every line of the log in a folder. No log: no call.
+gonio_status gonio_session_log_for(int folder_fd, const char *folder, session_line_fn call, void *context,
+                                   gonio_error *error);
+// A record as a line of the log; the caller frees it. row: taken over; NULL: none.
+json_t *gonio_session_line_json(const session_record *record, const char *prev, const char *hash, json_t *row);
+// Append what the chain has and the log has not, and sync it.
+gonio_status gonio_session_log_catch_up(gonio_session *session, gonio_error *error);
+// Begin to write, after a verification: cut a torn tail off, write anew what cannot be gone on with.
+struct session_proof;
+gonio_status gonio_session_log_open(gonio_session *session, const struct session_proof *proof, gonio_error *error);
+
+// ---- verify.c ----
+typedef enum session_log_state {
+    SESSION_LOG_SOUND,   // ends where the database does, or at most one transaction before
+    SESSION_LOG_MISSING, // there is none
+    SESSION_LOG_SHORT,   // lacks more than one transaction at its end
+    SESSION_LOG_DAMAGED, // lines amid it do not prove themselves
+    SESSION_LOG_AHEAD,   // holds what the database lacks
+    SESSION_LOG_OTHER    // contradicts the database
+} session_log_state;
+typedef struct session_proof {
+    bool sound;    // the database proves itself, and the log is sound
+    bool database; // its pages are sound, its chain is whole, and every row is the one that the chain tells
+    bool chained;  // false: of version 1, without a chain; then `database` is about its pages alone
+    session_log_state log;
+    int64_t seq, log_seq; // last record of the chain, and of the log as far as it is whole and agrees
+    int64_t log_size;     // where that one ends
+    int64_t log_lag;      // transactions that the log lacks
+    char log_hash[65];    // of that record
+    char what[512];       // what breaks first, with table, row and column; empty where nothing does
+} session_proof;
+// Hold all of the journal against its chain, and the log against it. GONIO_OK with what is wrong in the proof; an error
+// is what prevented the verification.
+gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, gonio_error *error);
+// GONIO_E_INPUT where the proof does not vouch for what the database says.
+gonio_status gonio_session_vouch(const gonio_session *session, const session_proof *proof, gonio_error *error);
+// Open without that: for whoever looks for what is wrong.
+gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_session **out, gonio_error *error);
+
+// ---- rebuild.c ----
+typedef struct session_rebuilt {
+    int64_t rows;      // in the new journal
+    int64_t lost;      // rows that one record or another tells of and nobody has any more
+    bool complete;     // every record of the chain is there; else there may have been more rows, or newer ones
+    bool forked;       // database and log had gone on apart from each other; the longer one was taken
+    char detail[4096]; // one line a row that is lost, cut where it grows too long
+} session_rebuilt;
+// Make session.db and session.log in the folder `target` from all that those in the folder `path` prove, each by
+// itself or both together. `path` is only read. GONIO_E_INPUT where nothing proves itself, as in a session of
+// version 1.
+gonio_status gonio_session_rebuild(const char *path, const char *target, session_rebuilt *report, gonio_error *error);
+
+// ---- adopt.c ----
+// A session of version 1, just opened to be written, becomes one of this version.
+gonio_status gonio_session_adopt(gonio_session *session, gonio_error *error);
+
+// ---- lost_found.c ----
+// Move a file of a folder of the session (its own: where "", or frames/: "frames/") into lost+found/, under a name that
+// is free there, and enter it with the reason and the time into lost+found/LIST.
+gonio_status gonio_session_set_aside(gonio_session *session, int folder, const char *where, const char *name,
+                                     const char *why, gonio_error *error);
 
 // ---- session.c ----
 // Lock the folder against other writers for as long as fd stays open.
@@ -72,9 +204,13 @@ gonio_status gonio_session_file_write(gonio_session *session, const char *name, 
 // Sync them all, then give them their names. Where one fails, those without their name are removed; a file that has its
 // name and no row in the journal is swept when the session goes on.
 gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error);
-// The frames of one step as one group; their hashes come back.
+typedef struct session_stored {
+    char sha256[GONIO_SHA256_HEX]; // of the pixels
+    int64_t bytes;                 // of the file
+} session_stored;
+// The frames of one step as one group.
 gonio_status gonio_session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
-                                        int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error);
+                                        int bits, session_stored *stored, gonio_error *error);
 
 // ---- steps.c ----
 // Call for every step that is done, in order, with the bits of the camera's words; the first failure ends it. *steps

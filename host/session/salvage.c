@@ -78,7 +78,7 @@ static gonio_status fill(const char *damaged, const char *fresh, gonio_error *er
     sqlite3 *from = NULL, *to = NULL;
     char versions[96];
     snprintf(versions, sizeof versions, "PRAGMA application_id = %d; PRAGMA user_version = %d;", SESSION_APPLICATION_ID,
-             GONIO_SESSION_VERSION);
+             1); // the chain did not survive: opened to be written, all rows begin a new one
     gonio_status status = GONIO_OK;
     if (sqlite3_open(fresh, &to) != SQLITE_OK || sqlite3_exec(to, versions, NULL, NULL, NULL) != SQLITE_OK ||
         sqlite3_exec(to, gonio_session_schema, NULL, NULL, NULL) != SQLITE_OK) {

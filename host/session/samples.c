@@ -51,8 +51,9 @@ static gonio_status describe(gonio_session *session, const gonio_samples *sample
 // Samples first .. first + n - 1 of the set as the row of a step, in one of the two tables.
 static gonio_status store(gonio_session *session, const char *table, int64_t step, const gonio_samples *samples,
                           size_t first, size_t n, gonio_error *error) {
-    char sql[80], hash[GONIO_SHA256_HEX];
-    snprintf(sql, sizeof sql, "INSERT OR REPLACE INTO %s VALUES(?, ?, ?, ?, ?)", table);
+    char sql[128], hash[GONIO_SHA256_HEX];
+    snprintf(sql, sizeof sql, "INSERT OR REPLACE INTO %s(step, n, channels, rows, sha256) VALUES(?, ?, ?, ?, ?)",
+             table);
     sqlite3_stmt *insert;
     gonio_status status = gonio_session_prepare(session, sql, &insert, error);
     if (status != GONIO_OK) {

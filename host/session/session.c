@@ -33,7 +33,9 @@ static gonio_status allocate(const char *path, gonio_session **out, gonio_error 
     if (session == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
     }
-    session->folder_fd = session->frames_fd = -1;
+    session->folder_fd = session->frames_fd = session->log.fd = -1;
+    session->log.off = true; // until it is known to go with the database
+    snprintf(session->log.hash, sizeof session->log.hash, "%s", SESSION_CHAIN_START);
     session->path = strdup(path);
     session->db_path = join(path, "session.db");
     if (session->path == NULL || session->db_path == NULL) {
@@ -51,7 +53,14 @@ void gonio_session_close(gonio_session *session) {
     if (session->in_transaction) {
         gonio_session_rollback(session);
     }
+    if (session->chained && session->log.lags) {
+        gonio_session_log_catch_up(session, NULL);
+    }
+    gonio_session_chain_end(session);
     sqlite3_close(session->db);
+    if (session->log.fd >= 0) {
+        close(session->log.fd);
+    }
     if (session->frames_fd >= 0) {
         close(session->frames_fd);
     }
@@ -142,6 +151,7 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
                                "not a Gonio session: an SQLite file of another application (id %lld)",
                                (long long)application);
     }
+    session->version = (int)version;
     if (version > GONIO_SESSION_VERSION || version < 1) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
                                "a session of version %lld; this Gonio reads versions 1 to %d", (long long)version,
@@ -193,17 +203,35 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
     gonio_status status = check_version(session, error);
     if (status == GONIO_OK && session->writable) {
         // FULL in WAL mode: a committed step survives a power cut.
-        status =
-            gonio_session_exec(session,
-                               "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
-                               // Sessions of the first releases have no such table.
-                               "CREATE TABLE IF NOT EXISTS flagged(step INTEGER PRIMARY KEY REFERENCES steps(step))",
-                               error);
+        status = gonio_session_exec(session,
+                                    "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
+                                    " PRAGMA temp_store = MEMORY",
+                                    error);
     }
     return status;
 }
 
-static gonio_status open_at(const char *path, bool create, bool writable, gonio_session **out, gonio_error *error) {
+// What is opened proves itself, before it is read and before it is added to.
+static gonio_status prove(gonio_session *session, bool unproven, gonio_error *error) {
+    session_proof proof;
+    gonio_status status = gonio_session_verify(session, &proof, error);
+    status = status == GONIO_OK && !unproven ? gonio_session_vouch(session, &proof, error) : status;
+    if (status != GONIO_OK || !session->writable) {
+        return status;
+    }
+    if (session->version == 1) {
+        status = gonio_session_adopt(session, error);
+        status = status == GONIO_OK ? gonio_session_verify(session, &proof, error) : status;
+        // A log that is there is of another journal in the same folder.
+        proof.log = proof.log == SESSION_LOG_SOUND ? SESSION_LOG_SOUND : SESSION_LOG_MISSING;
+    } else {
+        status = gonio_session_chain_begin(session, error);
+    }
+    return status == GONIO_OK ? gonio_session_log_open(session, &proof, error) : status;
+}
+
+static gonio_status open_at(const char *path, bool create, bool writable, bool unproven, gonio_session **out,
+                            gonio_error *error) {
     gonio_session *session = NULL;
     gonio_status status = allocate(path, &session, error);
     if (status != GONIO_OK) {
@@ -213,6 +241,7 @@ static gonio_status open_at(const char *path, bool create, bool writable, gonio_
     status = open_folders(session, error);
     status = status == GONIO_OK && create ? create_database(session, error) : status;
     status = status == GONIO_OK ? open_database(session, error) : status;
+    status = status == GONIO_OK ? prove(session, unproven, error) : status;
     if (status != GONIO_OK) {
         gonio_session_close(session);
         return status;
@@ -243,13 +272,22 @@ gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_e
     if (mkdir(path, 0777) != 0 && errno != EEXIST) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make the session's folder: %s", strerror(errno));
     }
-    return open_at(path, true, true, out, error);
+    return open_at(path, true, true, false, out, error);
 }
 
-gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
+static gonio_status open_existing(const char *path, bool writable, bool unproven, gonio_session **out,
+                                  gonio_error *error) {
     *out = NULL;
     if (!gonio_session_is(path)) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a session: a folder with a session.db is expected");
     }
-    return open_at(path, false, writable, out, error);
+    return open_at(path, false, writable, unproven, out, error);
+}
+
+gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
+    return open_existing(path, writable, false, out, error);
+}
+
+gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_session **out, gonio_error *error) {
+    return open_existing(path, writable, true, out, error);
 }

@@ -99,13 +99,14 @@ gonio_status gonio_session_files_keep(gonio_session *session, session_file *file
 }
 
 static gonio_status store_one(gonio_session *session, int64_t step, int number, const gonio_frame *frame, int bits,
-                              char hash[GONIO_SHA256_HEX], session_file *file, gonio_error *error) {
+                              session_stored *stored, session_file *file, gonio_error *error) {
     session_png png = {0};
     char name[SESSION_FRAME_NAME];
     gonio_session_frame_name(step, number, name);
-    gonio_status status = gonio_session_frame_hash(frame, hash, error);
+    gonio_status status = gonio_session_frame_hash(frame, stored->sha256, error);
     status = status == GONIO_OK ? gonio_session_png_encode(frame, bits, session->plain, &png, error) : status;
     status = status == GONIO_OK ? gonio_session_file_write(session, name, &png, file, error) : status;
+    stored->bytes = (int64_t)png.size;
     free(png.data);
     return status;
 }
@@ -115,17 +116,17 @@ typedef struct storing {
     int64_t step;
     const gonio_exposure *exposures;
     int bits;
-    char (*hashes)[GONIO_SHA256_HEX];
+    session_stored *stored;
     session_file *files;
 } storing;
 
 static gonio_status store_frame(void *context, size_t i, gonio_error *error) {
     const storing *s = context;
-    return store_one(s->session, s->step, (int)i, &s->exposures[i].frame, s->bits, s->hashes[i], &s->files[i], error);
+    return store_one(s->session, s->step, (int)i, &s->exposures[i].frame, s->bits, &s->stored[i], &s->files[i], error);
 }
 
 gonio_status gonio_session_store_frames(gonio_session *session, int64_t step, const gonio_exposure *exposures, int n,
-                                        int bits, char (*hashes)[GONIO_SHA256_HEX], gonio_error *error) {
+                                        int bits, session_stored *stored, gonio_error *error) {
     session_file *files = calloc((size_t)n + 1, sizeof *files);
     if (files == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", n);
@@ -135,7 +136,7 @@ gonio_status gonio_session_store_frames(gonio_session *session, int64_t step, co
     }
     // Only a burst is in such a hurry; compressing has its frames from a scan, whose own threads are busy.
     gonio_status status = gonio_pool_try(session->plain ? 0 : 1, (size_t)n, store_frame,
-                                         &(storing){session, step, exposures, bits, hashes, files}, error);
+                                         &(storing){session, step, exposures, bits, stored, files}, error);
     if (status == GONIO_OK) {
         status = gonio_session_files_keep(session, files, n, error);
     } else {

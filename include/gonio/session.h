@@ -14,7 +14,7 @@
 
 GONIO_BEGIN
 
-#define GONIO_SESSION_VERSION 1
+#define GONIO_SESSION_VERSION 2
 
 typedef struct gonio_session gonio_session;
 
@@ -41,6 +41,8 @@ typedef struct gonio_step {
 
 gonio_status gonio_session_create(const char *path, gonio_session **out,
                                   gonio_error *error); // fails where one with steps exists
+// Opening verifies the journal against its chain and its log (no frame is read): GONIO_E_INPUT with the table, row and
+// column that is not what was written. Writable: a session of an older version becomes one of this version.
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error);
 void gonio_session_close(gonio_session *session);             // NULL is allowed
 bool gonio_session_is(const char *path);                      // a folder with a session.db

@@ -30,6 +30,8 @@ typedef struct gonio_exposure {
     gonio_frame frame;
     double monitor;       // lamp monitor reading during it; NaN: none
     double monitor_sigma; // relative
+    double utc_s;         // when it had arrived, seconds since 1970; 0: not told
+    double monotonic_s;   // the same on a clock of this machine that nobody sets
 } gonio_exposure;
 
 typedef enum gonio_exposure_verdict {

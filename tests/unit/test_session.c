@@ -359,12 +359,12 @@ static void test_what_is_no_session(void **state) {
     gonio_error error = {0};
     assert_int_equal(gonio_session_open(path, false, &session, &error), GONIO_E_INPUT);
     gonio_session_close(make_session());
-    sql("PRAGMA user_version = 2");
+    sql("PRAGMA user_version = 3");
     assert_int_equal(gonio_session_open(path, true, &session, &error), GONIO_E_INPUT);
-    assert_non_null(strstr(error.message, "version 2"));
+    assert_non_null(strstr(error.message, "version 3"));
     gonio_doctor_report report;
     assert_int_equal(gonio_session_doctor(path, true, &report, &error), GONIO_E_INPUT);
-    sql("PRAGMA user_version = 1; PRAGMA application_id = 7");
+    sql("PRAGMA user_version = 2; PRAGMA application_id = 7");
     assert_int_equal(gonio_session_open(path, true, &session, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "another application"));
 }
