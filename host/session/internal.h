@@ -33,7 +33,8 @@ struct gonio_session {
         int fd;                           // -1: not
         int64_t seq, size;                // of its last record, and where that ends
         char hash[65];
-        bool lags, off; // off: it contradicts the database, and nothing is added to it
+        bool lags, off, tail; // off: it contradicts the database, and nothing is added to it; tail: something may
+        // stand behind that end
     } log;
 };
 
@@ -150,6 +151,20 @@ gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, 
 gonio_status gonio_session_vouch(const gonio_session *session, const session_proof *proof, gonio_error *error);
 // Open without that: for whoever looks for what is wrong.
 gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_session **out, gonio_error *error);
+
+// The journal alone, to be written, without a look at frames/ or at whether it proves itself.
+gonio_status gonio_session_open_journal(const char *path, gonio_session **out, gonio_error *error);
+
+// ---- copy.c: a copy of the database with what its -wal and -journal hold, for whoever may not touch it ----
+typedef struct session_copy {
+    sqlite3 *db; // NULL: there is no database, or nothing that SQLite can open
+    char *path;
+} session_copy;
+// The session's folder, and one to copy into. GONIO_E_IO where a file is there and cannot be read.
+gonio_status gonio_session_copy_open(const char *from, const char *into, session_copy *copy, gonio_error *error);
+void gonio_session_copy_close(session_copy *copy); // and remove it
+// A copy in memory of the session's database.
+gonio_status gonio_session_copy_to_memory(const char *from, sqlite3 **db, gonio_error *error);
 
 // ---- rebuild.c ----
 typedef struct session_rebuilt {

@@ -278,63 +278,78 @@ static gonio_status open_file(gonio_session *session, bool create, gonio_error *
     return session->log.fd >= 0 ? GONIO_OK : fail(session, error);
 }
 
-gonio_status gonio_session_log_catch_up(gonio_session *session, gonio_error *error) {
-    if (session->log.off) {
-        return GONIO_OK;
-    }
-    gonio_status status = open_file(session, true, error);
-    writer w = {.seq = session->log.seq};
-    memcpy(w.hash, session->log.hash, sizeof w.hash);
-    w.stream = status == GONIO_OK ? open_memstream(&w.text, &w.size) : NULL;
-    if (w.stream == NULL) {
-        return status != GONIO_OK ? status : gonio_fail(error, GONIO_E_MEMORY, "no memory for session.log");
-    }
-    status = write_records(session, &w, error);
-    if (fclose(w.stream) != 0 && status == GONIO_OK) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for session.log");
-    }
-    if (status == GONIO_OK && w.size > 0 &&
-        (!put_text(session->log.fd, session->log.size, w.text, w.size) || fsync(session->log.fd) != 0)) {
-        status = fail(session, error);
-    }
-    if (status == GONIO_OK) {
-        session->log.lags = false;
-        session->log.seq = w.seq;
-        session->log.size += (int64_t)w.size;
-        memcpy(session->log.hash, w.hash, sizeof w.hash);
-    }
-    free(w.text);
-    return status;
-}
-
-// ---- going on with a log that is there ----
-
-// What stands behind the last whole line is a line that was being written, or nothing of ours: it is kept elsewhere.
-static gonio_status cut_tail(gonio_session *session, gonio_error *error) {
+// What stands behind the last whole line is the beginning of the next ones, cut by a kill or a power cut, or nothing of
+// ours: that is kept elsewhere.
+static gonio_status keep_tail(gonio_session *session, const writer *w, gonio_error *error) {
     struct stat info;
     if (fstat(session->log.fd, &info) != 0) {
         return fail(session, error);
     }
     const size_t n = info.st_size > session->log.size ? (size_t)(info.st_size - session->log.size) : 0;
-    char *tail = n > 0 ? malloc(n) : NULL;
-    if (n == 0) {
-        return GONIO_OK;
+    char *tail = malloc(n + 1);
+    if (tail == NULL || pread(session->log.fd, tail, n, session->log.size) != (ssize_t)n) {
+        free(tail);
+        return fail(session, error);
     }
-    const int copy =
-        openat(session->folder_fd, LOG ".tail", O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-    const bool good = tail != NULL && copy >= 0 && pread(session->log.fd, tail, n, session->log.size) == (ssize_t)n &&
-                      put_text(copy, 0, tail, n) && fsync(copy) == 0;
-    gonio_status status = good ? GONIO_OK : fail(session, error);
-    if (copy >= 0) {
-        close(copy);
+    gonio_status status = GONIO_OK;
+    if (n > w->size || memcmp(tail, w->text, n) != 0) {
+        const int copy =
+            openat(session->folder_fd, LOG ".tail", O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+        status = copy >= 0 && put_text(copy, 0, tail, n) && fsync(copy) == 0 ? GONIO_OK : fail(session, error);
+        if (copy >= 0) {
+            close(copy);
+            status = status == GONIO_OK
+                         ? gonio_session_set_aside(session, session->folder_fd, "", LOG ".tail",
+                                                   "the end of " LOG ", which was not written whole", error)
+                         : status;
+        }
+        if (status == GONIO_OK && ftruncate(session->log.fd, session->log.size) != 0) {
+            status = fail(session, error);
+        }
     }
     free(tail);
-    if (status == GONIO_OK) {
-        status = gonio_session_set_aside(session, session->folder_fd, "", LOG ".tail",
-                                         "the end of " LOG ", which was not written whole", error);
-    }
-    return status == GONIO_OK && ftruncate(session->log.fd, session->log.size) != 0 ? fail(session, error) : status;
+    session->log.tail = session->log.tail && status != GONIO_OK;
+    return status;
 }
+
+static gonio_status append(gonio_session *session, const writer *w, gonio_error *error) {
+    gonio_status status = open_file(session, w->size > 0, error);
+    if (status == GONIO_OK && session->log.fd >= 0 && session->log.tail) {
+        status = keep_tail(session, w, error);
+    }
+    if (status == GONIO_OK && w->size > 0 &&
+        (!put_text(session->log.fd, session->log.size, w->text, w->size) || fsync(session->log.fd) != 0)) {
+        status = fail(session, error);
+    }
+    if (status == GONIO_OK) {
+        session->log.lags = false;
+        session->log.seq = w->seq;
+        session->log.size += (int64_t)w->size;
+        memcpy(session->log.hash, w->hash, sizeof w->hash);
+    }
+    return status;
+}
+
+gonio_status gonio_session_log_catch_up(gonio_session *session, gonio_error *error) {
+    if (session->log.off) {
+        return GONIO_OK;
+    }
+    writer w = {.seq = session->log.seq};
+    memcpy(w.hash, session->log.hash, sizeof w.hash);
+    w.stream = open_memstream(&w.text, &w.size);
+    if (w.stream == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for session.log");
+    }
+    gonio_status status = write_records(session, &w, error);
+    if (fclose(w.stream) != 0 && status == GONIO_OK) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for session.log");
+    }
+    status = status == GONIO_OK ? append(session, &w, error) : status;
+    free(w.text);
+    return status;
+}
+
+// ---- going on with a log that is there ----
 
 // What cannot be gone on with is kept elsewhere, and the database tells all that it proves once more.
 static gonio_status begin_anew(gonio_session *session, gonio_error *error) {
@@ -361,8 +376,7 @@ gonio_status gonio_session_log_open(gonio_session *session, const session_proof 
     }
     session->log.seq = proof->log_seq;
     session->log.size = proof->log_size;
+    session->log.tail = true;
     memcpy(session->log.hash, proof->log_hash, sizeof session->log.hash);
-    gonio_status status = open_file(session, false, error);
-    status = status == GONIO_OK && session->log.fd >= 0 ? cut_tail(session, error) : status;
-    return status == GONIO_OK && proof->seq > 0 ? gonio_session_log_catch_up(session, error) : status;
+    return gonio_session_log_catch_up(session, error);
 }

@@ -82,7 +82,7 @@ gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error) {
     return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot lock it: %s", strerror(errno));
 }
 
-static gonio_status open_folders(gonio_session *session, gonio_error *error) {
+static gonio_status open_folders(gonio_session *session, bool frames, gonio_error *error) {
     session->folder_fd = open(session->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (session->folder_fd < 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open the session: %s", strerror(errno));
@@ -92,12 +92,12 @@ static gonio_status open_folders(gonio_session *session, gonio_error *error) {
         if (status != GONIO_OK) {
             return status;
         }
-        if (mkdirat(session->folder_fd, "frames", 0777) != 0 && errno != EEXIST) {
+        if (frames && mkdirat(session->folder_fd, "frames", 0777) != 0 && errno != EEXIST) {
             return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot make frames/: %s", strerror(errno));
         }
     }
     session->frames_fd = openat(session->folder_fd, "frames", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (session->frames_fd < 0) {
+    if (frames && session->frames_fd < 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open its frames/: %s", strerror(errno));
     }
     return GONIO_OK;
@@ -230,18 +230,19 @@ static gonio_status prove(gonio_session *session, bool unproven, gonio_error *er
     return status == GONIO_OK ? gonio_session_log_open(session, &proof, error) : status;
 }
 
-static gonio_status open_at(const char *path, bool create, bool writable, bool unproven, gonio_session **out,
-                            gonio_error *error) {
+enum { CREATE = 1, WRITE = 2, UNPROVEN = 4, NO_FRAMES = 8 };
+
+static gonio_status open_at(const char *path, int how, gonio_session **out, gonio_error *error) {
     gonio_session *session = NULL;
     gonio_status status = allocate(path, &session, error);
     if (status != GONIO_OK) {
         return status;
     }
-    session->writable = writable;
-    status = open_folders(session, error);
-    status = status == GONIO_OK && create ? create_database(session, error) : status;
+    session->writable = (how & WRITE) != 0;
+    status = open_folders(session, (how & NO_FRAMES) == 0, error);
+    status = status == GONIO_OK && (how & CREATE) != 0 ? create_database(session, error) : status;
     status = status == GONIO_OK ? open_database(session, error) : status;
-    status = status == GONIO_OK ? prove(session, unproven, error) : status;
+    status = status == GONIO_OK ? prove(session, (how & UNPROVEN) != 0, error) : status;
     if (status != GONIO_OK) {
         gonio_session_close(session);
         return status;
@@ -272,22 +273,25 @@ gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_e
     if (mkdir(path, 0777) != 0 && errno != EEXIST) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make the session's folder: %s", strerror(errno));
     }
-    return open_at(path, true, true, false, out, error);
+    return open_at(path, CREATE | WRITE, out, error);
 }
 
-static gonio_status open_existing(const char *path, bool writable, bool unproven, gonio_session **out,
-                                  gonio_error *error) {
+static gonio_status open_existing(const char *path, int how, gonio_session **out, gonio_error *error) {
     *out = NULL;
     if (!gonio_session_is(path)) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a session: a folder with a session.db is expected");
     }
-    return open_at(path, false, writable, unproven, out, error);
+    return open_at(path, how, out, error);
 }
 
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
-    return open_existing(path, writable, false, out, error);
+    return open_existing(path, writable ? WRITE : 0, out, error);
 }
 
 gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_session **out, gonio_error *error) {
-    return open_existing(path, writable, true, out, error);
+    return open_existing(path, UNPROVEN | (writable ? WRITE : 0), out, error);
+}
+
+gonio_status gonio_session_open_journal(const char *path, gonio_session **out, gonio_error *error) {
+    return open_existing(path, WRITE | UNPROVEN | NO_FRAMES, out, error);
 }

@@ -153,9 +153,9 @@ check "a plan of nothing" status_is 3 "$GONIO" measure --sample $ward --plan "$w
 check "nothing of all this made a session" [ ! -e "$work/x" ]
 check "not a session" tells 3 "session.db" "$GONIO" resume "$work"
 cp -r "$work/b" "$work/v"
-printf '\0\0\0\2' | dd of="$work/v/session.db" bs=1 seek=60 conv=notrunc 2>/dev/null # user_version
+printf '\0\0\0\3' | dd of="$work/v/session.db" bs=1 seek=60 conv=notrunc 2>/dev/null # user_version
 for verb in resume replay samples doctor; do
-    check "a newer session: $verb says so" tells 3 "version 2" "$GONIO" $verb "$work/v"
+    check "a newer session: $verb says so" tells 3 "version 3" "$GONIO" $verb "$work/v"
 done
 
 # A disk that ends: the limit on file sizes stands in for it.
