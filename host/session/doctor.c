@@ -96,10 +96,13 @@ static bool proven(gonio_session *session, gonio_doctor_report *report) {
     session_proof proof;
     gonio_error why = {0};
     const gonio_status status = gonio_session_verify(session, &proof, &why);
-    if (status != GONIO_OK || !proof.sound) {
+    if (status != GONIO_OK || proof.what[0] != 0) {
         note(report, "%s", status != GONIO_OK ? why.message : proof.what);
     }
-    return status == GONIO_OK && (proof.sound || !proof.chained);
+    if (status == GONIO_OK && !proof.chained) {
+        note(report, "a session of version 1: its rows have no chain that proves them; resume begins one");
+    }
+    return status == GONIO_OK && proof.sound;
 }
 
 static bool integrity(gonio_session *session, gonio_doctor_report *report) {

@@ -14,7 +14,7 @@
 // Hashes and sample rows are of little-endian words; every machine that Gonio runs on is one.
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the session's hashes need a little-endian machine");
 
-enum { SESSION_TABLES = 8, SESSION_COLUMNS = 16, SESSION_KEY = 160 };
+enum { SESSION_TABLES = 8, SESSION_COLUMNS = 20, SESSION_KEY = 160 };
 
 struct gonio_session {
     sqlite3 *db;

@@ -13,6 +13,9 @@
 
 #include "host/session/internal.h"
 
+// How to open: JOURNAL: without frames/, and with a log that goes with the database although rows are missing.
+enum { CREATE = 1, WRITE = 2, UNPROVEN = 4, JOURNAL = 8 };
+
 static char *join(const char *folder, const char *name) {
     char *path;
     return asprintf(&path, "%s/%s", folder, name) < 0 ? NULL : path;
@@ -212,10 +215,10 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
 }
 
 // What is opened proves itself, before it is read and before it is added to.
-static gonio_status prove(gonio_session *session, bool unproven, gonio_error *error) {
+static gonio_status prove(gonio_session *session, int how, gonio_error *error) {
     session_proof proof;
     gonio_status status = gonio_session_verify(session, &proof, error);
-    status = status == GONIO_OK && !unproven ? gonio_session_vouch(session, &proof, error) : status;
+    status = status == GONIO_OK && (how & UNPROVEN) == 0 ? gonio_session_vouch(session, &proof, error) : status;
     if (status != GONIO_OK || !session->writable) {
         return status;
     }
@@ -227,10 +230,9 @@ static gonio_status prove(gonio_session *session, bool unproven, gonio_error *er
     } else {
         status = gonio_session_chain_begin(session, error);
     }
+    proof.database = proof.database || (how & JOURNAL) != 0;
     return status == GONIO_OK ? gonio_session_log_open(session, &proof, error) : status;
 }
-
-enum { CREATE = 1, WRITE = 2, UNPROVEN = 4, NO_FRAMES = 8 };
 
 static gonio_status open_at(const char *path, int how, gonio_session **out, gonio_error *error) {
     gonio_session *session = NULL;
@@ -239,10 +241,10 @@ static gonio_status open_at(const char *path, int how, gonio_session **out, goni
         return status;
     }
     session->writable = (how & WRITE) != 0;
-    status = open_folders(session, (how & NO_FRAMES) == 0, error);
+    status = open_folders(session, (how & JOURNAL) == 0, error);
     status = status == GONIO_OK && (how & CREATE) != 0 ? create_database(session, error) : status;
     status = status == GONIO_OK ? open_database(session, error) : status;
-    status = status == GONIO_OK ? prove(session, (how & UNPROVEN) != 0, error) : status;
+    status = status == GONIO_OK ? prove(session, how, error) : status;
     if (status != GONIO_OK) {
         gonio_session_close(session);
         return status;
@@ -293,5 +295,5 @@ gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_
 }
 
 gonio_status gonio_session_open_journal(const char *path, gonio_session **out, gonio_error *error) {
-    return open_existing(path, WRITE | UNPROVEN | NO_FRAMES, out, error);
+    return open_existing(path, WRITE | UNPROVEN | JOURNAL, out, error);
 }

@@ -370,7 +370,7 @@ static gonio_status check_all(verification *v, gonio_error *error) {
     if (status == GONIO_OK && proof->chained) {
         status = check_log(v, error);
     }
-    proof->sound = proof->database && proof->log == SESSION_LOG_SOUND;
+    proof->sound = proof->database && proof->log == SESSION_LOG_SOUND; // as it is in version 1, which has none
     return status;
 }
 
