@@ -10,7 +10,7 @@
 #include "gonio/version.h"
 #include "host/session/internal.h"
 
-// The build's commit, where it was made from a repository (Makefile).
+// The commit that was built, where that was a repository (files.mk).
 #ifndef GONIO_COMMIT
 #define GONIO_COMMIT ""
 #endif
