@@ -148,7 +148,9 @@ gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const 
     scan->rig = rig;
     scan->hooks = *hooks;
     scan->target = TARGET_UNKNOWN;
-    gonio_status status = gonio_session_sweep(session, NULL, error);
+    gonio_status status = gonio_session_check_present(session, error);
+    status = status == GONIO_OK ? gonio_session_drop_undone(session, error) : status;
+    status = status == GONIO_OK ? gonio_session_sweep(session, NULL, error) : status;
     status = status == GONIO_OK ? gonio_process_begin(session, &scan->process, error) : status;
     if (status == GONIO_OK) {
         status = gonio_process_prepare(session, &scan->process, NULL, NULL, 0, &scan->ready, error);

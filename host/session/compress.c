@@ -11,7 +11,7 @@ void gonio_session_set_plain(gonio_session *session, bool plain) { session->plai
 
 // One file, whose pixels are already verified: replaced only where that makes it smaller.
 static gonio_status compress_one(gonio_session *session, const gonio_frame *frame, int bits, int64_t *saved,
-                                 gonio_error *error) {
+                                 int64_t *bytes, gonio_error *error) {
     char name[SESSION_FRAME_NAME];
     struct stat before;
     session_png png;
@@ -25,6 +25,7 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
         status = gonio_session_file_write(session, name, &png, &file, error);
         status = status == GONIO_OK ? gonio_session_files_keep(session, &file, 1, error) : status;
         *saved = status == GONIO_OK ? before.st_size - (int64_t)png.size : 0;
+        *bytes = status == GONIO_OK ? (int64_t)png.size : 0;
     }
     free(png.data);
     return status;
@@ -33,6 +34,7 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
 typedef struct compression {
     gonio_session *session;
     const gonio_exposure *exposures;
+    int64_t *bytes; // of each frame's file now; 0: it was left as it is
     int bits, threads;
     atomic_llong saved;
 } compression;
@@ -40,9 +42,36 @@ typedef struct compression {
 static gonio_status compress_frame(void *context, size_t i, gonio_error *error) {
     compression *c = context;
     int64_t saved = 0;
-    const gonio_status status = compress_one(c->session, &c->exposures[i].frame, c->bits, &saved, error);
+    const gonio_status status = compress_one(c->session, &c->exposures[i].frame, c->bits, &saved, &c->bytes[i], error);
     c->saved += saved;
     return status;
+}
+
+static gonio_status enter_sizes(const compression *c, int64_t step, int n, gonio_error *error) {
+    bool own;
+    gonio_status status = gonio_session_begin_own(c->session, &own, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    for (int i = 0; status == GONIO_OK && i < n; i++) {
+        if (c->bytes[i] > 0) {
+            status = gonio_session_do(c->session, error, "UPDATE frames SET bytes = ? WHERE step = ? AND frame = ?",
+                                      "lli", c->bytes[i], step, c->exposures[i].frame.stamp.frame);
+        }
+    }
+    return gonio_session_end_own(c->session, own, status, error);
+}
+
+static gonio_status compress_all(compression *c, int n, gonio_error *error) {
+    c->bytes = calloc((size_t)n + 1, sizeof *c->bytes);
+    if (c->bytes == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d sizes", n);
+    }
+    const gonio_status status = gonio_pool_try(c->threads, (size_t)n, compress_frame, c, error);
+    // Also after a failure: the others have their new size.
+    const gonio_status entered = enter_sizes(c, c->exposures[0].frame.stamp.pose, n, status == GONIO_OK ? error : NULL);
+    free(c->bytes);
+    return status == GONIO_OK ? entered : status;
 }
 
 static gonio_status compress_step(gonio_session *session, const gonio_step *step, int bits, void *context,
@@ -54,7 +83,7 @@ static gonio_status compress_step(gonio_session *session, const gonio_step *step
     if (status == GONIO_OK) {
         c->exposures = exposures;
         c->bits = bits;
-        status = gonio_pool_try(c->threads, (size_t)n, compress_frame, c, error);
+        status = n > 0 ? compress_all(c, n, error) : GONIO_OK;
     }
     gonio_exposures_free(exposures, n);
     return status;

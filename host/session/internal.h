@@ -163,8 +163,6 @@ typedef struct session_copy {
 // The session's folder, and one to copy into. GONIO_E_IO where a file is there and cannot be read.
 gonio_status gonio_session_copy_open(const char *from, const char *into, session_copy *copy, gonio_error *error);
 void gonio_session_copy_close(session_copy *copy); // and remove it
-// A copy in memory of the session's database.
-gonio_status gonio_session_copy_to_memory(const char *from, sqlite3 **db, gonio_error *error);
 
 // ---- rebuild.c ----
 typedef struct session_rebuilt {

@@ -151,6 +151,34 @@ gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const
     return gonio_session_end_own(session, own, status, error);
 }
 
+static gonio_status drop_undone(gonio_session *session, int *rows, gonio_error *error) {
+    static const char *const tables[] = {"frames", "final_samples", "samples", "flagged"};
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; status == GONIO_OK && i < sizeof tables / sizeof *tables; i++) {
+        char sql[128];
+        snprintf(sql, sizeof sql, "DELETE FROM %s WHERE step IN (SELECT step FROM steps WHERE done = 0)", tables[i]);
+        status = gonio_session_do(session, error, sql, "");
+        *rows += status == GONIO_OK ? sqlite3_changes(session->db) : 0;
+    }
+    return status;
+}
+
+gonio_status gonio_session_drop_undone(gonio_session *session, gonio_error *error) {
+    bool own;
+    int rows = 0;
+    gonio_status status = gonio_session_begin_own(session, &own, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = drop_undone(session, &rows, error);
+    if (status == GONIO_OK && rows > 0) {
+        char text[128];
+        snprintf(text, sizeof text, "%d rows of steps that are not done; session.log keeps them", rows);
+        status = gonio_session_event(session, "dropped", text, error);
+    }
+    return gonio_session_end_own(session, own, status, error);
+}
+
 gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error) {
     return gonio_session_exec(session, "DELETE FROM flagged", error);
 }

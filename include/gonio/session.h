@@ -132,6 +132,11 @@ gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_err
 // Take a step back: its frames and samples leave the journal, and so do the results, which no longer stand. why: for
 // the events; NULL: the caller tells them itself.
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error);
+// Before a session goes on. Rows that stand under a step which is not done are dropped, with an event: no session that
+// Gonio wrote has any, and the step is measured as if they were not there. And every frame of a done step is there,
+// with the size that was journalled or with the same pixels; GONIO_E_INPUT names the first that is not.
+gonio_status gonio_session_drop_undone(gonio_session *session, gonio_error *error);
+gonio_status gonio_session_check_present(gonio_session *session, gonio_error *error);
 // A good audit: no step is flagged any more.
 gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error);
 // Remove files under frames/ that no step owns (what a stopped step left); each is an event. *removed may be NULL.

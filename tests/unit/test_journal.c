@@ -525,6 +525,58 @@ static void test_version_1_is_adopted(void **state) {
     assert_rebuilt(whole);
 }
 
+// ---- going on ----
+
+// Frames that a finished step has and the folder has not; and files of another size, whose pixels decide.
+static void test_frames_are_there(void **state) {
+    (void)state;
+    gonio_session *session = make_session();
+    finish_all(session);
+    gonio_error error = {0};
+    assert_int_equal(gonio_session_check_present(session, &error), GONIO_OK);
+    static const char *const spoiled[] = {"rm 000003-01.png",
+                                          "truncate -s 100 000003-01.png",
+                                          "truncate -s 0 000003-01.png",
+                                          "rm 000003-01.png; mkdir 000003-01.png",
+                                          "ln -sf 000003-00.png 000003-01.png",
+                                          "cp 000003-00.png 000003-01.png"};
+    shell("cp -r %s/frames %s/frames", path, root);
+    for (size_t i = 0; i < sizeof spoiled / sizeof *spoiled; i++) {
+        shell("cd %s/frames && %s", path, spoiled[i]);
+        assert_int_equal(gonio_session_check_present(session, &error), GONIO_E_INPUT);
+        assert_non_null(strstr(error.message, "1 of 10 frames"));
+        assert_non_null(strstr(error.message, "frames/000003-01.png"));
+        shell("rm -r %s/frames/000003-01.png; cp %s/frames/000003-01.png %s/frames/", path, root, path);
+    }
+    // Compressed without the row knowing: the same pixels.
+    assert_int_equal(gonio_session_exec(session, "UPDATE frames SET bytes = bytes + 9 WHERE step = 3", NULL), GONIO_OK);
+    assert_int_equal(gonio_session_check_present(session, &error), GONIO_OK);
+    assert_int_equal(gonio_session_exec(session, "UPDATE frames SET bytes = NULL", NULL), GONIO_OK);
+    assert_int_equal(gonio_session_check_present(session, &error), GONIO_OK);
+    gonio_session_close(session);
+}
+
+// Rows under a step that is not done: the step is measured all the same.
+static void test_rows_of_undone_steps(void **state) {
+    (void)state;
+    make_finished();
+    sql("UPDATE steps SET done = 0 WHERE step = 3");
+    make_version_1();
+    gonio_session *session = reopen(true);
+    gonio_error error = {0};
+    assert_true(finish(session, 3, &error) < 0);
+    assert_int_equal(gonio_session_drop_undone(session, &error), GONIO_OK);
+    assert_int_equal(gonio_session_drop_undone(session, &error), GONIO_OK); // once
+    assert_int_equal(finish(session, 3, &error), GONIO_OK);
+    char *events;
+    assert_int_equal(gonio_session_events(session, &events, NULL), GONIO_OK);
+    assert_non_null(strstr(events, "dropped: 4 rows of steps that are not done"));
+    free(events);
+    gonio_session_close(session);
+    assert_sound(path);
+    shell("grep -q '\"tbl\":\"frames\",\"key\":\"3/1\",\"op\":\"put\",\"row\"' %s/session.log", path);
+}
+
 int main(void) {
 #define T(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
@@ -538,6 +590,8 @@ int main(void) {
         T(test_both_together),
         T(test_random_damage),
         T(test_version_1_is_adopted),
+        T(test_frames_are_there),
+        T(test_rows_of_undone_steps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
