@@ -72,6 +72,11 @@ check "and the notes" tells 0 "first, try" "$GONIO" doctor "$work/a"
 check "and the serial numbers" tells 0 "SN-42" "$GONIO" doctor "$work/a"
 check "the samples are the sample's" sh -c "'$GONIO' compare spec:$ward '$work/b' --json >'$work/c.json' &&
     awk -v x=\$(sed 's/.*\"median_rel\":\([^,}]*\).*/\1/' '$work/c.json') 'BEGIN { exit !(x < 0.01) }'"
+if command -v python3 >/dev/null; then
+    check "session.log is as docs/formats.md says" python3 "$(dirname "$0")/session_log.py" "$work/b/session.log"
+else
+    skip "session.log is as docs/formats.md says" "python3 is not installed"
+fi
 check "a second measure there is refused" tells 2 "gonio resume" measure "$work/b"
 
 # ---- stopped ----
@@ -103,6 +108,25 @@ check "replay refuses them" tells 3 "000001-03.png" "$GONIO" replay "$work/d"
 check "doctor repairs" "$GONIO" doctor --repair "$work/d"
 "$GONIO" resume --json "$work/d" >"$work/d.json" 2>/dev/null
 check "resume measures again what was lost" same_results "$work/b.json" "$work/d.json"
+
+# ---- what the journal does not vouch for ----
+i=$(ls "$work/i/frames" | grep -c '^0') # the stopped session of 400 poses, with a folder's name as long as it takes
+cp -r "$work/i" "$work/j"
+rm "$work/j/frames/000003-00.png"
+check "resume wants every frame of a finished step" tells 3 "frames/000003-00.png is missing" "$GONIO" resume "$work/j"
+check "and takes none away" [ "$(ls "$work/j/frames" | grep -c '^0')" -eq $((i - 1)) ]
+if command -v sqlite3 >/dev/null; then
+    cp "$work/i/frames/000003-00.png" "$work/j/frames/"
+    sqlite3 "$work/j/session.db" "UPDATE frames SET monitor = 1.01 WHERE step = 3 AND frame = 0"
+    for verb in resume replay samples; do
+        check "a row that was changed: $verb names it" tells 3 "table frames, row 3/0, column monitor: found 1.01" \
+            "$GONIO" $verb "$work/j"
+    done
+    check "doctor too" tells 1 "table frames, row 3/0, column monitor" "$GONIO" doctor "$work/j"
+    check "fit does not take its samples" tells 3 "table frames, row 3/0" "$GONIO" fit "$work/j" -o "$work/j.model"
+else
+    skip "a row that was changed" "sqlite3 is not installed"
+fi
 
 # ---- faults ----
 for fault in camera_timeout camera_error stage_stall stage_timeout lamp_off meter_error interlock_open; do
