@@ -8,9 +8,12 @@
 #include "host/session/internal.h"
 
 static void to_hex(const unsigned char *digest, char hex[GONIO_SHA256_HEX]) {
+    static const char digits[] = "0123456789abcdef"; // the journal's chain has some hundred thousand of them
     for (int i = 0; i < 32; i++) {
-        snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+        hex[2 * i] = digits[digest[i] >> 4];
+        hex[2 * i + 1] = digits[digest[i] & 15];
     }
+    hex[64] = 0;
 }
 
 gonio_status gonio_session_hash_begin(EVP_MD_CTX **context, gonio_error *error) {

@@ -113,8 +113,8 @@ typedef struct session_line {
     json_t *row; // NULL: a commit, a deletion, or a row that was not known any more when the line was written
 } session_line;
 typedef gonio_status (*session_line_fn)(const session_line *line, void *context, gonio_error *error);
-// Call for every line of the log in a folder. No log: no call.
-gonio_status gonio_session_log_for(int folder_fd, const char *folder, session_line_fn call, void *context,
+// Call for every line of the log in a folder, or for those within its last bytes (0: all). No log: no call.
+gonio_status gonio_session_log_for(int folder_fd, const char *folder, int64_t last, session_line_fn call, void *context,
                                    gonio_error *error);
 // A record as a line of the log; the caller frees it. row: taken over; NULL: none.
 json_t *gonio_session_line_json(const session_record *record, const char *prev, const char *hash, json_t *row);
@@ -147,6 +147,9 @@ typedef struct session_proof {
 // Hold all of the journal against its chain, and the log against it. GONIO_OK with what is wrong in the proof; an error
 // is what prevented the verification.
 gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, gonio_error *error);
+// The same, but of the log the last lines alone: enough to see whether the database is the newer of the two, which is
+// all that a reader wants of it.
+gonio_status gonio_session_verify_rows(gonio_session *session, session_proof *proof, gonio_error *error);
 // GONIO_E_INPUT where the proof does not vouch for what the database says.
 gonio_status gonio_session_vouch(const gonio_session *session, const session_proof *proof, gonio_error *error);
 // Open without that: for whoever looks for what is wrong.

@@ -101,14 +101,17 @@ static gonio_status read_line(reader *r, const char *text, size_t n, session_lin
     return status;
 }
 
-static gonio_status read_lines(reader *r, FILE *file, const char *folder, session_line_fn call, void *context,
-                               gonio_error *error) {
+static gonio_status read_lines(reader *r, FILE *file, int64_t from, const char *folder, session_line_fn call,
+                               void *context, gonio_error *error) {
     char *text = NULL;
     size_t capacity = 0;
-    ssize_t n;
+    ssize_t n = 0;
     gonio_status status = GONIO_OK;
-    int64_t at = 0;
+    int64_t at = from;
     long long number = 0;
+    if (from > 0 && fseeko(file, from, SEEK_SET) == 0 && (n = getline(&text, &capacity, file)) > 0) {
+        at += n; // the end of a line
+    }
     while (status == GONIO_OK && (n = getline(&text, &capacity, file)) > 0) {
         session_line line = {.number = ++number, .begin = at, .end = at + n};
         at += n;
@@ -121,7 +124,7 @@ static gonio_status read_lines(reader *r, FILE *file, const char *folder, sessio
     return status;
 }
 
-gonio_status gonio_session_log_for(int folder_fd, const char *folder, session_line_fn call, void *context,
+gonio_status gonio_session_log_for(int folder_fd, const char *folder, int64_t last, session_line_fn call, void *context,
                                    gonio_error *error) {
     const int fd = openat(folder_fd, LOG, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0 && errno == ENOENT) {
@@ -140,7 +143,9 @@ gonio_status gonio_session_log_for(int folder_fd, const char *folder, session_li
     }
     reader r;
     gonio_status status = reader_open(&r, error);
-    status = status == GONIO_OK ? read_lines(&r, file, folder, call, context, error) : status;
+    status = status == GONIO_OK ? read_lines(&r, file, last > 0 && info.st_size > last ? info.st_size - last : 0,
+                                             folder, call, context, error)
+                                : status;
     reader_close(&r);
     fclose(file);
     return status;

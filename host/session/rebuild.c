@@ -92,7 +92,7 @@ static gonio_status take_log(rebuilding *r) {
     if (folder < 0) {
         return gonio_fail_line(r->error, GONIO_E_INPUT, r->path, -1, "cannot open the session: %s", strerror(errno));
     }
-    const gonio_status status = gonio_session_log_for(folder, r->path, take_line, r, r->error);
+    const gonio_status status = gonio_session_log_for(folder, r->path, 0, take_line, r, r->error);
     close(folder);
     return status;
 }

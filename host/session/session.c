@@ -217,7 +217,8 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
 // What is opened proves itself, before it is read and before it is added to.
 static gonio_status prove(gonio_session *session, int how, gonio_error *error) {
     session_proof proof;
-    gonio_status status = gonio_session_verify(session, &proof, error);
+    gonio_status status = session->writable ? gonio_session_verify(session, &proof, error)
+                                            : gonio_session_verify_rows(session, &proof, error);
     status = status == GONIO_OK && (how & UNPROVEN) == 0 ? gonio_session_vouch(session, &proof, error) : status;
     if (status != GONIO_OK || !session->writable) {
         return status;

@@ -14,6 +14,7 @@ typedef struct verification {
     gonio_session *session;
     session_proof *proof;
     int64_t log_size; // before the database was looked at: all of this is of transactions that it has
+    int64_t log_last; // look at so many bytes of it; 0: at all
 } verification;
 
 static void found(session_proof *proof, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -108,7 +109,7 @@ static void shorten(json_t *value, char text[64]) {
 static void name_column(verification *v, const session_table *table, sqlite3_stmt *row, int first, const char *key,
                         const char *content) {
     lookup l = {.tbl = table->name, .key = key, .content = content};
-    gonio_session_log_for(v->session->folder_fd, v->session->path, look, &l, NULL);
+    gonio_session_log_for(v->session->folder_fd, v->session->path, 0, look, &l, NULL);
     json_t *live = l.row != NULL ? gonio_session_row_json(table, row, first) : NULL;
     for (int i = 0; live != NULL && i < gonio_session_columns(table); i++) {
         json_t *is = json_object_get(live, table->columns[i]), *was = json_object_get(l.row, table->columns[i]);
@@ -128,7 +129,7 @@ static void name_column(verification *v, const session_table *table, sqlite3_stm
 static void name_record(verification *v, sqlite3_stmt *row, int64_t seq) {
     static const char *const columns[] = {"tbl", "key", "op", "content", "hash"};
     lookup l = {.seq = seq};
-    gonio_session_log_for(v->session->folder_fd, v->session->path, look, &l, NULL);
+    gonio_session_log_for(v->session->folder_fd, v->session->path, 0, look, &l, NULL);
     for (int i = 0; l.found && i < 5; i++) {
         if (strcmp(text_of(row, i + 1), l.record[i]) != 0) {
             found(v->proof, "table chain, row %lld, column %s: found %.60s, %.60s was journalled", (long long)seq,
@@ -273,7 +274,7 @@ static gonio_status check_tables(verification *v, gonio_error *error) {
 typedef struct log_check {
     verification *v;
     sqlite3_stmt *hash; // of a record of the chain
-    bool any, ahead, other, gap;
+    bool any, proven, ahead, other, gap;
     long long bad_line;
 } log_check;
 
@@ -282,7 +283,8 @@ static gonio_status check_line(const session_line *line, void *context, gonio_er
     log_check *c = context;
     session_proof *proof = c->v->proof;
     c->any = true;
-    if (!line->proven || line->record.seq != proof->log_seq + 1) {
+    c->proven = c->proven || line->proven;
+    if (c->v->log_last == 0 && (!line->proven || line->record.seq != proof->log_seq + 1)) {
         c->bad_line = c->bad_line == 0 ? line->number : c->bad_line;
         c->gap = true;
     }
@@ -348,7 +350,11 @@ static gonio_status check_log(verification *v, gonio_error *error) {
     if (c.hash == NULL) {
         return status;
     }
-    status = gonio_session_log_for(v->session->folder_fd, v->session->path, check_line, &c, error);
+    status = gonio_session_log_for(v->session->folder_fd, v->session->path, v->log_last, check_line, &c, error);
+    if (status == GONIO_OK && v->log_last > 0 && !c.proven) { // no line is as short as that, or damage: all of it tells
+        v->log_last = 0;
+        status = gonio_session_log_for(v->session->folder_fd, v->session->path, 0, check_line, &c, error);
+    }
     sqlite3_finalize(c.hash);
     status = status == GONIO_OK ? count_lag(v, error) : status;
     if (status == GONIO_OK) {
@@ -374,9 +380,9 @@ static gonio_status check_all(verification *v, gonio_error *error) {
     return status;
 }
 
-gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, gonio_error *error) {
+static gonio_status verify(gonio_session *session, int64_t log_last, session_proof *proof, gonio_error *error) {
     *proof = (session_proof){.chained = session->version > 1};
-    verification v = {.session = session, .proof = proof};
+    verification v = {.session = session, .proof = proof, .log_last = log_last};
     struct stat info;
     if (fstatat(session->folder_fd, "session.log", &info, AT_SYMLINK_NOFOLLOW) == 0) {
         v.log_size = info.st_size;
@@ -388,6 +394,14 @@ gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, 
         sqlite3_exec(session->db, "COMMIT", NULL, NULL, NULL);
     }
     return status;
+}
+
+gonio_status gonio_session_verify(gonio_session *session, session_proof *proof, gonio_error *error) {
+    return verify(session, 0, proof, error);
+}
+
+gonio_status gonio_session_verify_rows(gonio_session *session, session_proof *proof, gonio_error *error) {
+    return verify(session, 1 << 18, proof, error);
 }
 
 gonio_status gonio_session_vouch(const gonio_session *session, const session_proof *proof, gonio_error *error) {

@@ -3,8 +3,10 @@
 // each enough to have all of it again.
 #include <fcntl.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -324,6 +326,39 @@ static void test_database_behind(void **state) {
     assert_true(report.forked);
 }
 
+// The log cannot grow: what is committed stands, one transaction may lag, and the next one says why it cannot be.
+static void test_no_room_for_the_log(void **state) {
+    (void)state;
+    gonio_session *session = make_session();
+    char *text = malloc(100001);
+    memset(text, 'x', 100000);
+    text[100000] = 0;
+    for (int i = 0; i < 12; i++) {
+        text[0] = (char)('a' + i);
+        assert_int_equal(gonio_session_put(session, "notes", text, NULL), GONIO_OK);
+    }
+    gonio_session_close(session);
+    session = reopen(true);
+    struct rlimit before, small;
+    getrlimit(RLIMIT_FSIZE, &before);
+    signal(SIGXFSZ, SIG_IGN);
+    small = (struct rlimit){700000, before.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+    gonio_error error = {0};
+    const gonio_status first = gonio_session_put(session, "one", "1", &error);
+    const gonio_status second = gonio_session_put(session, "two", "2", &error);
+    setrlimit(RLIMIT_FSIZE, &before);
+    assert_int_equal(first, GONIO_OK);
+    assert_int_equal(second, GONIO_E_IO);
+    assert_non_null(strstr(error.message, "session.log"));
+    session_proof proof = proof_of(path);
+    assert_true(proof.sound && proof.log_lag == 1);
+    assert_int_equal(gonio_session_put(session, "two", "2", &error), GONIO_OK);
+    gonio_session_close(session);
+    assert_sound(path);
+    free(text);
+}
+
 // ---- made anew ----
 
 static session_rebuilt rebuild(char made[96]) {
@@ -426,6 +461,12 @@ static void test_random_damage(void **state) {
             overwrite(name, (long)(next(&seed) % (uint32_t)file_size(name)), &byte, 1);
         }
         assert_rebuilt(whole);
+        // What is read at all is what was written.
+        gonio_session *session;
+        if (gonio_session_open(path, false, &session, NULL) == GONIO_OK) {
+            gonio_session_close(session);
+            assert_same_rows(path, whole, true);
+        }
     }
 }
 
@@ -586,6 +627,7 @@ int main(void) {
         T(test_log_torn_anywhere),
         T(test_log_behind),
         T(test_database_behind),
+        T(test_no_room_for_the_log),
         T(test_either_is_enough),
         T(test_both_together),
         T(test_random_damage),
