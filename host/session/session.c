@@ -223,6 +223,9 @@ static gonio_status prove(gonio_session *session, int how, gonio_error *error) {
     if (status != GONIO_OK || !session->writable) {
         return status;
     }
+    if (session->version == 1 && !proof.database) {
+        return GONIO_OK; // damage is not taken into a chain
+    }
     if (session->version == 1) {
         status = gonio_session_adopt(session, error);
         status = status == GONIO_OK ? gonio_session_verify(session, &proof, error) : status;
