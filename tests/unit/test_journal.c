@@ -238,12 +238,14 @@ static void test_log_torn_anywhere(void **state) {
     snprintf(whole, sizeof whole, "%.64s/whole", root);
     snprintf(file, sizeof file, "%s/session.log", path);
     assert_true(before > 0 && after > before + 100);
-    for (long size = before; size < after; size++) {
+    for (long size = after - 1; size >= before; size--) {
         assert_int_equal(truncate(file, size), 0);
         const session_proof proof = proof_of(path);
         assert_true(proof.sound && proof.log_lag == 1);
-        gonio_session_close(reopen(true));
-        assert_int_equal(file_size("session.log"), after);
+        if ((size - before) % 4 == 0) {
+            gonio_session_close(reopen(true));
+            assert_int_equal(file_size("session.log"), after);
+        }
     }
     assert_log_is(whole);
     assert_int_equal(file_size("lost+found"), -1);
@@ -403,7 +405,7 @@ static void test_either_is_enough(void **state) {
     assert_rebuilt(whole);
     char junk[4096];
     memset(junk, 0xa5, sizeof junk);
-    for (long at = 0; at < 14; at++) {
+    for (long at = 0; at < 14; at += 2) {
         shell("cp %s/session.db %s/", whole, path);
         overwrite("session.db", 4096 * at, junk, sizeof junk);
         assert_rebuilt(whole);
@@ -453,10 +455,10 @@ static void test_random_damage(void **state) {
     snprintf(whole, sizeof whole, "%.64s/whole", root);
     shell("cp -r %s %s", path, whole);
     uint32_t seed = 7;
-    for (int i = 0; i < 40; i++) {
+    for (int i = 0; i < 24; i++) {
         const char *name = i % 2 == 0 ? "session.db" : "session.log";
         shell("cp %s/session.db %s/session.log %s/", whole, whole, path);
-        for (int k = 0; k < 1 + i; k++) {
+        for (int k = 0; k < 1 + 2 * i; k++) {
             char byte = (char)(next(&seed) >> 24);
             overwrite(name, (long)(next(&seed) % (uint32_t)file_size(name)), &byte, 1);
         }
