@@ -10,24 +10,6 @@
 
 #include "host/session/internal.h"
 
-gonio_status gonio_session_record_hash(const char *prev, const session_record *record, char hex[GONIO_SHA256_HEX],
-                                       gonio_error *error) {
-    char head[320];
-    const int n = snprintf(head, sizeof head, "%s %lld %s %s %s ", prev, (long long)record->seq, record->tbl,
-                           record->op, record->content);
-    if (n < 0 || (size_t)n >= sizeof head) {
-        return gonio_fail(error, GONIO_E_INPUT, "record %lld of the chain is too long", (long long)record->seq);
-    }
-    EVP_MD_CTX *hash;
-    const gonio_status status = gonio_session_hash_begin(&hash, error);
-    if (status == GONIO_OK) {
-        EVP_DigestUpdate(hash, head, (size_t)n);
-        EVP_DigestUpdate(hash, record->key, strlen(record->key)); // last, since it may hold anything
-        gonio_session_hash_end(hash, hex);
-    }
-    return status;
-}
-
 static gonio_status watch(gonio_session *session, const session_table *table, gonio_error *error) {
     char old[SESSION_KEY_SQL], new[SESSION_KEY_SQL], sql[1024];
     gonio_session_key_sql(table, "OLD.", old);
@@ -42,16 +24,6 @@ static gonio_status watch(gonio_session *session, const session_table *table, go
     return gonio_session_exec(session, sql, error);
 }
 
-gonio_status gonio_session_chain_begin(gonio_session *session, gonio_error *error) {
-    gonio_status status =
-        gonio_session_exec(session, "CREATE TEMP TABLE touched(tbl TEXT NOT NULL, key TEXT NOT NULL)", error);
-    for (const session_table *t = gonio_session_tables; status == GONIO_OK && t->name != NULL; t++) {
-        status = watch(session, t, error);
-    }
-    session->chained = status == GONIO_OK;
-    return status;
-}
-
 gonio_status gonio_session_chain_all(gonio_session *session, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (const session_table *t = gonio_session_tables; status == GONIO_OK && t->name != NULL; t++) {
@@ -61,40 +33,6 @@ gonio_status gonio_session_chain_all(gonio_session *session, gonio_error *error)
         status = gonio_session_exec(session, sql, error);
     }
     return status;
-}
-
-gonio_status gonio_session_row(gonio_session *session, const session_table *table, const char *key, sqlite3_stmt **row,
-                               gonio_error *error) {
-    sqlite3_stmt **statement = &session->row_of[table - gonio_session_tables];
-    *row = NULL;
-    if (*statement == NULL) {
-        char columns[SESSION_COLUMNS_SQL], sql[SESSION_COLUMNS_SQL + 128];
-        gonio_session_list_columns(table, "", columns);
-        snprintf(sql, sizeof sql, "SELECT %s FROM %s WHERE %s = ?%s%s%s", columns, table->name, table->keys[0],
-                 table->keys[1] != NULL ? " AND " : "", table->keys[1] != NULL ? table->keys[1] : "",
-                 table->keys[1] != NULL ? " = ?" : "");
-        const gonio_status status = gonio_session_prepare(session, sql, statement, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-    }
-    sqlite3_reset(*statement);
-    gonio_session_bind_key(table, *statement, 1, key);
-    const int code = sqlite3_step(*statement);
-    if (code == SQLITE_ROW) {
-        *row = *statement;
-        return GONIO_OK;
-    }
-    const gonio_status status = code == SQLITE_DONE ? GONIO_OK : gonio_session_db_fail(session, error, "read a row");
-    sqlite3_reset(*statement);
-    return status;
-}
-
-void gonio_session_chain_end(gonio_session *session) {
-    for (int i = 0; i < SESSION_TABLES; i++) {
-        sqlite3_finalize(session->row_of[i]);
-        session->row_of[i] = NULL;
-    }
 }
 
 // ---- a transaction's records ----
@@ -185,7 +123,7 @@ static gonio_status append_all(gonio_session *session, head *h, gonio_error *err
                : status;
 }
 
-gonio_status gonio_session_chain_commit(gonio_session *session, gonio_error *error) {
+static gonio_status before_commit(gonio_session *session, gonio_error *error) {
     int64_t any;
     gonio_status status = gonio_session_integer(session, "SELECT EXISTS(SELECT 1 FROM touched)", &any, error);
     if (status != GONIO_OK || any == 0) {
@@ -200,5 +138,32 @@ gonio_status gonio_session_chain_commit(gonio_session *session, gonio_error *err
     sqlite3_finalize(h.insert);
     status = status == GONIO_OK ? gonio_session_exec(session, "DELETE FROM touched", error) : status;
     session->log.lags = session->log.lags || status == GONIO_OK;
+    return status;
+}
+
+// ---- a connection's transactions ----
+
+// The log lags by one transaction at most: what it could not take the last time comes first.
+static gonio_status before_begin(gonio_session *session, gonio_error *error) {
+    return session->log.lags ? gonio_session_log_catch_up(session, error) : GONIO_OK;
+}
+
+// The transaction stands, whatever becomes of the log; the next one tries again and tells why not.
+static void after_commit(gonio_session *session) {
+    if (session->log.lags) {
+        session->host_known = true;
+        gonio_session_log_catch_up(session, NULL);
+    }
+}
+
+static const session_hooks hooks = {before_begin, before_commit, after_commit};
+
+gonio_status gonio_session_chain_begin(gonio_session *session, gonio_error *error) {
+    gonio_status status =
+        gonio_session_exec(session, "CREATE TEMP TABLE touched(tbl TEXT NOT NULL, key TEXT NOT NULL)", error);
+    for (const session_table *t = gonio_session_tables; status == GONIO_OK && t->name != NULL; t++) {
+        status = watch(session, t, error);
+    }
+    session->hooks = status == GONIO_OK ? &hooks : NULL;
     return status;
 }

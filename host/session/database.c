@@ -31,7 +31,7 @@ static gonio_status exec(gonio_session *session, const char *sql, gonio_error *e
 // What is changed outside a transaction is one of its own: the chain knows no other changes.
 static gonio_status begin_for_chain(gonio_session *session, bool changes, bool *own, gonio_error *error) {
     *own = false;
-    return session->chained && changes ? gonio_session_begin_own(session, own, error) : GONIO_OK;
+    return session->hooks != NULL && changes ? gonio_session_begin_own(session, own, error) : GONIO_OK;
 }
 
 gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_error *error) {
@@ -96,25 +96,22 @@ gonio_status gonio_session_integer(gonio_session *session, const char *sql, int6
 }
 
 gonio_status gonio_session_begin(gonio_session *session, gonio_error *error) {
-    // The log lags by one transaction at most: what it could not take the last time comes first.
-    gonio_status status = session->chained && session->log.lags ? gonio_session_log_catch_up(session, error) : GONIO_OK;
+    gonio_status status = session->hooks != NULL ? session->hooks->before_begin(session, error) : GONIO_OK;
     status = status == GONIO_OK ? exec(session, "BEGIN IMMEDIATE", error) : status;
     session->in_transaction = status == GONIO_OK;
     return status;
 }
 
 gonio_status gonio_session_commit(gonio_session *session, gonio_error *error) {
-    gonio_status status = session->chained ? gonio_session_chain_commit(session, error) : GONIO_OK;
+    gonio_status status = session->hooks != NULL ? session->hooks->before_commit(session, error) : GONIO_OK;
     status = status == GONIO_OK ? exec(session, "COMMIT", error) : status;
     if (status != GONIO_OK) {
         gonio_session_rollback(session);
         return status;
     }
     session->in_transaction = false;
-    if (session->chained && session->log.lags) {
-        // The transaction stands, whatever becomes of the log; the next one tries again and tells why not.
-        session->host_known = true;
-        gonio_session_log_catch_up(session, NULL);
+    if (session->hooks != NULL) {
+        session->hooks->after_commit(session);
     }
     return GONIO_OK;
 }

@@ -16,8 +16,16 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the session's hashes 
 
 enum { SESSION_TABLES = 8, SESSION_COLUMNS = 20, SESSION_KEY = 160 };
 
+// What a transaction of a writing connection does beside SQLite's part: chain.c sets it.
+typedef struct session_hooks {
+    gonio_status (*before_begin)(gonio_session *session, gonio_error *error);
+    gonio_status (*before_commit)(gonio_session *session, gonio_error *error);
+    void (*after_commit)(gonio_session *session);
+} session_hooks;
+
 struct gonio_session {
     sqlite3 *db;
+    const session_hooks *hooks; // NULL: what is changed enters no chain
     char *path;
     char *db_path;
     int folder_fd; // also holds the lock of a writable session
@@ -26,7 +34,6 @@ struct gonio_session {
     bool writable;
     bool in_transaction;
     bool plain;                           // frames are stored uncompressed
-    bool chained;                         // what is changed enters the chain
     bool host_known;                      // this run has its row in `hosts`
     sqlite3_stmt *row_of[SESSION_TABLES]; // one row by its key, prepared at the first use
     struct {                              // session.log, as far as this connection may write it
@@ -95,8 +102,6 @@ gonio_status gonio_session_record_hash(const char *prev, const session_record *r
 gonio_status gonio_session_chain_begin(gonio_session *session, gonio_error *error);
 // Every row there is counts as changed: those of a session that had no chain yet.
 gonio_status gonio_session_chain_all(gonio_session *session, gonio_error *error);
-// Enter what the transaction has touched; just before its COMMIT.
-gonio_status gonio_session_chain_commit(gonio_session *session, gonio_error *error);
 // Look up a row by its key: *row stands on it (reset it), or is NULL where there is none. It lives as long as the
 // session.
 gonio_status gonio_session_row(gonio_session *session, const session_table *table, const char *key, sqlite3_stmt **row,

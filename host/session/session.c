@@ -56,7 +56,7 @@ void gonio_session_close(gonio_session *session) {
     if (session->in_transaction) {
         gonio_session_rollback(session);
     }
-    if (session->chained && session->log.lags) {
+    if (session->hooks != NULL && session->log.lags) {
         gonio_session_log_catch_up(session, NULL);
     }
     gonio_session_chain_end(session);
