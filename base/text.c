@@ -237,6 +237,59 @@ void gonio_text_append(char *text, size_t size, const char *format, ...) {
     va_end(arguments);
 }
 
+// The character at the head of a text and its bytes; 1 byte and no character (-1) where they are not UTF-8.
+static int decode_utf8(const unsigned char *c, long *character) {
+    static const long least[5] = {0, 0, 0x80, 0x800, 0x10000};
+    const int n = *c < 0x80                 ? 1
+                  : *c >= 0xc2 && *c < 0xe0 ? 2
+                  : *c >= 0xe0 && *c < 0xf0 ? 3
+                  : *c >= 0xf0 && *c < 0xf5 ? 4
+                                            : 0;
+    long value = n == 1 ? *c : *c & (0x7f >> n);
+    int k = 1;
+    while (k < n && (c[k] & 0xc0) == 0x80) { // a 0 byte ends it too
+        value = value << 6 | (c[k++] & 0x3f);
+    }
+    const bool good = n > 0 && k == n && value >= least[n] && value <= 0x10ffff && (value < 0xd800 || value > 0xdfff);
+    *character = good ? value : -1;
+    return good ? n : 1;
+}
+
+static bool harmless(long c) {
+    const bool control = c < 0x20 || (c >= 0x7f && c < 0xa0);
+    const bool direction = c == 0x61c || (c >= 0x200b && c <= 0x200f) || (c >= 0x2028 && c <= 0x202e) ||
+                           (c >= 0x2060 && c <= 0x206f) || c == 0xfeff;
+    return !control && !direction;
+}
+
+void gonio_text_printable(const char *text, char *out, size_t size) {
+    size_t used = 0, whole = 0; // whole: characters that leave room for the dots
+    for (const unsigned char *c = (const unsigned char *)text; *c != 0;) {
+        char piece[12];
+        long character;
+        const int n = decode_utf8(c, &character);
+        if (harmless(character)) {
+            snprintf(piece, sizeof piece, "%.*s", n, (const char *)c);
+        } else if (character == '\n' || character == '\t') {
+            snprintf(piece, sizeof piece, "%s", character == '\n' ? "\\n" : "\\t");
+        } else if (character < 0x80) {
+            snprintf(piece, sizeof piece, "\\x%02x", (unsigned)*c);
+        } else {
+            snprintf(piece, sizeof piece, "\\u%04lx", (unsigned long)character);
+        }
+        const size_t length = strlen(piece);
+        if (used + length >= size) {
+            memcpy(out + whole, "...", 4);
+            return;
+        }
+        memcpy(out + used, piece, length);
+        used += length;
+        whole = used + 4 <= size ? used : whole;
+        c += n;
+    }
+    out[used] = 0;
+}
+
 void gonio_text_shortest(double value, char *buffer) {
     for (int digits = 15; digits <= 17; digits++) {
         gonio_number_format(buffer, 32, "%.*g", digits, value);

@@ -45,6 +45,10 @@ bool gonio_text_is_pair_header(char *const *fields, int n);
 
 // Append what printf would write, as far as there is room.
 void gonio_text_append(char *text, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
+// The text as a terminal may be given it: control characters (line breaks too), those that turn the direction of
+// writing, and bytes that are not UTF-8 become \n, \x1b or \u202e. Cut, with ... at the end, where there is no room;
+// size is 4 or more.
+void gonio_text_printable(const char *text, char *out, size_t size);
 // The shortest decimal that reads back as exactly this finite double; buffer: 32 bytes.
 void gonio_text_shortest(double value, char *buffer);
 

@@ -16,6 +16,9 @@ gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, c
         return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
                                "the journal is damaged (%s: %s); `gonio doctor --repair` salvages what is intact", what,
                                text);
+    case SQLITE_INTERRUPT:
+        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                               "the journal is damaged: reading it finds no end (%s)", what);
     case SQLITE_NOMEM:
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the journal (%s)", what);
     default:
@@ -24,6 +27,7 @@ gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, c
 }
 
 static gonio_status exec(gonio_session *session, const char *sql, gonio_error *error) {
+    session->looks = 0;
     return sqlite3_exec(session->db, sql, NULL, NULL, NULL) == SQLITE_OK ? GONIO_OK
                                                                          : gonio_session_db_fail(session, error, sql);
 }
@@ -41,6 +45,7 @@ gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_e
 }
 
 gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error) {
+    session->looks = 0;
     return sqlite3_prepare_v2(session->db, sql, -1, out, NULL) == SQLITE_OK
                ? GONIO_OK
                : gonio_session_db_fail(session, error, sql);

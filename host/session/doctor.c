@@ -2,6 +2,7 @@
 // Verify a session: the database, every frame's and every sample set's checksum, and what lies about; repair it.
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,12 +35,8 @@ static bool owned(sqlite3_stmt *query, const char *name) {
 typedef gonio_status (*stray_fn)(gonio_session *session, const char *name, void *context, gonio_error *error);
 
 static gonio_status for_strays(gonio_session *session, stray_fn call, void *context, gonio_error *error) {
-    char *path;
-    if (asprintf(&path, "%s/frames", session->path) < 0) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
-    DIR *folder = opendir(path);
-    free(path);
+    const int fd = openat(session->frames_fd, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
     if (folder == NULL) {
         return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot list frames/: %s", strerror(errno));
     }
@@ -106,60 +103,58 @@ static bool proven(gonio_session *session, gonio_doctor_report *report) {
 }
 
 static bool integrity(gonio_session *session, gonio_doctor_report *report) {
-    sqlite3_stmt *rows;
+    session_rows rows;
     gonio_error why = {0};
-    if (gonio_session_prepare(session, "PRAGMA integrity_check(8)", &rows, &why) != GONIO_OK) {
-        note(report, "%s", why.message);
-        return false;
-    }
     bool sound = true;
-    int code;
-    while ((code = sqlite3_step(rows)) == SQLITE_ROW) {
-        const char *text = (const char *)sqlite3_column_text(rows, 0);
-        if (text == NULL || strcmp(text, "ok") != 0) {
-            note(report, "session.db: %s", text != NULL ? text : "no answer to the integrity check");
+    gonio_rows_open(&rows, session, "sqlite_master", 0, "PRAGMA integrity_check(8)", &why);
+    while (gonio_rows_next(&rows)) {
+        const char *text = gonio_row_text(&rows, 0, SESSION_SETTING_MAX);
+        if (text != NULL && strcmp(text, "ok") != 0) {
+            note(report, "session.db: %s", text);
             sound = false;
         }
     }
-    if (code != SQLITE_DONE) {
-        note(report, "session.db: %s", sqlite3_errmsg(session->db));
+    if (gonio_rows_close(&rows) != GONIO_OK) {
+        note(report, "%s", why.message);
         sound = false;
     }
-    sqlite3_finalize(rows);
     return sound;
 }
 
+typedef struct frame_check {
+    gonio_doctor_report *report;
+    int bits, *bad;
+} frame_check;
+
 // Every frame of a step on its own, so that one bad frame does not hide the next.
+static gonio_status check_frame(gonio_session *session, const session_frame *row, void *context, gonio_error *error) {
+    const frame_check *c = context;
+    gonio_frame frame = row->exposure.frame;
+    gonio_error why = {0};
+    (void)error;
+    if (gonio_session_frame_read(session, row->file, row->sha256, c->bits, &frame, &why) != GONIO_OK) {
+        ++*c->bad;
+        note(c->report, "step %lld: %s%s%s", (long long)frame.stamp.pose, why.file, why.file[0] != 0 ? ": " : "",
+             why.message);
+    }
+    free(frame.pixels);
+    return GONIO_OK;
+}
+
 static gonio_status check_frames(gonio_session *session, const gonio_step *step, int bits, gonio_doctor_report *report,
-                                 int *bad, gonio_error *error) {
-    sqlite3_stmt *rows;
-    gonio_status status = gonio_session_prepare(
-        session, "SELECT file, sha256, width, height FROM frames WHERE step = ? ORDER BY frame", &rows, error);
+                                 int *bad) {
+    int found = 0;
+    gonio_error why = {0};
+    const gonio_status status =
+        gonio_session_for_frames(session, step->index, check_frame, &(frame_check){report, bits, bad}, &found, &why);
     if (status != GONIO_OK) {
-        return status;
+        note(report, "step %lld: %s", (long long)step->index, why.message);
     }
-    sqlite3_bind_int64(rows, 1, step->index);
-    int found = 0, code;
-    while ((code = sqlite3_step(rows)) == SQLITE_ROW) {
-        const char *name = (const char *)sqlite3_column_text(rows, 0);
-        const char *hash = (const char *)sqlite3_column_text(rows, 1);
-        gonio_frame frame = {.window = {0, 0, sqlite3_column_int(rows, 2), sqlite3_column_int(rows, 3)}};
-        gonio_error why = {0};
-        found++;
-        if (name == NULL || hash == NULL || frame.window.width < 1 || frame.window.height < 1 ||
-            gonio_session_frame_read(session, name, hash, bits, &frame, &why) != GONIO_OK) {
-            ++*bad;
-            note(report, "step %lld: %s%s%s", (long long)step->index, why.file[0] != 0 ? why.file : "",
-                 why.file[0] != 0 ? ": " : "", why.message);
-        }
-        free(frame.pixels);
-    }
-    sqlite3_finalize(rows);
-    if (code != SQLITE_DONE || found != step->frames) {
+    if (status != GONIO_OK || found != step->frames) {
         note(report, "step %lld: %d of %d frames are in the journal", (long long)step->index, found, step->frames);
         *bad += found < step->frames ? step->frames - found : 1;
     }
-    return GONIO_OK;
+    return status == GONIO_E_MEMORY ? status : GONIO_OK;
 }
 
 static bool samples_sound(gonio_session *session, const gonio_step *step, gonio_doctor_report *report) {
@@ -197,7 +192,7 @@ static gonio_status check_step(gonio_session *session, const gonio_step *step, i
     const check *c = context;
     gonio_doctor_report *report = c->report;
     int bad = 0;
-    gonio_status status = check_frames(session, step, bits, report, &bad, error);
+    gonio_status status = check_frames(session, step, bits, report, &bad);
     report->steps_done++;
     report->frames += step->frames;
     report->flagged += step->flagged;

@@ -149,17 +149,28 @@ gonio_status gonio_session_png_encode(const gonio_frame *frame, int bits, bool p
     return status;
 }
 
+// What stands in every PNG's first 33 bytes, looked at before anything is allocated for it.
+static bool header_is(const session_png *png, const gonio_window *w) {
+    static const unsigned char fixed[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
+                                            0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+    // Bits, colour, compression, filter, interlacing: 16-bit grey, without interlacing.
+    static const unsigned char form[5] = {16, PNG_COLOR_TYPE_GRAY, 0, 0, PNG_INTERLACE_NONE};
+    return png->size >= 33 && memcmp(png->data, fixed, sizeof fixed) == 0 &&
+           png_get_uint_32(png->data + 16) == (png_uint_32)w->width &&
+           png_get_uint_32(png->data + 20) == (png_uint_32)w->height && memcmp(png->data + 24, form, sizeof form) == 0;
+}
+
+// A chunk beside the pixels holds a few words, and there are some ten of them.
+static void limit_png(png_structp png, const gonio_window *w) {
+    png_set_user_limits(png, (png_uint_32)w->width, (png_uint_32)w->height);
+    png_set_chunk_cache_max(png, 64);
+    png_set_chunk_malloc_max(png, 1 << 16);
+}
+
 static void read_png(png_structp png, png_infop info, int bits, gonio_frame *frame, unsigned char *row) {
+    limit_png(png, &frame->window);
     png_read_info(png, info);
     const gonio_window *w = &frame->window;
-    if (png_get_image_width(png, info) != (png_uint_32)w->width ||
-        png_get_image_height(png, info) != (png_uint_32)w->height) {
-        png_error(png, "its size is not the journalled one");
-    }
-    if (png_get_bit_depth(png, info) != 16 || png_get_color_type(png, info) != PNG_COLOR_TYPE_GRAY ||
-        png_get_interlace_type(png, info) != PNG_INTERLACE_NONE) {
-        png_error(png, "not a 16-bit grey picture");
-    }
     for (int y = 0; y < w->height; y++) {
         png_read_row(png, row, NULL);
         uint16_t *to = frame->pixels + (size_t)y * (size_t)w->width;
@@ -175,6 +186,12 @@ gonio_status gonio_session_png_decode(const session_png *from, const char *file,
     session_png whole = *from;
     png_context context = {.png = &whole};
     const size_t width = (size_t)frame->window.width;
+    frame->pixels = NULL;
+    if (!header_is(from, &frame->window)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, file, -1,
+                               "not the frame that was stored: expected a PNG of %d x %d pixels, 16-bit grey",
+                               frame->window.width, frame->window.height);
+    }
     frame->pixels = calloc(width * (size_t)frame->window.height, sizeof *frame->pixels);
     unsigned char *row = malloc(2 * width);
     png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &context, on_error, on_warning);

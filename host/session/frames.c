@@ -1,28 +1,36 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The frame store: files under frames/ and their rows in the journal.
 #include <errno.h>
-#include <fcntl.h>
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "base/text.h"
 #include "host/session/internal.h"
 
 gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_error *error) {
-    char *text;
+    char *text, *end;
     *bits = 16;
-    if (gonio_session_get(session, "camera.bits", &text, NULL) != GONIO_OK) {
-        return GONIO_OK;
+    gonio_status status = gonio_session_find(session, "camera.bits", &text, error);
+    if (status != GONIO_OK || text == NULL) {
+        return status;
     }
-    *bits = atoi(text);
+    const long value = strtol(text, &end, 10);
+    if (end == text || *end != 0 || value < 1 || value > 16) {
+        char shown[40];
+        gonio_text_printable(text, shown, sizeof shown);
+        status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                 "table settings, row key = 'camera.bits', column value: found '%s', expected 1 to 16",
+                                 shown);
+    } else {
+        *bits = (int)value;
+    }
     free(text);
-    return *bits >= 1 && *bits <= 16 ? GONIO_OK
-                                     : gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                                       "setting camera.bits is %d; 1 to 16 is expected", *bits);
+    return status;
 }
 
 // ---- writing ----
@@ -109,26 +117,43 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
 
 // ---- reading ----
 
-gonio_status gonio_session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error) {
-    *png = (session_png){0};
-    const int fd = openat(session->frames_fd, name, O_RDONLY | O_CLOEXEC);
-    struct stat info;
-    gonio_status status = GONIO_OK;
-    if (fd < 0 || fstat(fd, &info) != 0) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "frames/%s: %s", name, strerror(errno));
-    } else if ((png->data = malloc((size_t)info.st_size + 1)) == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for frames/%s", name);
-    } else {
-        ssize_t got;
-        while (png->size < (size_t)info.st_size &&
-               (got = read(fd, png->data + png->size, (size_t)info.st_size - png->size)) > 0) {
-            png->size += (size_t)got;
+static gonio_status read_whole(int fd, const char *shown, session_png *png, gonio_error *error) {
+    while (png->size < png->capacity) {
+        const ssize_t got = read(fd, png->data + png->size, png->capacity - png->size);
+        if (got == 0) {
+            break; // it has become shorter: the decoder tells
         }
+        if (got < 0 && errno != EINTR) {
+            return gonio_fail_line(error, GONIO_E_IO, shown, -1, "cannot read it: %s", strerror(errno));
+        }
+        png->size += got > 0 ? (size_t)got : 0;
     }
-    if (fd >= 0) {
-        close(fd);
+    return GONIO_OK;
+}
+
+gonio_status gonio_session_frame_file(gonio_session *session, const char *name, int64_t limit, session_png *png,
+                                      gonio_error *error) {
+    *png = (session_png){0};
+    char shown[SESSION_FRAME_NAME + 8];
+    int fd;
+    int64_t size;
+    snprintf(shown, sizeof shown, "frames/%s", name);
+    gonio_status status = gonio_session_open_plain(session->frames_fd, name, shown, limit, &fd, &size, error);
+    if (status != GONIO_OK) {
+        return status;
     }
+    png->capacity = (size_t)size;
+    png->data = malloc(png->capacity + 1);
+    status = png->data != NULL ? read_whole(fd, shown, png, error)
+                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", shown);
+    close(fd);
     return status;
+}
+
+// A frame's file: its words as they are, a filter's byte a row, and the wrapping of zlib and PNG.
+static int64_t largest_file(const gonio_window *w) {
+    const int64_t bytes = (int64_t)w->height * (2 * (int64_t)w->width + 1);
+    return bytes + bytes / 64 + (1 << 20);
 }
 
 gonio_status gonio_session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
@@ -136,7 +161,7 @@ gonio_status gonio_session_frame_read(gonio_session *session, const char *name, 
     char file[SESSION_FRAME_NAME + 8], hash[GONIO_SHA256_HEX];
     snprintf(file, sizeof file, "frames/%s", name);
     session_png png;
-    gonio_status status = gonio_session_frame_file(session, name, &png, error);
+    gonio_status status = gonio_session_frame_file(session, name, largest_file(&frame->window), &png, error);
     status = status == GONIO_OK ? gonio_session_png_decode(&png, file, bits, frame, error) : status;
     free(png.data);
     if (status == GONIO_OK) {
@@ -153,100 +178,129 @@ gonio_status gonio_session_frame_read(gonio_session *session, const char *name, 
     return status;
 }
 
-static double column_or_nan(sqlite3_stmt *row, int column) {
-    return sqlite3_column_type(row, column) == SQLITE_NULL ? NAN : sqlite3_column_double(row, column);
+static void read_window(session_rows *rows, gonio_window *w) {
+    w->x = (int)gonio_row_integer(rows, 4, 0, SESSION_SIZE_MAX);
+    w->y = (int)gonio_row_integer(rows, 5, 0, SESSION_SIZE_MAX);
+    w->width = (int)gonio_row_integer(rows, 6, 1, SESSION_SIZE_MAX);
+    w->height = (int)gonio_row_integer(rows, 7, 1, SESSION_PIXELS_MAX / (w->width > 0 ? w->width : 1));
 }
 
-static gonio_status read_exposure(gonio_session *session, sqlite3_stmt *row, int64_t step, int bits,
-                                  gonio_exposure *exposure, gonio_error *error) {
-    const char *name = (const char *)sqlite3_column_text(row, 1), *hash = (const char *)sqlite3_column_text(row, 2);
-    const int width = sqlite3_column_int(row, 5), height = sqlite3_column_int(row, 6);
-    if (name == NULL || hash == NULL || strchr(name, '/') != NULL || width < 1 || height < 1 || width > 1 << 16 ||
-        height > 1 << 16) {
-        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "step %lld has a damaged frame row",
-                               (long long)step);
+static gonio_status read_frame(session_rows *rows, int64_t step, int number, session_frame *out) {
+    gonio_frame *frame = &out->exposure.frame;
+    *out = (session_frame){.exposure.frame.stamp = {step, (int)gonio_row_integer(rows, 1, number, number), 0}};
+    const char *name = gonio_row_text(rows, 2, SESSION_FRAME_NAME - 1), *hash = gonio_row_sha256(rows, 3);
+    gonio_session_frame_name(step, number, out->file);
+    if (name != NULL && strcmp(name, out->file) != 0) {
+        gonio_row_fail(rows, 2, "'%s'", out->file);
     }
-    *exposure = (gonio_exposure){
-        .frame = {.window = {sqlite3_column_int(row, 3), sqlite3_column_int(row, 4), width, height},
-                  .exposure_s = sqlite3_column_double(row, 7),
-                  .gain_db = sqlite3_column_double(row, 8),
-                  .stamp = {step, sqlite3_column_int(row, 0), sqlite3_column_double(row, 9)}},
-        .monitor = column_or_nan(row, 10),
-        .monitor_sigma = column_or_nan(row, 11),
-    };
-    return gonio_session_frame_read(session, name, hash, bits, &exposure->frame, error);
+    snprintf(out->sha256, sizeof out->sha256, "%s", hash != NULL ? hash : "");
+    read_window(rows, &frame->window);
+    frame->exposure_s = gonio_row_real(rows, 8, 0, SESSION_EXPOSURE_MAX);
+    frame->gain_db = gonio_row_real(rows, 9, -1000, 1000);
+    frame->stamp.clock_s = gonio_row_real(rows, 10, -SESSION_CLOCK_MAX, SESSION_CLOCK_MAX);
+    out->exposure.monitor = gonio_row_real_or(rows, 11, -DBL_MAX, DBL_MAX, NAN);
+    out->exposure.monitor_sigma = gonio_row_real_or(rows, 12, 0, DBL_MAX, NAN);
+    return rows->status;
 }
 
-static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, int64_t step, int bits,
-                              gonio_exposure *exposures, int count, int *n, gonio_error *error) {
-    int code = SQLITE_DONE;
-    gonio_status status = GONIO_OK;
-    *n = 0;
-    while (status == GONIO_OK && *n < count && (code = sqlite3_step(rows)) == SQLITE_ROW) {
-        status = read_exposure(session, rows, step, bits, &exposures[*n], error);
-        *n += status == GONIO_OK;
+gonio_status gonio_session_for_frames(gonio_session *session, int64_t step, session_frame_fn call, void *context,
+                                      int *n, gonio_error *error) {
+    session_rows rows;
+    if (gonio_rows_open(&rows, session, "frames", 2,
+                        "SELECT step, frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
+                        " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
+                        error) == GONIO_OK) {
+        sqlite3_bind_int64(rows.statement, 1, step);
     }
-    if (status == GONIO_OK && *n < count) {
-        status = code == SQLITE_DONE
-                     ? gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                       "step %lld has %d frames; %d were stored", (long long)step, *n, count)
-                     : gonio_session_db_fail(session, error, "read a frame's row");
+    for (*n = 0; gonio_rows_next(&rows); ++*n) {
+        session_frame frame;
+        if (read_frame(&rows, step, *n, &frame) != GONIO_OK) {
+            break;
+        }
+        rows.status = call(session, &frame, context, error);
     }
+    return gonio_rows_close(&rows);
+}
+
+typedef struct frame_list {
+    gonio_exposure *items;
+    int n, count, bits; // count: as the step says
+    uint64_t bytes, memory;
+} frame_list;
+
+static gonio_status take_frame(gonio_session *session, const session_frame *row, void *context, gonio_error *error) {
+    frame_list *list = context;
+    gonio_exposure *exposure = &list->items[list->n];
+    const gonio_window *w = &row->exposure.frame.window;
+    if (list->n == list->count) {
+        return GONIO_OK; // told when all are counted
+    }
+    list->bytes += 2 * (uint64_t)w->width * (uint64_t)w->height;
+    if (list->bytes > list->memory) {
+        return gonio_fail_frame(error, GONIO_E_INPUT, row->exposure.frame.stamp.pose, list->n,
+                                "the step's frames have %llu bytes or more; this machine's memory is %llu",
+                                (unsigned long long)list->bytes, (unsigned long long)list->memory);
+    }
+    *exposure = row->exposure;
+    const gonio_status status =
+        gonio_session_frame_read(session, row->file, row->sha256, list->bits, &exposure->frame, error);
+    list->n += status == GONIO_OK;
     return status;
+}
+
+// How many frames the step says it has.
+static gonio_status count_frames(gonio_session *session, int64_t step, int *count, gonio_error *error) {
+    session_rows rows;
+    if (gonio_rows_open(&rows, session, "steps", 1, "SELECT step, frames FROM steps WHERE step = ?", error) ==
+        GONIO_OK) {
+        sqlite3_bind_int64(rows.statement, 1, step);
+    }
+    const bool found = gonio_rows_next(&rows);
+    *count = found ? (int)gonio_row_integer(&rows, 1, 0, SESSION_FRAMES_MAX) : 0;
+    const gonio_status status = gonio_rows_close(&rows);
+    return status != GONIO_OK || found ? status
+                                       : gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                                         "table steps: there is no step %lld", (long long)step);
 }
 
 gonio_status gonio_session_exposures(gonio_session *session, int64_t step, gonio_exposure **exposures, int *n,
                                      gonio_error *error) {
     *exposures = NULL;
     *n = 0;
-    int bits;
-    int64_t count = 0;
-    char sql[96];
-    snprintf(sql, sizeof sql, "SELECT frames FROM steps WHERE step = %lld", (long long)step);
-    gonio_status status = gonio_session_frame_bits(session, &bits, error);
-    status = status == GONIO_OK ? gonio_session_integer(session, sql, &count, error) : status;
-    sqlite3_stmt *rows = NULL;
+    int rows = 0;
+    frame_list list = {.memory = (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE)};
+    gonio_status status = gonio_session_frame_bits(session, &list.bits, error);
+    status = status == GONIO_OK ? count_frames(session, step, &list.count, error) : status;
     if (status == GONIO_OK) {
-        status = gonio_session_prepare(session,
-                                       "SELECT frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
-                                       " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
-                                       &rows, error);
+        list.items = calloc((size_t)list.count + 1, sizeof *list.items);
+        status = list.items != NULL ? gonio_session_for_frames(session, step, take_frame, &list, &rows, error)
+                                    : gonio_fail(error, GONIO_E_MEMORY, "no memory for %d frames", list.count);
+    }
+    if (status == GONIO_OK && rows != list.count) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                            "table frames: step %lld has %d frames; %d were stored", (long long)step, rows, list.count);
     }
     if (status != GONIO_OK) {
+        gonio_exposures_free(list.items, list.n);
         return status;
     }
-    sqlite3_bind_int64(rows, 1, step);
-    gonio_exposure *list = calloc((size_t)count + 1, sizeof *list);
-    status = list == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for %lld frames", (long long)count)
-                          : read_rows(session, rows, step, bits, list, (int)count, n, error);
-    sqlite3_finalize(rows);
-    if (status != GONIO_OK) {
-        gonio_exposures_free(list, *n);
-        *n = 0;
-        return status;
-    }
-    *exposures = list;
+    *exposures = list.items;
+    *n = list.n;
     return GONIO_OK;
 }
 
 gonio_status gonio_session_monitor(gonio_session *session, double *value, gonio_error *error) {
-    sqlite3_stmt *row;
+    session_rows rows;
     *value = 0;
-    gonio_status status = gonio_session_prepare(session,
-                                                "SELECT monitor FROM frames WHERE monitor IS NOT NULL"
-                                                " ORDER BY step DESC, frame DESC LIMIT 1",
-                                                &row, error);
-    if (status != GONIO_OK) {
-        return status;
+    gonio_rows_open(&rows, session, "frames", 2,
+                    "SELECT step, frame, monitor FROM frames WHERE monitor IS NOT NULL"
+                    " ORDER BY step DESC, frame DESC LIMIT 1",
+                    error);
+    if (gonio_rows_next(&rows)) {
+        *value = gonio_row_real(&rows, 2, -DBL_MAX, DBL_MAX);
     }
-    const int code = sqlite3_step(row);
-    if (code == SQLITE_ROW) {
-        *value = sqlite3_column_double(row, 0);
-    } else if (code != SQLITE_DONE) {
-        status = gonio_session_db_fail(session, error, "read the monitor's last reading");
-    }
-    sqlite3_finalize(row);
-    return status;
+    return gonio_rows_close(&rows);
 }
 
 void gonio_exposures_free(gonio_exposure *exposures, int n) {

@@ -6,9 +6,21 @@
 #include <jansson.h>
 #include <openssl/evp.h>
 #include <sqlite3.h>
+#include <stdatomic.h>
 
 #include "gonio/session.h"
 
+// What a session may hold, far beyond what one does: more is damage or malice. Bytes of the database, of one of its
+// rows, and of a setting; pixels of a frame.
+#define SESSION_DATABASE_MAX ((int64_t)1 << 40)
+#define SESSION_ROW_MAX (1 << 29)
+#define SESSION_SETTING_MAX (1 << 24)
+#define SESSION_PIXELS_MAX ((int64_t)1 << 28)
+#define SESSION_SIZE_MAX 65536 // of a frame's sides
+#define SESSION_STEP_MAX INT32_MAX
+#define SESSION_FRAMES_MAX 1000000        // of a step
+#define SESSION_CLOCK_MAX 1e12            // s
+#define SESSION_EXPOSURE_MAX 1e6          // s
 #define SESSION_APPLICATION_ID 0x474f4e49 // "GONI"
 
 // Hashes and sample rows are of little-endian words; every machine that Gonio runs on is one.
@@ -34,6 +46,7 @@ struct gonio_session {
     bool writable;
     bool in_transaction;
     bool plain;                           // frames are stored uncompressed
+    atomic_llong looks; // at a query that may have no end
     bool host_known;                      // this run has its row in `hosts`
     sqlite3_stmt *row_of[SESSION_TABLES]; // one row by its key, prepared at the first use
     struct {                              // session.log, as far as this connection may write it
@@ -195,9 +208,52 @@ gonio_status gonio_session_adopt(gonio_session *session, gonio_error *error);
 gonio_status gonio_session_set_aside(gonio_session *session, int folder, const char *where, const char *name,
                                      const char *why, gonio_error *error);
 
+// ---- row.c: rows of the journal, read with the types and bounds that they must have ----
+// A query's rows. The first value that is not what it must be ends the reading: the error names table, row and column,
+// what was found and what was expected. Every later value is then 0, NaN or NULL.
+enum { SESSION_KEYS = 2 };
+typedef struct session_rows {
+    gonio_session *session;
+    sqlite3_stmt *statement;
+    const char *table;
+    int keys; // so many of the first columns tell which row it is; where they are whole numbers, they rise
+    bool ordered;
+    int64_t n, last[SESSION_KEYS];
+    gonio_status status;
+    gonio_error *error;
+} session_rows;
+// Close the rows in every case; binding parameters to rows->statement is between the two.
+gonio_status gonio_rows_open(session_rows *rows, gonio_session *session, const char *table, int keys, const char *sql,
+                             gonio_error *error);
+bool gonio_rows_next(session_rows *rows); // false: no more, or a failure, which gonio_rows_close returns
+gonio_status gonio_rows_close(session_rows *rows);
+int64_t gonio_row_integer(session_rows *rows, int column, int64_t low, int64_t high);
+double gonio_row_real(session_rows *rows, int column, double low, double high);
+double gonio_row_real_or(session_rows *rows, int column, double low, double high, double null); // null where it is NULL
+const char *gonio_row_text(session_rows *rows, int column, size_t limit);                       // until the next row
+const char *gonio_row_sha256(session_rows *rows, int column);                                   // in hexadecimal digits
+const unsigned char *gonio_row_blob(session_rows *rows, int column, size_t size);               // of exactly this size
+// A value that is of its type and wrong all the same; the format says what was expected.
+gonio_status gonio_row_fail(session_rows *rows, int column, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+// ---- guard.c: what a session from elsewhere may not do ----
+// Open a plain file of a folder to read: no link, pipe or device, at most `limit` bytes. shown: its path for messages.
+gonio_status gonio_session_open_plain(int folder, const char *name, const char *shown, int64_t limit, int *fd,
+                                      int64_t *size, gonio_error *error);
+// Before SQLite opens the database: its files are plain ones, and none makes SQLite touch files elsewhere.
+gonio_status gonio_session_check_database_files(int folder, const char *path, gonio_error *error);
+// On a new connection, before anything is read: nothing of the file's own is run, and every query ends.
+void gonio_session_secure(gonio_session *session);
+// The schema holds the tables of the session's version and nothing else.
+gonio_status gonio_session_check_schema(gonio_session *session, gonio_error *error);
+
 // ---- session.c ----
 // Lock the folder against other writers for as long as fd stays open.
 gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error);
+
+// ---- settings.c ----
+enum { SESSION_EVENT_MAX = 4096 }; // bytes that are shown of an event's text
 
 // ---- frame_file.c: one frame <-> one PNG ----
 enum { SESSION_FRAME_NAME = 48 };
@@ -244,8 +300,19 @@ gonio_status gonio_session_for_done(gonio_session *session, session_step_fn call
 // ---- frames.c ----
 // The bits that the camera's words carry, from the journal.
 gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_error *error);
-// The bytes of a frame's file; the caller frees png->data.
-gonio_status gonio_session_frame_file(gonio_session *session, const char *name, session_png *png, gonio_error *error);
+// One row of the frames' table, without pixels.
+typedef struct session_frame {
+    gonio_exposure exposure;
+    char file[SESSION_FRAME_NAME], sha256[GONIO_SHA256_HEX];
+} session_frame;
+typedef gonio_status (*session_frame_fn)(gonio_session *session, const session_frame *frame, void *context,
+                                         gonio_error *error);
+// Call for every frame of a step that the journal has, in order; *n of them. The first failure ends it.
+gonio_status gonio_session_for_frames(gonio_session *session, int64_t step, session_frame_fn call, void *context,
+                                      int *n, gonio_error *error);
+// The bytes of a frame's file, at most `limit`; the caller frees png->data.
+gonio_status gonio_session_frame_file(gonio_session *session, const char *name, int64_t limit, session_png *png,
+                                      gonio_error *error);
 // Read one file and verify it; frame's window and stamp are what the journal says.
 gonio_status gonio_session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
                                       gonio_frame *frame, gonio_error *error);

@@ -2,6 +2,7 @@
 // Samples in the journal: one blob of little-endian doubles a step, with its SHA-256.
 //
 // A row is theta_i, phi_i, theta_o, phi_o (rad), then the values, the random and the systematic sigmas, a channel each.
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,9 +29,10 @@ static double *pack(const gonio_samples *samples, size_t first, size_t n) {
 // The channels' names and the isotropy are the same for all steps; the first step with samples tells them.
 static gonio_status describe(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     char *known;
-    if (gonio_session_get(session, "samples.channels", &known, NULL) == GONIO_OK) {
+    gonio_status status = gonio_session_find(session, "samples.channels", &known, error);
+    if (status != GONIO_OK || known != NULL) {
         free(known);
-        return GONIO_OK;
+        return status;
     }
     char *names;
     size_t size;
@@ -42,7 +44,7 @@ static gonio_status describe(gonio_session *session, const gonio_samples *sample
         fprintf(stream, "%s%s", c > 0 ? "," : "", samples->channel_names[c]);
     }
     fclose(stream);
-    gonio_status status = gonio_session_put(session, "samples.channels", names, error);
+    status = gonio_session_put(session, "samples.channels", names, error);
     free(names);
     return status == GONIO_OK ? gonio_session_put(session, "samples.isotropic", samples->isotropic ? "1" : "0", error)
                               : status;
@@ -100,81 +102,117 @@ static void set_names(gonio_samples *samples, char *names) {
     }
 }
 
+static gonio_status read_isotropic(gonio_session *session, bool *isotropic, gonio_error *error) {
+    char *text;
+    *isotropic = true;
+    const gonio_status status = gonio_session_find(session, "samples.isotropic", &text, error);
+    if (status == GONIO_OK && text != NULL) {
+        *isotropic = strcmp(text, "0") != 0;
+    }
+    free(text);
+    return status;
+}
+
 static gonio_status new_set(gonio_session *session, gonio_samples **out, gonio_error *error) {
-    char *names, *isotropic;
-    gonio_status status = gonio_session_get(session, "samples.channels", &names, error);
-    if (status != GONIO_OK) {
+    char *names;
+    gonio_status status = gonio_session_find(session, "samples.channels", &names, error);
+    if (status == GONIO_OK && names == NULL) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "the session holds no samples yet");
+    }
+    if (status != GONIO_OK) {
+        return status;
     }
     int channels = 1;
     for (const char *c = names; *c != 0; c++) {
         channels += *c == ',';
     }
-    status = gonio_samples_new(channels, true, out, error);
+    if (channels > GONIO_CHANNELS_MAX) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                 "table settings, row key = 'samples.channels', column value: found %d names, expected "
+                                 "at most %d",
+                                 channels, GONIO_CHANNELS_MAX);
+    }
+    status = status == GONIO_OK ? gonio_samples_new(channels, true, out, error) : status;
     if (status == GONIO_OK) {
         set_names(*out, names);
-        (*out)->isotropic = true;
-        if (gonio_session_get(session, "samples.isotropic", &isotropic, NULL) == GONIO_OK) {
-            (*out)->isotropic = strcmp(isotropic, "0") != 0;
-            free(isotropic);
+        status = read_isotropic(session, &(*out)->isotropic, error);
+        if (status != GONIO_OK) {
+            gonio_samples_free(*out);
+            *out = NULL;
         }
     }
     free(names);
     return status;
 }
 
-// A row of the samples table (step, n, channels, rows, sha256), verified and added to the set.
-static gonio_status unpack(gonio_session *session, sqlite3_stmt *row, gonio_samples *samples, gonio_error *error) {
-    const long long step = sqlite3_column_int64(row, 0);
-    const size_t n = (size_t)sqlite3_column_int64(row, 1), channels = (size_t)samples->channels;
-    const size_t bytes = (size_t)sqlite3_column_bytes(row, 3), row_size = row_doubles(samples->channels);
-    const unsigned char *blob = sqlite3_column_blob(row, 3);
-    const char *expected = (const char *)sqlite3_column_text(row, 4);
-    char hash[GONIO_SHA256_HEX];
-    gonio_status status = gonio_sha256(blob, bytes, hash, error);
-    if (status != GONIO_OK) {
-        return status;
+static bool plausible(const double *row, size_t channels) {
+    for (size_t k = 0; k < 4 + 3 * channels; k++) {
+        // Angles are of directions, in rad; sigmas are not negative, values may be: of noise about zero.
+        if (!isfinite(row[k]) || (k < 4 && fabs(row[k]) > 100) || (k >= 4 + channels && row[k] < 0)) {
+            return false;
+        }
     }
-    if (sqlite3_column_int(row, 2) != samples->channels || bytes != n * row_size * sizeof(double) || expected == NULL ||
-        strcmp(hash, expected) != 0) {
-        return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                               "the samples of step %lld do not match their checksum; `gonio doctor --repair` drops "
-                               "them and `gonio resume` restores them from the frames",
-                               step);
-    }
+    return true;
+}
+
+static gonio_status add_rows(session_rows *rows, const unsigned char *blob, size_t n, gonio_samples *samples) {
+    const size_t channels = (size_t)samples->channels, row_size = row_doubles(samples->channels);
     double *values = malloc(row_size * sizeof *values); // a blob need not be aligned
     if (values == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", n);
+        return rows->status = gonio_fail(rows->error, GONIO_E_MEMORY, "no memory for %zu samples", n);
     }
-    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
+    for (size_t i = 0; rows->status == GONIO_OK && i < n; i++) {
         memcpy(values, blob + i * row_size * sizeof *values, row_size * sizeof *values);
         const gonio_pair pair = {values[0], values[1], values[2], values[3]};
-        status = gonio_samples_add(samples, &pair, values + 4, values + 4 + channels, values + 4 + 2 * channels, error);
+        if (!plausible(values, channels)) {
+            gonio_row_fail(rows, 3, "finite numbers and no negative sigma in its sample %zu", i);
+        } else {
+            rows->status = gonio_samples_add(samples, &pair, values + 4, values + 4 + channels,
+                                             values + 4 + 2 * channels, rows->error);
+        }
     }
     free(values);
-    return status;
+    return rows->status;
 }
 
-static gonio_status collect(gonio_session *session, const char *sql, int64_t step, gonio_samples *samples, size_t *rows,
+// A row of the samples table (step, n, channels, rows, sha256), verified and added to the set.
+static gonio_status unpack(session_rows *rows, gonio_samples *samples) {
+    const size_t row_bytes = row_doubles(samples->channels) * sizeof(double);
+    gonio_row_integer(rows, 0, 0, SESSION_STEP_MAX);
+    const size_t n = (size_t)gonio_row_integer(rows, 1, 0, (int64_t)(SESSION_ROW_MAX / row_bytes));
+    gonio_row_integer(rows, 2, samples->channels, samples->channels);
+    const unsigned char *blob = gonio_row_blob(rows, 3, n * row_bytes);
+    const char *expected = gonio_row_sha256(rows, 4);
+    char hash[GONIO_SHA256_HEX];
+    if (rows->status == GONIO_OK) {
+        rows->status = gonio_sha256(blob, n * row_bytes, hash, rows->error);
+    }
+    if (rows->status == GONIO_OK && strcmp(hash, expected) != 0) {
+        gonio_row_fail(rows, 4,
+                       "%.12s...: the samples do not match their checksum; `gonio doctor --repair` drops them and "
+                       "`gonio resume` restores them",
+                       hash);
+    }
+    return rows->status == GONIO_OK ? add_rows(rows, blob, n, samples) : rows->status;
+}
+
+static gonio_status collect(gonio_session *session, const char *table, int64_t step, gonio_samples *samples, size_t *n,
                             gonio_error *error) {
-    sqlite3_stmt *statement;
-    gonio_status status = gonio_session_prepare(session, sql, &statement, error);
-    if (status != GONIO_OK) {
-        return status;
+    char sql[128];
+    session_rows rows;
+    snprintf(sql, sizeof sql, "SELECT step, n, channels, rows, sha256 FROM %s %s ORDER BY step", table,
+             step >= 0 ? "WHERE step = ?" : "");
+    if (gonio_rows_open(&rows, session, table, 1, sql, error) == GONIO_OK && step >= 0) {
+        sqlite3_bind_int64(rows.statement, 1, step);
     }
-    sqlite3_bind_int64(statement, 1, step);
-    int code = SQLITE_DONE;
-    for (*rows = 0; status == GONIO_OK && (code = sqlite3_step(statement)) == SQLITE_ROW; ++*rows) {
-        status = unpack(session, statement, samples, error);
+    for (*n = 0; gonio_rows_next(&rows); ++*n) {
+        unpack(&rows, samples);
     }
-    if (status == GONIO_OK && code != SQLITE_DONE) {
-        status = gonio_session_db_fail(session, error, "read samples");
-    }
-    sqlite3_finalize(statement);
-    return status;
+    return gonio_rows_close(&rows);
 }
 
-static gonio_status read_set(gonio_session *session, const char *sql, int64_t step, gonio_samples **out, size_t *rows,
+// Of one step, or of all of them (below 0).
+static gonio_status read_set(gonio_session *session, const char *table, int64_t step, gonio_samples **out, size_t *n,
                              gonio_error *error) {
     *out = NULL;
     gonio_samples *samples;
@@ -182,7 +220,7 @@ static gonio_status read_set(gonio_session *session, const char *sql, int64_t st
     if (status != GONIO_OK) {
         return status;
     }
-    status = collect(session, sql, step, samples, rows, error);
+    status = collect(session, table, step, samples, n, error);
     if (status != GONIO_OK) {
         gonio_samples_free(samples);
         return status;
@@ -192,15 +230,14 @@ static gonio_status read_set(gonio_session *session, const char *sql, int64_t st
 }
 
 gonio_status gonio_session_samples(gonio_session *session, gonio_samples **out, gonio_error *error) {
-    size_t rows;
-    return read_set(session, "SELECT step, n, channels, rows, sha256 FROM samples ORDER BY step", 0, out, &rows, error);
+    size_t n;
+    return read_set(session, "samples", -1, out, &n, error);
 }
 
 gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, gonio_samples **out, gonio_error *error) {
-    size_t rows = 0;
-    const gonio_status status = read_set(session, "SELECT step, n, channels, rows, sha256 FROM samples WHERE step = ?",
-                                         step, out, &rows, error);
-    if (status == GONIO_OK && rows == 0) {
+    size_t n = 0;
+    const gonio_status status = read_set(session, "samples", step < 0 ? INT64_MAX : step, out, &n, error);
+    if (status == GONIO_OK && n == 0) {
         gonio_samples_free(*out);
         *out = NULL;
     }
@@ -210,27 +247,24 @@ gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, go
 // ---- final samples: the same table again ----
 
 static gonio_status put_final_steps(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
-    sqlite3_stmt *rows;
-    gonio_status status = gonio_session_prepare(session, "SELECT step, n FROM samples ORDER BY step", &rows, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
+    session_rows rows;
     size_t first = 0;
-    int code = SQLITE_DONE;
-    while (status == GONIO_OK && (code = sqlite3_step(rows)) == SQLITE_ROW) {
-        const size_t n = (size_t)sqlite3_column_int64(rows, 1);
-        if (first + n > samples->n) {
-            break;
+    bool fit = true;
+    gonio_rows_open(&rows, session, "samples", 1, "SELECT step, n FROM samples ORDER BY step", error);
+    while (fit && gonio_rows_next(&rows)) {
+        const int64_t step = gonio_row_integer(&rows, 0, 0, SESSION_STEP_MAX);
+        const size_t n = (size_t)gonio_row_integer(&rows, 1, 0, SESSION_ROW_MAX);
+        fit = n <= samples->n - first;
+        if (fit && rows.status == GONIO_OK) {
+            rows.status = store(session, "final_samples", step, samples, first, n, error);
+            first += n;
         }
-        status = store(session, "final_samples", sqlite3_column_int64(rows, 0), samples, first, n, error);
-        first += n;
     }
-    sqlite3_finalize(rows);
-    if (status == GONIO_OK && (first != samples->n || code != SQLITE_DONE)) {
-        status = gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1,
+    const gonio_status status = gonio_rows_close(&rows);
+    return status != GONIO_OK || (fit && first == samples->n)
+               ? status
+               : gonio_fail_line(error, GONIO_E_FAILED, session->db_path, -1,
                                  "%zu final samples do not belong to the journalled ones", samples->n);
-    }
-    return status;
 }
 
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
@@ -255,11 +289,8 @@ gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples *
         return status;
     }
     *final = count > 0 && lacking == 0;
-    size_t rows;
-    return read_set(session,
-                    *final ? "SELECT step, n, channels, rows, sha256 FROM final_samples ORDER BY step"
-                           : "SELECT step, n, channels, rows, sha256 FROM samples ORDER BY step",
-                    0, out, &rows, error);
+    size_t n;
+    return read_set(session, *final ? "final_samples" : "samples", -1, out, &n, error);
 }
 
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error) {

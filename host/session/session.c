@@ -23,8 +23,8 @@ static char *join(const char *folder, const char *name) {
 
 bool gonio_session_is(const char *path) {
     char *db = join(path, "session.db");
-    struct stat info;
-    const bool is = db != NULL && stat(db, &info) == 0 && S_ISREG(info.st_mode);
+    struct stat info; // of a link or a pipe too: opening it then says what is wrong
+    const bool is = db != NULL && lstat(db, &info) == 0 && !S_ISDIR(info.st_mode);
     free(db);
     return is;
 }
@@ -99,9 +99,10 @@ static gonio_status open_folders(gonio_session *session, bool frames, gonio_erro
             return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot make frames/: %s", strerror(errno));
         }
     }
-    session->frames_fd = openat(session->folder_fd, "frames", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (frames && session->frames_fd < 0) {
-        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open its frames/: %s", strerror(errno));
+    session->frames_fd = openat(session->folder_fd, "frames", O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (frames && session->frames_fd < 0) { // ENOTDIR of a symbolic link too
+        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1,
+                               "cannot open its frames/: %s; a folder of its own is expected", strerror(errno));
     }
     return GONIO_OK;
 }
@@ -114,7 +115,7 @@ static gonio_status create_database(gonio_session *session, gonio_error *error) 
         session->db_path = final_path;
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
     }
-    unlink(session->db_path);
+    unlink(session->db_path); // left by a run that was stopped here, or anything: SQLite makes its own anew
     char versions[96];
     snprintf(versions, sizeof versions, "PRAGMA application_id = %d; PRAGMA user_version = %d;", SESSION_APPLICATION_ID,
              GONIO_SESSION_VERSION);
@@ -163,9 +164,17 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
     return GONIO_OK;
 }
 
+static bool connect_as(gonio_session *session, const char *name, int flags) {
+    const bool opened = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK;
+    if (opened) {
+        gonio_session_secure(session);
+    }
+    return opened;
+}
+
 // Open with these flags, and see whether it can be read.
 static bool open_with(gonio_session *session, int flags) {
-    return sqlite3_open_v2(session->db_path, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK &&
+    return connect_as(session, session->db_path, flags) &&
            sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK;
 }
 
@@ -188,22 +197,27 @@ static bool open_read_only(gonio_session *session) {
         return false;
     }
     sqlite3_close(session->db);
-    const int opened =
-        sqlite3_open_v2(uri, &session->db, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_FULLMUTEX, NULL);
+    const bool opened = connect_as(session, uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
     free(uri);
-    return opened == SQLITE_OK;
+    return opened;
+}
+
+// Of a version that is known here, with its tables and nothing else; what is in them, its proof tells.
+static gonio_status check_database(gonio_session *session, gonio_error *error) {
+    const gonio_status status = check_version(session, error);
+    return status == GONIO_OK ? gonio_session_check_schema(session, error) : status;
 }
 
 static gonio_status open_database(gonio_session *session, gonio_error *error) {
-    const bool opened = session->writable
-                            ? sqlite3_open_v2(session->db_path, &session->db,
-                                              SQLITE_OPEN_READWRITE | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK
-                            : open_read_only(session);
-    if (!opened) {
+    gonio_status status = gonio_session_check_database_files(session->folder_fd, session->path, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (!(session->writable ? connect_as(session, session->db_path, SQLITE_OPEN_READWRITE) : open_read_only(session))) {
         return gonio_session_db_fail(session, error, "open the journal");
     }
     sqlite3_busy_timeout(session->db, 5000);
-    gonio_status status = check_version(session, error);
+    status = check_database(session, error);
     if (status == GONIO_OK && session->writable) {
         // FULL in WAL mode: a committed step survives a power cut.
         status = gonio_session_exec(session,

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "host/session/internal.h"
 
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error) {
@@ -11,25 +12,25 @@ gonio_status gonio_session_put(gonio_session *session, const char *key, const ch
                             value);
 }
 
-gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error) {
+gonio_status gonio_session_find(gonio_session *session, const char *key, char **value, gonio_error *error) {
     *value = NULL;
-    sqlite3_stmt *statement;
-    gonio_status status = gonio_session_prepare(session, "SELECT value FROM settings WHERE key = ?", &statement, error);
-    if (status != GONIO_OK) {
-        return status;
+    session_rows rows;
+    if (gonio_rows_open(&rows, session, "settings", 1, "SELECT key, value FROM settings WHERE key = ?", error) ==
+        GONIO_OK) {
+        sqlite3_bind_text(rows.statement, 1, key, -1, SQLITE_STATIC);
     }
-    sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
-    const int code = sqlite3_step(statement);
-    if (code == SQLITE_ROW) {
-        *value = strdup((const char *)sqlite3_column_text(statement, 0));
-        status = *value != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for setting %s", key);
-    } else if (code == SQLITE_DONE) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "the session has no setting '%s'", key);
-    } else {
-        status = gonio_session_db_fail(session, error, "read a setting");
+    const char *text = gonio_rows_next(&rows) ? gonio_row_text(&rows, 1, SESSION_SETTING_MAX) : NULL;
+    if (text != NULL && (*value = strdup(text)) == NULL) {
+        rows.status = gonio_fail(error, GONIO_E_MEMORY, "no memory for setting %s", key);
     }
-    sqlite3_finalize(statement);
-    return status;
+    return gonio_rows_close(&rows);
+}
+
+gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error) {
+    const gonio_status status = gonio_session_find(session, key, value, error);
+    return status != GONIO_OK || *value != NULL
+               ? status
+               : gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1, "the session has no setting '%s'", key);
 }
 
 gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio_error *error) {
@@ -52,31 +53,37 @@ gonio_status gonio_session_event(gonio_session *session, const char *kind, const
                             "tt", kind, text);
 }
 
+// A line an event, whatever its text holds.
+static void print_event(session_rows *rows, FILE *stream) {
+    char line[SESSION_EVENT_MAX];
+    for (int column = 1; column < 4; column++) {
+        const char *text = gonio_row_text(rows, column, SESSION_SETTING_MAX);
+        gonio_text_printable(text != NULL ? text : "", line, sizeof line);
+        fprintf(stream, "%s%s", line, column == 1 ? " " : column == 2 ? ": " : "\n");
+    }
+}
+
 gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error) {
     *text = NULL;
-    sqlite3_stmt *statement;
-    gonio_status status =
-        gonio_session_prepare(session, "SELECT utc, kind, text FROM events ORDER BY event", &statement, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
+    session_rows rows;
+    gonio_rows_open(&rows, session, "events", 1, "SELECT event, utc, kind, text FROM events ORDER BY event", error);
     size_t size;
     FILE *stream = open_memstream(text, &size);
     if (stream == NULL) {
-        sqlite3_finalize(statement);
+        gonio_rows_close(&rows);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the events");
     }
-    int code;
-    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
-        fprintf(stream, "%s %s: %s\n", (const char *)sqlite3_column_text(statement, 0),
-                (const char *)sqlite3_column_text(statement, 1), (const char *)sqlite3_column_text(statement, 2));
+    while (gonio_rows_next(&rows)) {
+        print_event(&rows, stream);
     }
-    fclose(stream);
-    if (code != SQLITE_DONE) {
-        status = gonio_session_db_fail(session, error, "read the events");
+    const bool whole = fclose(stream) == 0;
+    gonio_status status = gonio_rows_close(&rows);
+    if (status == GONIO_OK && !whole) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the events");
+    }
+    if (status != GONIO_OK) {
         free(*text);
         *text = NULL;
     }
-    sqlite3_finalize(statement);
     return status;
 }

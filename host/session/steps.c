@@ -31,75 +31,83 @@ gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *s
     return status;
 }
 
-static bool read_step(sqlite3_stmt *row, gonio_step *step) {
-    const char *kind = (const char *)sqlite3_column_text(row, 1);
+static gonio_step_kind read_kind(session_rows *rows, int column) {
+    const char *name = gonio_row_text(rows, column, 16);
     int k = 0;
-    while (k < KINDS && (kind == NULL || strcmp(kind, kind_names[k]) != 0)) {
+    while (name != NULL && k < KINDS && strcmp(name, kind_names[k]) != 0) {
         k++;
     }
     if (k == KINDS) {
-        return false;
+        gonio_row_fail(rows, column, "dark, reference, sample, trap, burst or check");
     }
-    *step = (gonio_step){
-        .index = sqlite3_column_int64(row, 0),
-        .kind = (gonio_step_kind)k,
-        .pose = {gonio_radians(sqlite3_column_double(row, 2)), gonio_radians(sqlite3_column_double(row, 3)),
-                 gonio_radians(sqlite3_column_double(row, 4)), gonio_radians(sqlite3_column_double(row, 5))},
-        .done = sqlite3_column_int(row, 6) != 0,
-        .frames = sqlite3_column_int(row, 7),
-        .clock_end_s = sqlite3_column_double(row, 8),
-        .exposure_end_s = sqlite3_column_double(row, 9),
-        .flagged = sqlite3_column_int(row, 10) != 0,
-    };
-    return true;
+    return name != NULL && k < KINDS ? (gonio_step_kind)k : GONIO_STEP_DARK;
 }
 
-static gonio_status read_rows(gonio_session *session, sqlite3_stmt *rows, gonio_step *steps, size_t n, size_t *got,
-                              gonio_error *error) {
-    int code;
-    for (*got = 0; (code = sqlite3_step(rows)) == SQLITE_ROW && *got < n; ++*got) {
-        if (!read_step(rows, &steps[*got])) {
-            return gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                   "step %lld has an unknown kind; dark, trap, reference, check or sample is expected",
-                                   (long long)sqlite3_column_int64(rows, 0));
+// Angles are canonical (-180 to 180) where a plan gave them; rounding and other tools have room beside.
+static double read_angle(session_rows *rows, int column) {
+    return gonio_radians(gonio_row_real(rows, column, -720, 720));
+}
+
+static gonio_status read_step(session_rows *rows, gonio_step *step) {
+    *step = (gonio_step){
+        .index = gonio_row_integer(rows, 0, 0, SESSION_STEP_MAX),
+        .kind = read_kind(rows, 1),
+        .pose = {read_angle(rows, 2), read_angle(rows, 3), read_angle(rows, 4), read_angle(rows, 5)},
+        .done = gonio_row_integer(rows, 6, 0, 1) != 0,
+        .frames = (int)gonio_row_integer(rows, 7, 0, SESSION_FRAMES_MAX),
+        .clock_end_s = gonio_row_real_or(rows, 8, -SESSION_CLOCK_MAX, SESSION_CLOCK_MAX, 0),
+        .exposure_end_s = gonio_row_real_or(rows, 9, 0, SESSION_EXPOSURE_MAX, 0),
+        .flagged = gonio_row_integer(rows, 10, 0, 1) != 0,
+    };
+    return rows->status;
+}
+
+// The rows, as many as there are: their number is not asked first, for a damaged table may give any.
+static gonio_status read_rows(session_rows *rows, gonio_step **steps, size_t *n) {
+    size_t capacity = 0;
+    while (gonio_rows_next(rows)) {
+        if (*n == capacity) {
+            capacity += capacity / 2 + 256;
+            gonio_step *larger = realloc(*steps, capacity * sizeof *larger);
+            if (larger == NULL) {
+                return rows->status = gonio_fail(rows->error, GONIO_E_MEMORY, "no memory for %zu steps", capacity);
+            }
+            *steps = larger;
         }
+        *n += read_step(rows, &(*steps)[*n]) == GONIO_OK;
     }
-    return code == SQLITE_DONE || code == SQLITE_ROW ? GONIO_OK
-                                                     : gonio_session_db_fail(session, error, "read the steps");
+    return rows->status;
 }
 
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n, gonio_error *error) {
     *steps = NULL;
     *n = 0;
-    int64_t count, flags = 0;
-    gonio_status status = gonio_session_integer(session, "SELECT count(*) FROM steps", &count, error);
-    sqlite3_stmt *rows = NULL;
-    if (status == GONIO_OK) { // a session of the first releases, opened to read, has no flags
-        status =
-            gonio_session_integer(session, "SELECT count(*) FROM sqlite_master WHERE name = 'flagged'", &flags, error);
-    }
-    if (status == GONIO_OK) {
-        char sql[256];
-        snprintf(sql, sizeof sql,
-                 "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames, clock_end_s,"
-                 " exposure_end_s, %s FROM steps ORDER BY step",
-                 flags > 0 ? "step IN (SELECT step FROM flagged)" : "0");
-        status = gonio_session_prepare(session, sql, &rows, error);
-    }
+    int64_t flags = 0;
+    // A session of the first releases, opened to read, has no flags.
+    gonio_status status =
+        gonio_session_integer(session, "SELECT count(*) FROM sqlite_master WHERE name = 'flagged'", &flags, error);
     if (status != GONIO_OK) {
         return status;
     }
-    gonio_step *list = calloc((size_t)count + 1, sizeof *list);
-    status = list == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for %lld steps", (long long)count)
-                          : read_rows(session, rows, list, (size_t)count, n, error);
-    sqlite3_finalize(rows);
+    char sql[256];
+    snprintf(sql, sizeof sql,
+             "SELECT step, kind, theta_i_deg, phi_i_deg, theta_o_deg, phi_o_deg, done, frames, clock_end_s,"
+             " exposure_end_s, %s AS flagged FROM steps ORDER BY step",
+             flags > 0 ? "step IN (SELECT step FROM flagged)" : "0");
+    session_rows rows;
+    gonio_rows_open(&rows, session, "steps", 1, sql, error);
+    read_rows(&rows, steps, n);
+    status = gonio_rows_close(&rows);
+    if (status == GONIO_OK && *steps == NULL) { // none
+        *steps = calloc(1, sizeof **steps);
+        status = *steps != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for steps");
+    }
     if (status != GONIO_OK) {
-        free(list);
+        free(*steps);
+        *steps = NULL;
         *n = 0;
-        return status;
     }
-    *steps = list;
-    return GONIO_OK;
+    return status;
 }
 
 gonio_status gonio_session_for_done(gonio_session *session, session_step_fn call, void *context, int64_t *steps,

@@ -155,7 +155,7 @@ static void test_final_samples(void **state) {
     assert_false(final);
     for (size_t i = 0; i < samples->n * 3; i++) {
         samples->sigma_random[i] += (double)i / 3;
-        samples->sigma_systematic[i] -= (double)i;
+        samples->sigma_systematic[i] += (double)i;
         samples->values[i] *= 1.01;
     }
     assert_int_equal(gonio_session_put_final(session, samples, NULL), GONIO_OK);
