@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Frames that were stored as they are, made small afterwards. Checksums are of pixels, so none changes.
+#include <fcntl.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <sys/stat.h>
@@ -17,7 +18,7 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     session_png png;
     session_file file;
     gonio_session_frame_name(frame->stamp.pose, frame->stamp.frame, name);
-    if (fstatat(session->frames_fd, name, &before, 0) != 0) {
+    if (fstatat(session->frames_fd, name, &before, AT_SYMLINK_NOFOLLOW) != 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "frames/%s cannot be found", name);
     }
     gonio_status status = gonio_session_png_encode(frame, bits, false, &png, error);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // SHA-256, by libcrypto.
 #include <errno.h>
+#include <fcntl.h>
 #include <openssl/evp.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "host/session/internal.h"
 
@@ -43,24 +46,44 @@ gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_H
     return status;
 }
 
-gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error) {
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) {
+static gonio_status hash_all(int fd, const char *path, EVP_MD_CTX *context, gonio_error *error) {
+    unsigned char buffer[65536];
+    ssize_t got;
+    while ((got = read(fd, buffer, sizeof buffer)) != 0) {
+        if (got < 0 && errno != EINTR) {
+            return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
+        }
+        EVP_DigestUpdate(context, buffer, got > 0 ? (size_t)got : 0);
+    }
+    return GONIO_OK;
+}
+
+// A path may come from a session: a pipe is not waited for, and a device, which has no end, is not read.
+static gonio_status open_to_hash(const char *path, int *fd, gonio_error *error) {
+    struct stat info;
+    *fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    if (*fd < 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
     }
-    EVP_MD_CTX *context;
-    gonio_status status = gonio_session_hash_begin(&context, error);
-    if (status == GONIO_OK) {
-        unsigned char buffer[65536];
-        size_t got;
-        while ((got = fread(buffer, 1, sizeof buffer, file)) > 0) {
-            EVP_DigestUpdate(context, buffer, got);
-        }
-        gonio_session_hash_end(context, hex);
-        if (ferror(file)) {
-            status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
-        }
+    if (fstat(*fd, &info) == 0 && S_ISREG(info.st_mode)) {
+        return GONIO_OK;
     }
-    fclose(file);
+    close(*fd);
+    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "found a folder, a pipe or a device, expected a file");
+}
+
+gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error) {
+    int fd;
+    gonio_status status = open_to_hash(path, &fd, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    EVP_MD_CTX *context;
+    status = gonio_session_hash_begin(&context, error);
+    if (status == GONIO_OK) {
+        status = hash_all(fd, path, context, error);
+        gonio_session_hash_end(context, hex);
+    }
+    close(fd);
     return status;
 }

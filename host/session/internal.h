@@ -274,7 +274,7 @@ gonio_status gonio_session_png_decode(const session_png *png, const char *file, 
 // ---- store.c: files, written whole under a temporary name, synced, renamed ----
 typedef struct session_file {
     int fd; // -1: there is none
-    char name[48];
+    char name[SESSION_FRAME_NAME], temporary[SESSION_FRAME_NAME + 16];
 } session_file;
 gonio_status gonio_session_file_write(gonio_session *session, const char *name, const session_png *png,
                                       session_file *file, gonio_error *error);

@@ -3,9 +3,11 @@
 // and the disk gets one long stream instead of a wait for each file.
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <unistd.h>
 
 #include "base/thread_pool.h"
@@ -22,8 +24,19 @@ static bool write_all(int fd, const session_png *png) {
     return true;
 }
 
-static void temporary_name(const session_file *file, char name[SESSION_FRAME_NAME + 8]) {
-    snprintf(name, SESSION_FRAME_NAME + 8, ".%s.new", file->name);
+// A new file under a name that nothing has, link or file: what lies about is not written to, and stays.
+static int create_temporary(gonio_session *session, session_file *file) {
+    int tries = 100;
+    do {
+        uint32_t number;
+        if (getrandom(&number, sizeof number, 0) != sizeof number) {
+            return -1;
+        }
+        snprintf(file->temporary, sizeof file->temporary, ".%s.%08" PRIx32 ".new", file->name, number);
+        file->fd =
+            openat(session->frames_fd, file->temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    } while (file->fd < 0 && errno == EEXIST && --tries > 0);
+    return file->fd;
 }
 
 static gonio_status fail_file(const gonio_session *session, const session_file *file, int why, gonio_error *error) {
@@ -32,23 +45,18 @@ static gonio_status fail_file(const gonio_session *session, const session_file *
 }
 
 static void discard(gonio_session *session, session_file *file) {
-    char temporary[SESSION_FRAME_NAME + 8];
     if (file->fd >= 0) {
         close(file->fd);
-        temporary_name(file, temporary);
-        unlinkat(session->frames_fd, temporary, 0);
+        unlinkat(session->frames_fd, file->temporary, 0);
         file->fd = -1;
     }
 }
 
 gonio_status gonio_session_file_write(gonio_session *session, const char *name, const session_png *png,
                                       session_file *file, gonio_error *error) {
-    char temporary[SESSION_FRAME_NAME + 8];
     *file = (session_file){.fd = -1};
     snprintf(file->name, sizeof file->name, "%s", name);
-    temporary_name(file, temporary);
-    file->fd = openat(session->frames_fd, temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (file->fd < 0) {
+    if (create_temporary(session, file) < 0) {
         return fail_file(session, file, errno, error);
     }
     if (!write_all(file->fd, png)) {
@@ -64,12 +72,10 @@ gonio_status gonio_session_file_write(gonio_session *session, const char *name, 
 }
 
 static bool keep(gonio_session *session, session_file *file, int *why) {
-    char temporary[SESSION_FRAME_NAME + 8];
-    temporary_name(file, temporary);
     *why = 0;
-    if (close(file->fd) != 0 || renameat(session->frames_fd, temporary, session->frames_fd, file->name) != 0) {
+    if (close(file->fd) != 0 || renameat(session->frames_fd, file->temporary, session->frames_fd, file->name) != 0) {
         *why = errno;
-        unlinkat(session->frames_fd, temporary, 0);
+        unlinkat(session->frames_fd, file->temporary, 0);
     }
     file->fd = -1;
     return *why == 0;
