@@ -262,10 +262,20 @@ static bool harmless(long c) {
     return !control && !direction;
 }
 
+bool gonio_text_is_printable(const char *text) {
+    bool good = true;
+    for (const unsigned char *c = (const unsigned char *)text; good && *c != 0;) {
+        long character;
+        c += decode_utf8(c, &character);
+        good = harmless(character);
+    }
+    return good;
+}
+
 void gonio_text_printable(const char *text, char *out, size_t size) {
     size_t used = 0, whole = 0; // whole: characters that leave room for the dots
     for (const unsigned char *c = (const unsigned char *)text; *c != 0;) {
-        char piece[12];
+        char piece[24];
         long character;
         const int n = decode_utf8(c, &character);
         if (harmless(character)) {

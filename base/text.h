@@ -49,6 +49,7 @@ void gonio_text_append(char *text, size_t size, const char *format, ...) __attri
 // writing, and bytes that are not UTF-8 become \n, \x1b or \u202e. Cut, with ... at the end, where there is no room;
 // size is 4 or more.
 void gonio_text_printable(const char *text, char *out, size_t size);
+bool gonio_text_is_printable(const char *text); // nothing of that is in it
 // The shortest decimal that reads back as exactly this finite double; buffer: 32 bytes.
 void gonio_text_shortest(double value, char *buffer);
 

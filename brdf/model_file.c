@@ -71,12 +71,25 @@ static gonio_status check_sum(const gonio_model_file_head *h, const unsigned cha
                     : gonio_fail_byte(error, GONIO_E_INPUT, path, 56, "checksum mismatch: the file is damaged");
 }
 
+// A name goes to terminals: no control characters, those beyond ASCII in UTF-8 among them.
+static bool has_control(const unsigned char *name) {
+    bool found = false;
+    for (; *name != 0; name++) {
+        found |= *name < 0x20 || *name == 0x7f || (*name == 0xc2 && name[1] >= 0x80 && name[1] < 0xa0);
+    }
+    return found;
+}
+
 static gonio_status check_names(const gonio_model_file_head *h, const unsigned char *base, const char *path,
                                 gonio_error *error) {
     for (uint32_t c = 0; c < h->channels; c++) {
         const size_t at = sizeof *h + 32 * (size_t)c;
         if (memchr(base + at, 0, 32) == NULL) {
             return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)at, "channel %u: its name has no end", c);
+        }
+        if (has_control(base + at)) {
+            return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)at,
+                                   "channel %u: its name has a control character", c);
         }
     }
     return GONIO_OK;

@@ -202,6 +202,9 @@ static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_
     }
     collector->samples->isotropic = !anisotropic;
     for (int c = 0; c < l->channels; c++) {
+        if (!gonio_text_is_printable(fields[4 + c])) {
+            return gonio_text_fail(text, error, "column %d: found a control character in its name", 5 + c);
+        }
         snprintf(collector->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", fields[4 + c]);
     }
     return read_rows(text, fields, l, collector, error);

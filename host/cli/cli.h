@@ -52,6 +52,10 @@ typedef struct cli_verb {
 bool cli_parse(const cli_verb *verb, const cli_option *options, int argc, char **argv, const char **positionals,
                int minimum, int maximum, int *count, cli_common *common);
 
+// A text of a file, a device or a session as it may be printed: gonio_text_printable. Of the last 8 calls of a thread.
+const char *cli_text(const char *text);
+// The same, line by line.
+void cli_print_lines(const char *text);
 // Report a failed call on stderr, or as {"error":...} on stdout with --json; returns the exit status.
 int cli_fail(const cli_common *common, const gonio_error *error);
 // Wrong usage found after parsing; returns 2.

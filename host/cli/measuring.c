@@ -43,7 +43,7 @@ static gonio_status ask_for_hands(void *context, gonio_target target, gonio_erro
 
 static void show_note(void *context, const char *text) {
     cli_progress_end(&((cli_measuring *)context)->progress);
-    fprintf(stderr, "%s\n", text);
+    fprintf(stderr, "%s\n", cli_text(text));
 }
 
 static bool show_progress(void *context, const gonio_measure_progress *now) {
@@ -75,7 +75,7 @@ void cli_outcome_print(const gonio_outcome *outcome) {
                outcome->edges_excluded, outcome->edges_spilled);
     }
     if (outcome->motion.moved) {
-        printf("MOVED      %s\n", outcome->motion_text);
+        printf("MOVED      %s\n", cli_text(outcome->motion_text));
     } else if (outcome->motion.known) {
         printf("motion     (%.3f, %.3f) px between start and end\n", outcome->motion.shift_px[0],
                outcome->motion.shift_px[1]);
@@ -128,9 +128,9 @@ static void report(const cli_measuring *m, const char *session, const gonio_outc
         cli_json(object);
         return;
     }
-    printf("session    %s\n", session);
+    printf("session    %s\n", cli_text(session));
     cli_outcome_print(outcome);
-    printf("wrote      %s\ntook       %.1f s\n", outcome->model_path, seconds);
+    printf("wrote      %s\ntook       %.1f s\n", cli_text(outcome->model_path), seconds);
 }
 
 int cli_measuring_run(cli_measuring *measuring, const gonio_measure_options *options, gonio_session *session,
@@ -145,7 +145,7 @@ int cli_measuring_run(cli_measuring *measuring, const gonio_measure_options *opt
         report(measuring, gonio_session_path(session), &outcome, gonio_clock_s() - started);
     } else {
         exit_status = cli_fail(measuring->common, &error);
-        fprintf(stderr, "nothing is lost: `gonio resume %s` goes on\n", gonio_session_path(session));
+        fprintf(stderr, "nothing is lost: `gonio resume %s` goes on\n", cli_text(gonio_session_path(session)));
     }
     gonio_outcome_free(&outcome);
     return exit_status;

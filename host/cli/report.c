@@ -5,11 +5,43 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
+
+const char *cli_text(const char *text) {
+    static _Thread_local char *kept[8];
+    static _Thread_local unsigned next;
+    char **slot = &kept[next++ % 8];
+    const size_t size = 8 * strlen(text) + 4; // \\u001b of a byte
+    free(*slot);
+    *slot = malloc(size);
+    if (*slot == NULL) {
+        return "(no memory for a text)";
+    }
+    gonio_text_printable(text, *slot, size);
+    return *slot;
+}
+
+void cli_print_lines(const char *text) {
+    char *copy = strdup(text), *rest = copy;
+    const char *line;
+    while (copy != NULL && (line = strsep(&rest, "\n")) != NULL) {
+        printf("%s%s", cli_text(line), rest != NULL ? "\n" : "");
+    }
+    free(copy);
+}
+
 int cli_json(json_t *object) {
-    json_dumpf(object, stdout, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17));
-    putchar('\n');
+    const size_t flags = JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17);
+    char *text = json_dumps(object, flags);
+    if (text != NULL && !gonio_text_is_printable(text)) { // control characters beyond ASCII, which JSON allows
+        free(text);
+        text = json_dumps(object, flags | JSON_ENSURE_ASCII);
+    }
+    printf("%s\n", text != NULL ? text : "");
+    free(text);
     json_decref(object);
     return 0;
 }
@@ -31,7 +63,7 @@ int cli_fail(const cli_common *common, const gonio_error *error) {
     }
     fputs("gonio: ", stderr);
     if (error->file[0] != 0) {
-        fputs(error->file, stderr);
+        fputs(cli_text(error->file), stderr);
         if (error->line >= 0) {
             fprintf(stderr, ":%lld", error->line);
         }
@@ -40,7 +72,7 @@ int cli_fail(const cli_common *common, const gonio_error *error) {
         }
         fputs(": ", stderr);
     }
-    fprintf(stderr, "%s\n", error->message[0] != 0 ? error->message : gonio_status_text(error->status));
+    fprintf(stderr, "%s\n", error->message[0] != 0 ? cli_text(error->message) : gonio_status_text(error->status));
     return exit_status;
 }
 

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "host/session/internal.h"
 
 static size_t row_doubles(int channels) { return 4 + 3 * (size_t)channels; }
@@ -94,12 +95,14 @@ gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step
 
 // ---- reading ----
 
-static void set_names(gonio_samples *samples, char *names) {
+static bool set_names(gonio_samples *samples, char *names) {
+    const bool good = gonio_text_is_printable(names);
     char *rest = names;
     for (int c = 0; c < samples->channels; c++) {
         const char *name = strsep(&rest, ",");
         snprintf(samples->channel_names[c], sizeof samples->channel_names[c], "%s", name != NULL ? name : "");
     }
+    return good;
 }
 
 static gonio_status read_isotropic(gonio_session *session, bool *isotropic, gonio_error *error) {
@@ -134,8 +137,11 @@ static gonio_status new_set(gonio_session *session, gonio_samples **out, gonio_e
     }
     status = status == GONIO_OK ? gonio_samples_new(channels, true, out, error) : status;
     if (status == GONIO_OK) {
-        set_names(*out, names);
-        status = read_isotropic(session, &(*out)->isotropic, error);
+        status = set_names(*out, names)
+                     ? read_isotropic(session, &(*out)->isotropic, error)
+                     : gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                       "table settings, row key = 'samples.channels', column value: found a control "
+                                       "character, expected names");
         if (status != GONIO_OK) {
             gonio_samples_free(*out);
             *out = NULL;

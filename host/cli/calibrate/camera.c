@@ -89,9 +89,9 @@ static void print(const work *w) {
     for (int i = 0; i < w->n; i++) {
         const gonio_view *v = &w->views[i];
         if (v->used) {
-            printf("%-40s %4d corners  rms %.3f px\n", w->paths[i], w->corners[i].n, v->rms);
+            printf("%-40s %4d corners  rms %.3f px\n", cli_text(w->paths[i]), w->corners[i].n, v->rms);
         } else {
-            printf("%-40s rejected: %s\n", w->paths[i], v->reason);
+            printf("%-40s rejected: %s\n", cli_text(w->paths[i]), v->reason);
         }
     }
     printf("%d of %d views, rms %.4f px\n", w->found.views_used, w->n, w->found.rms);
@@ -135,7 +135,7 @@ int calibrate_camera(int argc, char **argv) {
     if (status != GONIO_OK) {
         for (int i = 0; w.views != NULL && i < w.n; i++) {
             if (w.views[i].reason[0] != '\0') {
-                fprintf(stderr, "%s: %s\n", w.paths[i], w.views[i].reason);
+                fprintf(stderr, "%s: %s\n", cli_text(w.paths[i]), w.views[i].reason);
             }
         }
         exit_status = cli_fail(&common, &error);

@@ -80,7 +80,7 @@ static json_t *as_json(const settings *s, const work *w) {
 
 static void print(const work *w) {
     for (size_t i = 0; i < w->n; i++) {
-        printf("%-44s %10.6g s  fitted %10.6g s (%+.4f stop)  disagreement %.1f %%%s\n", w->rows[i].path,
+        printf("%-44s %10.6g s  fitted %10.6g s (%+.4f stop)  disagreement %.1f %%%s\n", cli_text(w->rows[i].path),
                w->exposure_s[i], w->curve.exposure_s[i], log2(w->curve.exposure_s[i] / w->exposure_s[i]),
                100 * w->curve.disagreement[i],
                w->curve.rejected[i] ? "  <- stands apart: shifted, or something moved" : "");

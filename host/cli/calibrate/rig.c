@@ -124,7 +124,7 @@ static json_t *as_json(const gonio_rig_report *r, const calibrate_rig_views *vie
 static void print(const gonio_rig_report *r, const calibrate_rig_views *views) {
     for (int i = 0; i < views->n; i++) {
         if (!views->items[i].used) {
-            printf("%-16s left out: %s\n", views->names[i], views->items[i].reason);
+            printf("%-16s left out: %s\n", cli_text(views->names[i]), views->items[i].reason);
         }
     }
     for (int k = 0; k < GONIO_RIG_OBJECTS; k++) {
@@ -194,7 +194,7 @@ int calibrate_rig(int argc, char **argv) {
     if (status != GONIO_OK) {
         for (int i = 0; i < views.n; i++) {
             if (views.items[i].reason[0] != '\0') {
-                fprintf(stderr, "%s: %s\n", views.names[i], views.items[i].reason);
+                fprintf(stderr, "%s: %s\n", cli_text(views.names[i]), views.items[i].reason);
             }
         }
         exit_status = cli_fail(&common, &error);

@@ -52,12 +52,12 @@ static bool is_sound(const gonio_doctor_report *r) {
 }
 
 static void print(const char *path, const gonio_doctor_report *r, bool repair, json_t *about) {
-    printf("session    %s\n", path);
+    printf("session    %s\n", cli_text(path));
     const char *key;
     json_t *value;
     json_object_foreach(about, key, value) {
         if (strcmp(key, "events") != 0 && json_string_length(value) > 0) {
-            printf("%-10s %s\n", key, json_string_value(value));
+            printf("%-10s %s\n", key, cli_text(json_string_value(value)));
         }
     }
     printf("database   %s\n", r->database_ok ? "sound" : "DAMAGED");
@@ -69,9 +69,10 @@ static void print(const char *path, const gonio_doctor_report *r, bool repair, j
         printf("flagged    %lld steps since the last good audit of the stage; `gonio resume` audits them\n",
                (long long)r->flagged);
     }
-    printf("%s", r->detail);
+    cli_print_lines(r->detail);
     const char *events = json_string_value(json_object_get(about, "events"));
-    printf("events\n%s", events != NULL ? events : "");
+    printf("events\n");
+    cli_print_lines(events != NULL ? events : "");
     if (!is_sound(r)) {
         printf(repair ? "repaired: %lld steps are to be measured again; `gonio resume` does it\n"
                       : "%lld steps are lost; `gonio doctor --repair` salvages the rest\n",

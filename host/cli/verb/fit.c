@@ -35,7 +35,7 @@ static void print(const fit_arguments *a, const gonio_fit_report *r) {
     cli_print_errors("train", &r->train);
     cli_print_errors("held out", &r->held_out);
     if (r->note[0] != 0) {
-        printf("note: %s\n", r->note);
+        printf("note: %s\n", cli_text(r->note));
     }
     printf("%s\n", a->output != NULL ? a->output : "no -o: the model was not saved");
 }

@@ -81,7 +81,7 @@ static gonio_status check_moves(const cli_rig *rig, const gonio_step *steps, siz
         gonio_error why = {.line = -1, .byte = -1};
         gonio_scan_target(&steps[i].pose, to);
         if (r->stage->check(r->stage_device, from, to, &why) != GONIO_OK && refused++ < 10) {
-            fprintf(stderr, "step %zu: %s\n", i, why.message);
+            fprintf(stderr, "step %zu: %s\n", i, cli_text(why.message));
         }
         memcpy(from, to, sizeof from);
     }

@@ -97,7 +97,7 @@ static void print_list(const char *name, json_t *list) {
     json_t *item;
     json_array_foreach(list, i, item) {
         char *text = json_dumps(item, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_ENCODE_ANY);
-        printf("%-16s %s\n", name, text != NULL ? text : "");
+        printf("%-16s %s\n", name, text != NULL ? cli_text(text) : "");
         free(text);
     }
 }
@@ -120,7 +120,7 @@ static void print(const char *prefix, json_t *object) {
         } else if (json_is_boolean(value)) {
             printf("%-16s %s\n", name, json_is_true(value) ? "yes" : "no");
         } else {
-            printf("%-16s %s\n", name, json_string_value(value));
+            printf("%-16s %s\n", name, cli_text(json_string_value(value)));
         }
     }
 }

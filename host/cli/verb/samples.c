@@ -248,7 +248,7 @@ static void print_budget(const request *r, const gonio_step *step, const gonio_p
     for (int c = 0; c < channels; c++) {
         const gonio_budget *b = &budget[c];
         const double combined = hypot(b->random, b->systematic);
-        printf("%s: %.6g 1/sr\n", names[c], b->value);
+        printf("%s: %.6g 1/sr\n", cli_text(names[c]), b->value);
         for (const cli_figure *t = terms; t->name != NULL; t++) {
             const double sigma = cli_figure_of(t, b);
             printf("  %-12s %12.4g 1/sr  %8.4f %%\n", t->name, sigma, 100 * sigma / fabs(b->value));

@@ -147,7 +147,7 @@ static void print(const table *t, const char *folder) {
     for (size_t i = 0; i < t->n; i++) {
         const gonio_tradeoff_row *r = &t->rows[i];
         if (r->status != GONIO_OK) {
-            printf("%-14s %5d  failed: %s\n", r->form.method, r->form.level, r->error.message);
+            printf("%-14s %5d  failed: %s\n", r->form.method, r->form.level, cli_text(r->error.message));
             continue;
         }
         const gonio_errors *e = r->report.held_out.samples > 0 ? &r->report.held_out : &r->report.train;
