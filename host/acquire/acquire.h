@@ -37,6 +37,9 @@ gonio_status gonio_setup_of_rig(const gonio_rig *rig, const gonio_scan_options *
                                 gonio_error *error);
 gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, gonio_error *error);
 gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_error *error);
+// A SPEC that a session tells may name a file ("file:PATH", "spec:file:PATH"): GONIO_E_INPUT where that is no plain
+// one, so that nobody waits for a pipe or reads a device without an end. file: for the error.
+gonio_status gonio_spec_check_file(const char *spec, const char *file, gonio_error *error);
 // The fit whose slopes give the pointing term, and which runs along with a measure: nothing is held out, no limit of
 // time or memory acts on it, and the hundreds of thousands of samples of a sphere are so dense that the quickest method
 // tells their slopes.

@@ -3,9 +3,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "fit/options.h"
+#include "gonio/io.h"
 #include "gonio/version.h"
 #include "host/acquire/rig_file.h"
 
@@ -192,37 +194,65 @@ static bool on_fit(void *context, double fraction, const char *what, double erro
     return go_on(context, GONIO_MEASURE_FIT, fraction, what, error_now);
 }
 
-static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
-    char *place = NULL; // as gonio_measure_begin was told
+// The journal may name any file: what is there and is no model is not replaced.
+static gonio_status check_place(const run *r, const char *path, gonio_error *error) {
+    struct stat info;
+    if (lstat(path, &info) != 0 || (S_ISREG(info.st_mode) && gonio_model_file_is(path))) {
+        return GONIO_OK;
+    }
+    return gonio_fail_line(error, GONIO_E_INPUT, gonio_session_path(r->session), -1,
+                           "the session says that its model goes to %s, where something else is; --model names "
+                           "another place",
+                           path);
+}
+
+// Where the model goes: as this run was told, else as gonio_measure_begin was, else into the session. *own: there.
+static gonio_status choose_place(const run *r, char **path, bool *own, gonio_error *error) {
     const char *wanted = r->options->model_path;
-    if (wanted == NULL && gonio_session_get(r->session, "model", &place, NULL) == GONIO_OK) {
-        wanted = place;
+    *own = false;
+    *path = NULL;
+    gonio_status status = GONIO_OK;
+    if (wanted != NULL) {
+        *path = strdup(wanted);
+    } else {
+        status = gonio_session_find(r->session, "model", path, error);
+        *own = status == GONIO_OK && *path == NULL;
+        if (*own && asprintf(path, "%s/model.gonio", gonio_session_path(r->session)) < 0) {
+            *path = NULL;
+        }
+        status = status == GONIO_OK && *path != NULL ? check_place(r, *path, error) : status;
     }
+    return status == GONIO_OK && *path == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for a path") : status;
+}
+
+static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
     char *path;
-    if (asprintf(&path, "%s%s", wanted == NULL ? gonio_session_path(r->session) : wanted,
-                 wanted == NULL ? "/model.gonio" : "") < 0) {
-        free(place);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
+    bool own;
+    gonio_status status = choose_place(r, &path, &own, error);
     const gonio_finish_options options = {.stream = r->in_order ? r->stream : NULL,
                                           .threads = r->options->threads,
                                           .model_path = path,
                                           .progress = on_fit,
                                           .context = r};
-    gonio_status status = gonio_finish(r->session, gonio_scan_process(r->scan), &options, outcome, error);
+    if (status == GONIO_OK) {
+        status = gonio_finish(r->session, gonio_scan_process(r->scan), &options, outcome, error);
+    }
     outcome->model_path = path; // also on failure: released with the rest
     if (status == GONIO_OK) {
-        char *full = wanted == NULL ? strdup("model.gonio") : realpath(path, NULL);
+        char *full = own ? strdup("model.gonio") : realpath(path, NULL);
         status = gonio_session_put(r->session, "result.model_path", full != NULL ? full : path, error);
         free(full);
     }
-    free(place);
     return status == GONIO_OK ? gonio_outcome_put(r->session, outcome, error) : status;
 }
 
 static gonio_status run_all(run *r, const gonio_rig *rig, gonio_outcome *outcome, gonio_error *error) {
     const gonio_scan_hooks hooks = {r, r->options->hooks.mount != NULL ? ask_for_hands : NULL, note, note_undone};
-    gonio_status status = gonio_scan_new(r->session, rig, &hooks, &r->scan, error);
+    char *place; // of the model: what is wrong with it is told before hours of measuring
+    bool own;
+    gonio_status status = choose_place(r, &place, &own, error);
+    free(place);
+    status = status == GONIO_OK ? gonio_scan_new(r->session, rig, &hooks, &r->scan, error) : status;
     status = status == GONIO_OK ? open_stream(r, error) : status;
     status = status == GONIO_OK ? scan_all(r, error) : status;
     return status == GONIO_OK ? finish(r, outcome, error) : status;

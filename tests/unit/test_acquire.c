@@ -154,13 +154,14 @@ static void test_setup_comes_back(void **state) {
     (void)state;
     gonio_session *session;
     assert_int_equal(gonio_session_create(path, &session, NULL), GONIO_OK);
-    gonio_setup setup = {.camera = {.name = "cam \"1\"", .width = 640, .bits = 12, .fx = 1.0 / 3, .k1 = -2e-17},
-                         .facts = {.light_distance_mm = 1e3 / 7,
-                                   .reference_reflectance = {0.99, 1.0 / 3, 0.1},
-                                   .sphere = true,
-                                   .operator_name = "Z\xc3\xbcrich\n2"},
-                         .scan = {.dark_frames = 4, .settle_s = 0.1, .hands = true},
-                         .window = {1, 2, 3, 4}};
+    gonio_setup setup = {
+        .camera = {.name = "cam \"1\"", .width = 640, .height = 480, .bits = 12, .fx = 1.0 / 3, .k1 = -2e-17},
+        .facts = {.light_distance_mm = 1e3 / 7,
+                  .reference_reflectance = {0.99, 1.0 / 3, 0.1},
+                  .sphere = true,
+                  .operator_name = "Z\xc3\xbcrich\n2"},
+        .scan = {.dark_frames = 4, .settle_s = 0.1, .hands = true},
+        .window = {1, 2, 3, 4}};
     gonio_fit_options_default(&setup.fit);
     setup.fit.method = "lsq";
     setup.fit.seed = UINT64_MAX;
@@ -190,7 +191,7 @@ static void test_fit_options_come_back(void **state) {
     gonio_session *session;
     gonio_error error = {0};
     assert_int_equal(gonio_session_create(path, &session, NULL), GONIO_OK);
-    gonio_setup setup = {0}, back;
+    gonio_setup setup = {.camera = {.width = 2, .height = 2, .bits = 8}, .window = {0, 0, 2, 2}}, back;
     gonio_fit_options_default(&setup.fit);
     assert_int_equal(gonio_setup_put(session, &setup, &error), GONIO_OK);
     assert_int_equal(gonio_setup_get(session, &back, &error), GONIO_OK);
