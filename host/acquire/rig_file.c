@@ -2,17 +2,15 @@
 // Rig files (INI, by libinih) and settings that override them -> an open rig.
 #include "host/acquire/rig_file.h"
 
-#include <ctype.h>
 #include <ini.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
-#include "base/text.h"
 #include "host/acquire/rig_keys.h"
+#include "host/acquire/rig_text.h"
 #include "host/drivers/null.h"
-
-#define FILE_MAX_BYTES (1 << 20)
 
 typedef struct builder {
     rig_keys keys;
@@ -71,21 +69,6 @@ static int on_key(void *user, const char *section, const char *key, const char *
     return status == GONIO_OK;
 }
 
-// inih cuts lines at its buffer without a word, so longer ones are refused before.
-static gonio_status check_lines(const char *text, const char *name, gonio_error *error) {
-    long long line = 1;
-    while (*text != 0) {
-        const size_t length = strcspn(text, "\n");
-        if (length > INI_MAX_LINE - 3) {
-            return gonio_fail_line(error, GONIO_E_INPUT, name, line, "a line of %zu bytes; at most %d are possible",
-                                   length, INI_MAX_LINE - 3);
-        }
-        text += length + (text[length] == '\n');
-        line++;
-    }
-    return GONIO_OK;
-}
-
 static gonio_status apply_text(builder *b, const char *text, const char *name, gonio_error *error) {
     b->error = (gonio_error){.line = -1, .byte = -1};
     const int line = ini_parse_string(text, on_key, b);
@@ -103,6 +86,61 @@ static gonio_status apply_text(builder *b, const char *text, const char *name, g
         return gonio_fail_line(error, GONIO_E_INPUT, name, line, "expected [section], key = value, or a comment");
     }
     return gonio_fail_line(error, GONIO_E_INPUT, name, line, "%s", b->error.message);
+}
+
+static char *trim(char *text) {
+    text += strspn(text, " \t");
+    char *end = text + strlen(text);
+    while (end > text && (end[-1] == ' ' || end[-1] == '\t')) {
+        end--;
+    }
+    *end = 0;
+    return text;
+}
+
+// One key from the options: an error is a wrong use of them.
+static gonio_status apply_option(builder *b, const char *section, const char *key, const char *value,
+                                 gonio_error *error) {
+    gonio_error why = {0};
+    return set_key(b, section, key, value, &why) == GONIO_OK
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_USAGE, "setting: %s", why.message);
+}
+
+// Lines of section.key=value, as gonio_rig_text_settings makes them.
+static gonio_status apply_settings(builder *b, const char *lines, gonio_error *error) {
+    char *copy = strdup(lines);
+    gonio_status status = copy != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    char *rest = copy, *line;
+    while (status == GONIO_OK && (line = strsep(&rest, "\n")) != NULL) {
+        char *equals = strchr(line, '=');
+        if (equals != NULL) {
+            *equals = 0;
+        }
+        char *dot = equals != NULL ? strrchr(line, '.') : NULL;
+        if (dot != NULL) {
+            *dot = 0;
+            status = apply_option(b, trim(line), trim(dot + 1), trim(equals + 1), error);
+        } else if (line[0] != 0) {
+            status = gonio_fail(error, GONIO_E_USAGE, "setting: found '%.80s', expected SECTION.KEY=VALUE", line);
+        }
+    }
+    free(copy);
+    return status;
+}
+
+// Texts that have options of their own, as they stand: no character of theirs means anything.
+static gonio_status apply_texts(builder *b, const gonio_rig_file_options *options, gonio_error *error) {
+    const struct {
+        const char *section, *key, *value;
+    } own[] = {{"rig", "operator", options->operator_name},
+               {"sample", "id", options->sample_id},
+               {"rig", "notes", options->notes}};
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; status == GONIO_OK && i < sizeof own / sizeof *own; i++) {
+        status = own[i].value != NULL ? apply_option(b, own[i].section, own[i].key, own[i].value, error) : GONIO_OK;
+    }
+    return status;
 }
 
 // A line so bad that it is told no more; what it does shows in the measure's pace.
@@ -135,13 +173,14 @@ static gonio_status new_hardware(builder *b, gonio_rig_file *rig, gonio_error *e
 }
 
 // Read the text twice: the driver first, then, with the driver there, everything else.
-static gonio_status build(builder *b, const char *text, const char *name, const gonio_rig_file_options *options,
-                          gonio_error *error) {
+static gonio_status build(builder *b, const char *text, const char *settings, const char *name,
+                          const gonio_rig_file_options *options, gonio_error *error) {
     const char *sample = options->sample;
     gonio_rig_keys_default(&b->keys);
-    gonio_status status = check_lines(text, name, error);
+    gonio_status status = gonio_rig_text_check(text, name, error);
     b->driver_pass = true;
     status = status == GONIO_OK ? apply_text(b, text, name, error) : status;
+    status = status == GONIO_OK ? apply_settings(b, settings, error) : status;
     b->driver_pass = false;
     if (status != GONIO_OK) {
         return status;
@@ -167,7 +206,9 @@ static gonio_status build(builder *b, const char *text, const char *name, const 
     } else if (sample != NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "sample: only the simulated rig makes its sample from a SPEC");
     }
-    return status == GONIO_OK ? apply_text(b, text, name, error) : status;
+    status = status == GONIO_OK ? apply_text(b, text, name, error) : status;
+    status = status == GONIO_OK ? apply_texts(b, options, error) : status;
+    return status == GONIO_OK ? apply_settings(b, settings, error) : status;
 }
 
 static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
@@ -200,96 +241,6 @@ static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, g
     return status;
 }
 
-// ---- texts ----
-
-static gonio_status read_file(const char *path, char **text, gonio_error *error) {
-    size_t size;
-    const gonio_status status = gonio_file_read(path, FILE_MAX_BYTES, text, &size, error);
-    if (status == GONIO_OK && strlen(*text) != size) {
-        free(*text);
-        *text = NULL;
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a rig file: a text without zero bytes is expected");
-    }
-    return status;
-}
-
-// Where the next section.key= begins after a comma; values may hold commas themselves.
-static const char *next_setting(const char *text) {
-    for (const char *comma = strchr(text, ','); comma != NULL; comma = strchr(comma + 1, ',')) {
-        const char *c = comma + 1;
-        const char *dot = NULL;
-        while (isalnum((unsigned char)*c) || *c == '_' || *c == ' ' || *c == '.') {
-            dot = *c == '.' ? c : dot;
-            c++;
-        }
-        if (*c == '=' && dot != NULL) {
-            return comma;
-        }
-    }
-    return text + strlen(text);
-}
-
-static gonio_status append_setting(FILE *stream, const char *setting, size_t length, gonio_error *error) {
-    const char *equals = memchr(setting, '=', length);
-    const char *dot = equals;
-    while (dot != NULL && dot > setting && *dot != '.') {
-        dot--;
-    }
-    if (equals == NULL || dot == setting || memchr(setting, '\n', length) != NULL) {
-        return gonio_fail(error, GONIO_E_USAGE, "setting: found '%.*s', expected SECTION.KEY=VALUE", (int)length,
-                          setting);
-    }
-    fprintf(stream, "[%.*s]\n%.*s = %.*s\n", (int)(dot - setting), setting, (int)(equals - dot - 1), dot + 1,
-            (int)(setting + length - equals - 1), equals + 1);
-    return GONIO_OK;
-}
-
-// The overrides as the text of a rig file.
-static gonio_status overrides(const gonio_rig_file_options *options, char **text, gonio_error *error) {
-    size_t size;
-    FILE *stream = open_memstream(text, &size);
-    if (stream == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
-    }
-    const struct {
-        const char *section, *key, *value;
-    } own[] = {{"rig", "operator", options->operator_name},
-               {"sample", "id", options->sample_id},
-               {"rig", "notes", options->notes}};
-    for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
-        if (own[i].value != NULL) {
-            fprintf(stream, "[%s]\n%s = %s\n", own[i].section, own[i].key, own[i].value);
-        }
-    }
-    gonio_status status = GONIO_OK;
-    for (size_t i = 0; status == GONIO_OK && i < options->n_fragments; i++) {
-        char *fragment;
-        status = read_file(options->fragments[i], &fragment, error);
-        if (status == GONIO_OK) {
-            fprintf(stream, "%s\n", fragment);
-            free(fragment);
-        }
-    }
-    for (size_t i = 0; status == GONIO_OK && i < options->n_settings; i++) {
-        const char *setting = options->settings[i];
-        while (status == GONIO_OK && *setting != 0) {
-            const char *end = next_setting(setting);
-            status = append_setting(stream, setting, (size_t)(end - setting), error);
-            setting = *end == ',' ? end + 1 : end;
-        }
-    }
-    fclose(stream);
-    return status;
-}
-
-static int count_lines(const char *text) {
-    int lines = text != NULL ? 1 : 0;
-    for (; text != NULL && *text != 0; text++) {
-        lines += *text == '\n';
-    }
-    return lines;
-}
-
 static void begin(const gonio_rig_file_options *options, gonio_rig_file *rig) {
     *rig = (gonio_rig_file){
         .seed = options->seed, .event = options->event, .cancelled = options->cancelled, .context = options->context};
@@ -299,16 +250,17 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
     begin(options, rig);
     const bool is_sim = options->path == NULL || strcmp(options->path, "sim") == 0;
     char *file = NULL, *extra = NULL;
-    gonio_status status = overrides(options, &extra, error);
+    gonio_status status = gonio_rig_text_settings(options, &rig->settings, error);
+    status = status == GONIO_OK ? gonio_rig_text_fragments(options, &extra, error) : status;
     if (status == GONIO_OK) {
-        status = is_sim ? GONIO_OK : read_file(options->path, &file, error);
+        status = is_sim ? GONIO_OK : gonio_rig_text_read(options->path, &file, error);
     }
     if (status == GONIO_OK &&
         asprintf(&rig->text, "%s%s%s", file != NULL ? file : "", file != NULL ? "\n" : "", extra) < 0) {
         rig->text = NULL;
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
-    builder b = {.file_lines = count_lines(file)};
+    builder b = {.file_lines = gonio_rig_text_lines(file)};
     free(file);
     free(extra);
     if (status != GONIO_OK) {
@@ -316,7 +268,7 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
     }
     status = new_hardware(&b, rig, error);
     if (status == GONIO_OK) {
-        status = build(&b, rig->text, is_sim ? "settings" : options->path, options, error);
+        status = build(&b, rig->text, rig->settings, is_sim ? "settings" : options->path, options, error);
     }
     rig->sim = b.sim;
     status = status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
@@ -331,6 +283,7 @@ void gonio_rig_file_release(gonio_rig_file *rig) {
     gonio_hardware_free(rig->hardware);
     gonio_sim_free(rig->sim);
     free(rig->text);
+    free(rig->settings);
     *rig = (gonio_rig_file){0};
 }
 
@@ -339,6 +292,7 @@ void gonio_rig_file_release(gonio_rig_file *rig) {
 gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *rig, gonio_error *error) {
     gonio_status status = gonio_session_put(session, "rig.driver", rig->driver, error);
     status = status == GONIO_OK ? gonio_session_put(session, "rig.ini", rig->text, error) : status;
+    status = status == GONIO_OK ? gonio_session_put(session, "rig.settings", rig->settings, error) : status;
     if (status != GONIO_OK || rig->sim == NULL) {
         return status;
     }
@@ -351,6 +305,16 @@ gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *ri
     free(settings);
     status = status == GONIO_OK ? gonio_session_put(session, "sim.seed", seed, error) : status;
     return status == GONIO_OK ? gonio_session_put(session, "sim.spec", rig->spec, error) : status;
+}
+
+// The camera's response may be a file.
+static gonio_status check_response(const char *section, const char *key, const char *value, gonio_error *error) {
+    struct stat info;
+    return strcmp(section, "camera") == 0 && strcmp(key, "response") == 0 && stat(value, &info) == 0 &&
+                   !S_ISREG(info.st_mode)
+               ? gonio_fail(error, GONIO_E_INPUT,
+                            "the session's camera.response is a folder, a pipe or a device, expected a file")
+               : GONIO_OK;
 }
 
 static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *error) {
@@ -366,66 +330,95 @@ static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *
         char *dot = strrchr(line, '.');
         if (dot != NULL) {
             *dot = 0;
-            status = gonio_sim_set(sim, line, dot + 1, equals + 1, error);
+            status = check_response(line, dot + 1, equals + 1, error);
+            status = status != GONIO_OK ? status : gonio_sim_set(sim, line, dot + 1, equals + 1, error);
         }
     }
     return status;
 }
 
+// The rig file and the settings over it, as journalled; earlier releases had them in one text.
+static gonio_status read_journalled(gonio_session *session, char **text, char **settings, gonio_error *error) {
+    *settings = NULL;
+    gonio_status status = gonio_session_get(session, "rig.ini", text, error);
+    status = status == GONIO_OK ? gonio_session_find(session, "rig.settings", settings, error) : status;
+    if (status == GONIO_OK && *settings == NULL) {
+        *settings = strdup("");
+        status = *settings != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    return status == GONIO_OK ? gonio_rig_text_check(*text, "the journalled rig file", error) : status;
+}
+
+// A session may come from elsewhere, and would have this machine talk to any device or host that it names.
+static gonio_status ask_trust(const gonio_rig_file_options *options, const gonio_rig_file *rig, gonio_error *error) {
+    char devices[400];
+    if (!gonio_hardware_reach(rig->hardware, devices, sizeof devices) ||
+        (options->trust != NULL && options->trust(options->context, devices))) {
+        return GONIO_OK;
+    }
+    return gonio_fail(error, GONIO_E_USAGE,
+                      "the session's rig opens what it names: %s; nobody has allowed it (gonio resume --stored-rig)",
+                      devices);
+}
+
 // The real devices beside a simulated rig, as journalled; then what the resume changes, of both.
 static gonio_status reopen_hardware(gonio_session *session, const char *extra, gonio_rig_file *rig,
                                     gonio_error *error) {
-    char *text = NULL;
+    char *text = NULL, *settings = NULL;
     builder b = {.sim = rig->sim};
     gonio_rig_keys_default(&b.keys);
     gonio_status status = new_hardware(&b, rig, error);
-    status = status == GONIO_OK ? gonio_session_get(session, "rig.ini", &text, error) : status;
-    b.file_lines = count_lines(text);
-    const char *const texts[] = {text, text, extra, extra};
+    status = status == GONIO_OK ? read_journalled(session, &text, &settings, error) : status;
+    b.file_lines = gonio_rig_text_lines(text);
     for (int pass = 0; pass < 4 && status == GONIO_OK; pass++) {
         b.driver_pass = pass % 2 == 0;
         b.hardware_only = pass < 2; // the simulator's settings were journalled with their values
-        b.file_lines = pass < 2 ? b.file_lines : 0;
-        status = apply_text(&b, texts[pass], "the journalled rig file", error);
+        if (b.hardware_only) {
+            status = apply_text(&b, text, "the journalled rig file", error);
+        }
+        status = status == GONIO_OK ? apply_settings(&b, b.hardware_only ? settings : extra, error) : status;
     }
     free(text);
+    free(settings);
     return status;
 }
 
-static gonio_status reopen_sim(gonio_session *session, const char *extra, int threads, gonio_rig_file *rig,
-                               gonio_error *error) {
+static gonio_status reopen_sim(gonio_session *session, const char *extra, const gonio_rig_file_options *options,
+                               gonio_rig_file *rig, gonio_error *error) {
     char *spec = NULL, *seed = NULL, *settings = NULL;
     gonio_status status = gonio_session_get(session, "sim.spec", &spec, error);
     status = status == GONIO_OK ? gonio_session_get(session, "sim.seed", &seed, error) : status;
     status = status == GONIO_OK ? gonio_session_get(session, "sim.settings", &settings, error) : status;
+    status = status == GONIO_OK ? gonio_spec_check_file(spec, gonio_session_path(session), error) : status;
     status = status == GONIO_OK ? gonio_sim_new(spec, strtoull(seed, NULL, 10), &rig->sim, error) : status;
     status = status == GONIO_OK ? apply_sim_settings(rig->sim, settings, error) : status;
     status = status == GONIO_OK ? reopen_hardware(session, extra, rig, error) : status;
     free(spec);
     free(seed);
     free(settings);
-    status = status == GONIO_OK ? gonio_sim_open(rig->sim, threads, &rig->rig, error) : status;
+    status = status == GONIO_OK ? ask_trust(options, rig, error) : status;
+    status = status == GONIO_OK ? gonio_sim_open(rig->sim, options->threads, &rig->rig, error) : status;
     return status == GONIO_OK ? gonio_hardware_open(rig->hardware, &rig->rig, true, error) : status;
 }
 
-static gonio_status reopen_file(gonio_session *session, const char *extra, int threads, gonio_rig_file *rig,
-                                gonio_error *error) {
-    char *journalled;
-    gonio_status status = gonio_session_get(session, "rig.ini", &journalled, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    builder b = {.file_lines = count_lines(journalled)};
-    if (asprintf(&rig->text, "%s%s%s", journalled, extra[0] != 0 ? "\n" : "", extra) < 0) {
-        rig->text = NULL;
+static gonio_status reopen_file(gonio_session *session, const char *extra, const gonio_rig_file_options *options,
+                                gonio_rig_file *rig, gonio_error *error) {
+    char *settings = NULL;
+    gonio_status status = read_journalled(session, &rig->text, &settings, error);
+    builder b = {.file_lines = gonio_rig_text_lines(rig->text)};
+    if (status == GONIO_OK && asprintf(&rig->settings, "%s%s", settings, extra) < 0) {
+        rig->settings = NULL;
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
-    free(journalled);
+    free(settings);
     status = status == GONIO_OK ? new_hardware(&b, rig, error) : status;
     if (status == GONIO_OK) {
-        status = build(&b, rig->text, "the journalled rig file", &(gonio_rig_file_options){.seed = 1}, error);
+        status =
+            build(&b, rig->text, rig->settings, "the journalled rig file", &(gonio_rig_file_options){.seed = 1}, error);
+        rig->sim = b.sim;
     }
-    return status == GONIO_OK ? open_devices(&b, threads, rig, error) : status;
+    status = status == GONIO_OK ? ask_trust(options, rig, error) : status;
+    return status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
 }
 
 // What was journalled by gonio_measure_begin: all of it, or nothing.
@@ -444,24 +437,35 @@ static gonio_status read_setup(gonio_session *session, gonio_setup *setup, gonio
     return gonio_setup_get(session, setup, error);
 }
 
+// The lines as one text for the journal's events.
+static gonio_status tell_changes(gonio_session *session, const char *lines, gonio_error *error) {
+    char *text = strdup(lines);
+    if (text == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    for (char *end = text; (end = strchr(end, '\n')) != NULL;) {
+        *end = end[1] != 0 ? ',' : 0;
+    }
+    const gonio_status status = text[0] != 0 ? gonio_session_event(session, "settings changed", text, error) : GONIO_OK;
+    free(text);
+    return status;
+}
+
 gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file *rig,
                                    gonio_error *error) {
     begin(options, rig);
     char *driver = NULL, *extra = NULL;
-    const gonio_rig_file_options changes = {.settings = options->settings, .n_settings = options->n_settings};
     gonio_setup setup;
-    gonio_status status = overrides(&changes, &extra, error);
+    gonio_status status = gonio_rig_text_settings(options, &extra, error);
     status = status == GONIO_OK ? read_setup(session, &setup, error) : status;
     status = status == GONIO_OK ? gonio_session_get(session, "rig.driver", &driver, error) : status;
     if (status == GONIO_OK) {
         snprintf(rig->driver, sizeof rig->driver, "%s", driver);
-        status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, options->threads, rig, error)
-                                            : reopen_file(session, extra, options->threads, rig, error);
+        status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, options, rig, error)
+                                            : reopen_file(session, extra, options, rig, error);
     }
     rig->scan = status == GONIO_OK ? setup.scan : rig->scan;
-    if (status == GONIO_OK && extra[0] != 0) {
-        status = gonio_session_event(session, "settings changed", extra, error);
-    }
+    status = status == GONIO_OK ? tell_changes(session, extra, error) : status;
     status = status == GONIO_OK ? gonio_session_event(session, "resumed", "", error) : status;
     free(driver);
     free(extra);

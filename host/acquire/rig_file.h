@@ -18,7 +18,8 @@ struct gonio_rig_file {
     uint64_t seed;          // of the simulator
     gonio_session *journal; // where the devices' events go; NULL: nowhere. Borrowed
     int retries;            // journalled so far
-    char *text;             // the rig file as read, every override appended; owned
+    char *text;             // the rig file as read, every fragment appended; owned
+    char *settings;         // over it, a line of section.key=value each; owned
     void (*event)(void *context, const char *kind, const char *text);
     bool (*cancelled)(void *context);
     void *context;

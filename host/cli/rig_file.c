@@ -3,10 +3,11 @@
 #include "host/cli/rig_file.h"
 
 #include <stdio.h>
+#include <unistd.h>
 
 static void tell(void *context, const char *kind, const char *text) {
     (void)context;
-    fprintf(stderr, "gonio: %s: %s\n", kind, text);
+    fprintf(stderr, "gonio: %s: %s\n", cli_text(kind), cli_text(text));
 }
 
 static bool cancelled(void *context) {
@@ -38,14 +39,30 @@ gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_er
     return gonio_rig_file_fill(&all, rig, error);
 }
 
-gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, int threads, cli_rig *rig,
+// A session may come from elsewhere: its devices are opened when the user says so.
+static bool trust(void *context, const char *devices) {
+    const bool *stored_rig = context;
+    char line[64] = "";
+    if (*stored_rig || isatty(STDIN_FILENO) != 1 || isatty(STDERR_FILENO) != 1) {
+        return *stored_rig;
+    }
+    fprintf(stderr, "the session's rig opens what it names: %s\nopen it (--stored-rig does not ask)? [y/N] ", devices);
+    fflush(stderr);
+    return fgets(line, sizeof line, stdin) != NULL && (line[0] == 'y' || line[0] == 'Y');
+}
+
+gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, bool stored_rig, int threads, cli_rig *rig,
                             gonio_error *error) {
     const gonio_rig_file_options changes = {.settings = set->items,
                                             .n_settings = (size_t)set->n,
                                             .threads = threads,
                                             .event = tell,
-                                            .cancelled = cancelled};
-    return gonio_rig_file_refill(session, &changes, rig, error);
+                                            .cancelled = cancelled,
+                                            .context = &stored_rig,
+                                            .trust = trust};
+    const gonio_status status = gonio_rig_file_refill(session, &changes, rig, error);
+    rig->context = NULL; // nobody but trust uses it
+    return status;
 }
 
 void cli_rig_close(cli_rig *rig) { gonio_rig_file_release(rig); }

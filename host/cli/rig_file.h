@@ -34,7 +34,9 @@ void cli_rig_any_sample(cli_rig_options *options, const cli_common *common);
 // The rig must stay where it is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);
 // The rig that the session was begun with; set overrides what must have changed since (a port, a fault that is gone).
-gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, int threads, cli_rig *rig, gonio_error *error);
+// Its real devices are opened where stored_rig is true or the user says so at the terminal.
+gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, bool stored_rig, int threads, cli_rig *rig,
+                            gonio_error *error);
 void cli_rig_close(cli_rig *rig);
 
 #endif

@@ -248,6 +248,31 @@ bool gonio_hardware_elsewhere(const gonio_hardware *h, const char *section, cons
 
 // ---- opening ----
 
+bool gonio_hardware_reach(gonio_hardware *h, char *text, size_t size) {
+    text[0] = 0;
+    for (int k = 0; k < GONIO_DEVICES; k++) {
+        const gonio_driver *driver = h->slots[k].driver;
+        if (driver != NULL && strcmp(driver->name, "null") != 0) {
+            gonio_text_append(text, size, "%s%s %s", text[0] != 0 ? ", " : "", gonio_device_name(driver->device),
+                              driver->name);
+        }
+    }
+    table tables[GONIO_DEVICES + 3];
+    tables_of(h, tables);
+    for (const table *t = tables; t->keys != NULL && text[0] != 0; t++) {
+        for (const gonio_key *key = t->keys; key->name != NULL; key++) {
+            const bool names = key->kind == GONIO_KEY_LINE || key->kind == GONIO_KEY_TEXT;
+            const char *value = names ? (const char *)t->settings + key->offset : "";
+            if (value[0] != 0) {
+                char shown[128];
+                gonio_text_printable(value, shown, sizeof shown);
+                gonio_text_append(text, size, ", %s.%s = %s", key->section, key->name, shown);
+            }
+        }
+    }
+    return text[0] != 0;
+}
+
 static gonio_status open_controller(gonio_hardware *h, gonio_error *error) {
     if (!behind_controller(h)) {
         return GONIO_OK;

@@ -32,6 +32,9 @@ gonio_status gonio_hardware_set(gonio_hardware *hardware, const char *section, c
 bool gonio_hardware_list(gonio_hardware *hardware, const char *section, char *text, size_t size);
 // Whether drivers that were not chosen have such a key; the error then names them.
 bool gonio_hardware_elsewhere(const gonio_hardware *hardware, const char *section, const char *key, gonio_error *error);
+// "stage modbus, controller.port = tcp:HOST:PORT": the devices that gonio_hardware_open would open and every name that
+// their settings give it, of ports and of files, fit for a terminal. False where there is none, or null ones alone.
+bool gonio_hardware_reach(gonio_hardware *hardware, char *text, size_t size);
 // Open every device that has a driver in place of the rig's own. simulated: the rig's stage and lamp are simulated and
 // follow the real ones. On failure the rig keeps what it has; close it as a whole either way.
 gonio_status gonio_hardware_open(gonio_hardware *hardware, gonio_rig *rig, bool simulated, gonio_error *error);

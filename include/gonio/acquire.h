@@ -50,6 +50,9 @@ typedef struct gonio_rig_file_options {
     // Asked while axes move; true stops them and the call that moved them gives GONIO_E_INTERRUPTED. NULL: never.
     bool (*cancelled)(void *context);
     void *context;
+    // gonio_rig_file_reopen: may this machine's devices, and hosts of its network, be opened that the session names? It
+    // may come from elsewhere. devices: which, for people. NULL: they may not; simulated ones are opened unasked.
+    bool (*trust)(void *context, const char *devices);
 } gonio_rig_file_options;
 
 // Read and check everything, then open the devices; nothing moves. The caller closes it with gonio_rig_file_close.
@@ -58,7 +61,7 @@ typedef struct gonio_rig_file_options {
 gonio_status gonio_rig_file_open(const gonio_rig_file_options *options, gonio_rig_file **out, gonio_error *error);
 // The rig that the session was begun with, from the journal: no file is read. The journal then says "resumed". options:
 // settings for what has changed since (a port, a fault that is gone), threads and hooks; the rest is not used. NULL:
-// none.
+// none. GONIO_E_USAGE where the session's rig has real devices and `trust` does not allow them.
 gonio_status gonio_rig_file_reopen(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file **out,
                                    gonio_error *error);
 void gonio_rig_file_close(gonio_rig_file *rig); // NULL is allowed

@@ -10,9 +10,12 @@ static int run(int argc, char **argv) {
     cli_common common;
     cli_measuring measuring = {.common = &common, .resumed = true};
     cli_list set = {0};
+    bool stored_rig = false;
     const cli_option options[] = {
         {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "where the model goes (where measure was told)"},
         {"set", 0, CLI_LIST, &set, NULL, "SECTION.KEY=VALUE", "change what has changed on the rig since"},
+        {"stored-rig", 0, CLI_FLAG, &stored_rig, NULL, NULL,
+         "open the real devices that the session names without asking; simulated ones need no leave"},
         {"yes", 'y', CLI_FLAG, &measuring.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
         {0}};
     const char *path;
@@ -25,7 +28,7 @@ static int run(int argc, char **argv) {
     cli_rig rig = {0};
     cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, true, &session, &error);
-    status = status == GONIO_OK ? cli_rig_reopen(session, &set, common.threads, &rig, &error) : status;
+    status = status == GONIO_OK ? cli_rig_reopen(session, &set, stored_rig, common.threads, &rig, &error) : status;
     int exit_status = 2;
     if (status != GONIO_OK) {
         exit_status = cli_fail(&common, &error);
