@@ -86,23 +86,32 @@ static gonio_status copy_parts(int folder, const char *from, session_copy *copy,
     return status;
 }
 
+static bool connect_to(session_copy *copy, int folder) {
+    if (sqlite3_open_v2(copy->path, &copy->db, SQLITE_OPEN_READWRITE | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK) {
+        return false;
+    }
+    gonio_session_secure(copy->db, folder, &copy->budget);
+    return sqlite3_exec(copy->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK;
+}
+
 gonio_status gonio_session_copy_open(const char *from, const char *into, session_copy *copy, gonio_error *error) {
     *copy = (session_copy){0};
     const int folder = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (folder < 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, from, -1, "cannot open the session: %s", strerror(errno));
     }
-    gonio_status status = asprintf(&copy->path, "%s/.session.db.copy-%ld", into, (long)getpid()) >= 0
-                              ? copy_parts(folder, from, copy, error)
-                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    close(folder);
+    gonio_status status = gonio_session_check_database_files(folder, from, error);
+    if (status == GONIO_OK) {
+        status = asprintf(&copy->path, "%s/.session.db.copy-%ld", into, (long)getpid()) >= 0
+                     ? copy_parts(folder, from, copy, error)
+                     : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
     struct stat info;
-    if (status == GONIO_OK && stat(copy->path, &info) == 0 &&
-        (sqlite3_open_v2(copy->path, &copy->db, SQLITE_OPEN_READWRITE | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK ||
-         sqlite3_exec(copy->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) != SQLITE_OK)) {
+    if (status == GONIO_OK && stat(copy->path, &info) == 0 && !connect_to(copy, folder)) {
         sqlite3_close(copy->db);
         copy->db = NULL;
     }
+    close(folder);
     if (status != GONIO_OK) {
         gonio_session_copy_close(copy);
     }

@@ -27,7 +27,7 @@ gonio_status gonio_session_db_fail(gonio_session *session, gonio_error *error, c
 }
 
 static gonio_status exec(gonio_session *session, const char *sql, gonio_error *error) {
-    session->looks = 0;
+    session->budget.looks = 0;
     return sqlite3_exec(session->db, sql, NULL, NULL, NULL) == SQLITE_OK ? GONIO_OK
                                                                          : gonio_session_db_fail(session, error, sql);
 }
@@ -45,7 +45,7 @@ gonio_status gonio_session_exec(gonio_session *session, const char *sql, gonio_e
 }
 
 gonio_status gonio_session_prepare(gonio_session *session, const char *sql, sqlite3_stmt **out, gonio_error *error) {
-    session->looks = 0;
+    session->budget.looks = 0;
     return sqlite3_prepare_v2(session->db, sql, -1, out, NULL) == SQLITE_OK
                ? GONIO_OK
                : gonio_session_db_fail(session, error, sql);

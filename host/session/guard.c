@@ -81,15 +81,13 @@ static bool names_another_file(int fd, int64_t size) {
     return size >= 8 && pread(fd, tail, sizeof tail, size - 8) == 8 && memcmp(tail, magic, sizeof magic) == 0;
 }
 
-static gonio_status check_database_file(int folder, const char *name, bool needed, const char *shown,
-                                        gonio_error *error) {
+static gonio_status check_database_file(int folder, const char *name, const char *shown, gonio_error *error) {
     struct stat info;
     // Not opened, but for the rollback journal: closing one of SQLite's files gives up the locks that this process
     // holds.
     if (fstatat(folder, name, &info, AT_SYMLINK_NOFOLLOW) != 0) {
-        return errno == ENOENT && !needed ? GONIO_OK
-                                          : gonio_fail_line(error, errno == ENOENT ? GONIO_E_INPUT : GONIO_E_IO, shown,
-                                                            -1, "cannot open it: %s", strerror(errno));
+        return errno == ENOENT ? GONIO_OK
+                               : gonio_fail_line(error, GONIO_E_IO, shown, -1, "cannot open it: %s", strerror(errno));
     }
     if (!S_ISREG(info.st_mode) || info.st_size > SESSION_DATABASE_MAX) {
         return gonio_fail_line(error, GONIO_E_INPUT, shown, -1, "found %s, expected a file",
@@ -120,7 +118,7 @@ gonio_status gonio_session_check_database_files(int folder, const char *path, go
         if (asprintf(&shown, "%s/%s", path, names[i]) < 0) {
             return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
         }
-        status = check_database_file(folder, names[i], i == 0, shown, error);
+        status = check_database_file(folder, names[i], shown, error);
         free(shown);
     }
     return status;
@@ -134,25 +132,23 @@ gonio_status gonio_session_check_database_files(int folder, const char *path, go
 #define LOOKS_FREE 200
 
 static int too_long(void *context) {
-    gonio_session *session = context;
-    struct stat db = {0}, wal = {0};
-    if (++session->looks <= LOOKS_FREE) {
-        return 0;
-    }
-    fstatat(session->folder_fd, "session.db", &db, 0);
-    fstatat(session->folder_fd, "session.db-wal", &wal, 0);
-    return session->looks - LOOKS_FREE > 10 * (db.st_size + wal.st_size) / STEPS_A_LOOK;
+    session_budget *budget = context;
+    return ++budget->looks > budget->limit;
 }
 
-void gonio_session_secure(gonio_session *session) {
-    sqlite3 *db = session->db;
+void gonio_session_secure(sqlite3 *db, int folder, session_budget *budget) {
+    struct stat base = {0}, wal = {0};
+    fstatat(folder, "session.db", &base, AT_SYMLINK_NOFOLLOW);
+    fstatat(folder, "session.db-wal", &wal, AT_SYMLINK_NOFOLLOW);
+    budget->limit = LOOKS_FREE + 10 * (base.st_size + wal.st_size) / STEPS_A_LOOK;
+    budget->looks = 0;
     sqlite3_db_config(db, SQLITE_DBCONFIG_DEFENSIVE, 1, NULL);
     sqlite3_db_config(db, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
     sqlite3_db_config(db, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, NULL); // temporary ones, the host's own, stay
     sqlite3_db_config(db, SQLITE_DBCONFIG_ENABLE_VIEW, 0, NULL);
     sqlite3_limit(db, SQLITE_LIMIT_LENGTH, SESSION_ROW_MAX);
     sqlite3_limit(db, SQLITE_LIMIT_ATTACHED, 0);
-    sqlite3_progress_handler(db, STEPS_A_LOOK, too_long, session);
+    sqlite3_progress_handler(db, STEPS_A_LOOK, too_long, budget);
     sqlite3_exec(db, "PRAGMA cell_size_check = ON; PRAGMA mmap_size = 0", NULL, NULL, NULL);
 }
 

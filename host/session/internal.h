@@ -35,6 +35,12 @@ typedef struct session_hooks {
     void (*after_commit)(gonio_session *session);
 } session_hooks;
 
+// How long SQLite may work at one query: pages of a damaged database can lead in circles.
+typedef struct session_budget {
+    atomic_llong looks; // at the query, so far
+    long long limit;
+} session_budget;
+
 struct gonio_session {
     sqlite3 *db;
     const session_hooks *hooks; // NULL: what is changed enters no chain
@@ -45,8 +51,8 @@ struct gonio_session {
     int version; // of the format that the database is in
     bool writable;
     bool in_transaction;
-    bool plain;                           // frames are stored uncompressed
-    atomic_llong looks; // at a query that may have no end
+    bool plain; // frames are stored uncompressed
+    session_budget budget;
     bool host_known;                      // this run has its row in `hosts`
     sqlite3_stmt *row_of[SESSION_TABLES]; // one row by its key, prepared at the first use
     struct {                              // session.log, as far as this connection may write it
@@ -180,6 +186,7 @@ gonio_status gonio_session_open_journal(const char *path, gonio_session **out, g
 typedef struct session_copy {
     sqlite3 *db; // NULL: there is no database, or nothing that SQLite can open
     char *path;
+    session_budget budget;
 } session_copy;
 // The session's folder, and one to copy into. GONIO_E_IO where a file is there and cannot be read.
 gonio_status gonio_session_copy_open(const char *from, const char *into, session_copy *copy, gonio_error *error);
@@ -243,8 +250,9 @@ gonio_status gonio_session_open_plain(int folder, const char *name, const char *
                                       int64_t *size, gonio_error *error);
 // Before SQLite opens the database: its files are plain ones, and none makes SQLite touch files elsewhere.
 gonio_status gonio_session_check_database_files(int folder, const char *path, gonio_error *error);
-// On a new connection, before anything is read: nothing of the file's own is run, and every query ends.
-void gonio_session_secure(gonio_session *session);
+// On a new connection, before anything is read: nothing of the file's own is run, and every query ends. folder: whose
+// session.db it is, or is a copy of. The budget lives as long as the connection; each query begins with looks = 0.
+void gonio_session_secure(sqlite3 *db, int folder, session_budget *budget);
 // The schema holds the tables of the session's version and nothing else.
 gonio_status gonio_session_check_schema(gonio_session *session, gonio_error *error);
 

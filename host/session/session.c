@@ -167,7 +167,7 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
 static bool connect_as(gonio_session *session, const char *name, int flags) {
     const bool opened = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK;
     if (opened) {
-        gonio_session_secure(session);
+        gonio_session_secure(session->db, session->folder_fd, &session->budget);
     }
     return opened;
 }
