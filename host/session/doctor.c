@@ -223,7 +223,8 @@ static gonio_status check_final(gonio_session *session, bool repair, gonio_docto
     const bool unreadable = status != GONIO_OK && strstr(why.message, "no samples yet") == NULL;
     if (unreadable) {
         note(report, "%s", why.message);
-    } else if (final && gonio_session_get(session, "result.samples_sha256", &expected, NULL) == GONIO_OK &&
+    } else if (final && samples != NULL &&
+               gonio_session_get(session, "result.samples_sha256", &expected, NULL) == GONIO_OK &&
                gonio_sha256_samples(samples, hash, &why) == GONIO_OK && strcmp(hash, expected) != 0) {
         note(report, "the final samples have SHA-256 %.12s..., %.12s... was journalled", hash, expected);
         report->results_ok = false;

@@ -188,6 +188,12 @@ static const char *next_column(sqlite3_stmt *columns) {
     return sqlite3_step(columns) == SQLITE_ROW ? (const char *)sqlite3_column_text(columns, 0) : NULL;
 }
 
+// Tables that not every session of version 1 has: the first release had no flags, and a salvaged one may have the
+// others.
+static bool was_added(const char *table) {
+    return strcmp(table, "flagged") == 0 || strcmp(table, "hosts") == 0 || strcmp(table, "chain") == 0;
+}
+
 // Columns that version 1 lacks, or has where it was salvaged from a later one.
 static bool is_later(const char *column) {
     static const char *const later[] = {"utc TEXT", "monotonic_s REAL", "bytes INTEGER"};
@@ -243,7 +249,7 @@ static gonio_status check_entry(session_rows *rows, schema *s) {
     if (strcmp(type, "table") != 0 || !known) {
         return not_ours(rows, type, name, ", which no session has");
     }
-    s->tables++;
+    s->tables += rows->session->version > 1 || !was_added(name);
     const char *sql = gonio_row_text(rows, 2, 4096);
     const char *word = sql != NULL ? active_word(sql) : NULL;
     if (word != NULL) {
@@ -274,7 +280,6 @@ static bool prepare_schema(gonio_session *session, schema *s) {
 
 gonio_status gonio_session_check_schema(gonio_session *session, gonio_error *error) {
     schema s = {0};
-    // Sessions of the first releases lack the table of flags.
     const int tables = session->version > 1 ? SESSION_TABLES + 1 : SESSION_TABLES - 2;
     gonio_status status = prepare_schema(session, &s) ? check_entries(session, &s, error)
                                                       : gonio_session_db_fail(session, error, "read the schema");

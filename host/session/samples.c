@@ -116,14 +116,24 @@ static gonio_status read_isotropic(gonio_session *session, bool *isotropic, goni
     return status;
 }
 
+// A session without samples has no names for their channels either.
+static gonio_status no_names(gonio_session *session, gonio_error *error) {
+    int64_t any;
+    const gonio_status status = gonio_session_integer(session, "SELECT EXISTS(SELECT 1 FROM samples)", &any, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    return any != 0
+               ? gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
+                                 "the journal is damaged: table settings: there is no row key = 'samples.channels'")
+               : gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "the session holds no samples yet");
+}
+
 static gonio_status new_set(gonio_session *session, gonio_samples **out, gonio_error *error) {
     char *names;
     gonio_status status = gonio_session_find(session, "samples.channels", &names, error);
-    if (status == GONIO_OK && names == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "the session holds no samples yet");
-    }
-    if (status != GONIO_OK) {
-        return status;
+    if (status != GONIO_OK || names == NULL) {
+        return status == GONIO_OK ? no_names(session, error) : status;
     }
     int channels = 1;
     for (const char *c = names; *c != 0; c++) {
@@ -285,11 +295,11 @@ gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error) {
     int64_t count = 0, lacking = 0;
     *out = NULL;
-    gonio_status status = gonio_session_integer(session, "SELECT count(*) FROM final_samples", &count, error);
+    gonio_status status = gonio_session_integer(session, "SELECT EXISTS(SELECT 1 FROM final_samples)", &count, error);
     if (status == GONIO_OK) {
         status = gonio_session_integer(
-            session, "SELECT count(*) FROM samples WHERE step NOT IN (SELECT step FROM final_samples)", &lacking,
-            error);
+            session, "SELECT EXISTS(SELECT 1 FROM samples WHERE step NOT IN (SELECT step FROM final_samples))",
+            &lacking, error);
     }
     if (status != GONIO_OK) {
         return status;
