@@ -32,6 +32,13 @@ static gonio_status mount(void *context, gonio_target target, gonio_error *error
     return answer != EOF ? GONIO_OK : gonio_fail(error, GONIO_E_INTERRUPTED, "nobody is there");
 }
 
+// The sessions here are our own: the devices that they name may be opened.
+static bool trust(void *context, const char *devices) {
+    (void)context;
+    fprintf(stderr, "opening %s\n", devices);
+    return true;
+}
+
 static gonio_status measure(const char *path, const gonio_rig_file_options *which, gonio_error *error) {
     gonio_rig_file *rig = NULL;
     gonio_session *session = NULL;
@@ -66,7 +73,7 @@ static gonio_status measure(const char *path, const gonio_rig_file_options *whic
 
 int main(int argc, char **argv) {
     const gonio_rig_file_options simulated = {.sample = "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", .seed = 1};
-    const gonio_rig_file_options real = {.path = argc > 2 ? argv[2] : NULL};
+    const gonio_rig_file_options real = {.path = argc > 2 ? argv[2] : NULL, .trust = trust};
     gonio_error error = {0};
     signal(SIGINT, on_interrupt);
     if (argc < 2 || measure(argv[1], argc > 2 ? &real : &simulated, &error) != GONIO_OK) {

@@ -17,7 +17,7 @@ $(B)/tests/fuzz/fuzz_modbus: FUZZ_LINK = $(call wrap,gonio_clock_sleep_ms gonio_
 $(B)/tests/fuzz/fuzz_rig: FUZZ_LINK = $(call wrap,gonio_sim_new gonio_sim_open gonio_hardware_open)
 $(FUZZ_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 	$(call say,LINK,$@)
-	$(Q)$(CC) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(FUZZ_LINK) $(B)/libgonio.a $(PKG_LIBS)
+	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(FUZZ_LINK) $(B)/libgonio.a $(PKG_LIBS)
 $(B)/tests/fuzz/make_seeds: $(B)/tests/fuzz/make_seeds.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)

@@ -69,7 +69,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv) {
     }
     static const char *const names[] = {"session.db",           "session.db",           "session.log",
                                         "frames/000000-00.png", "frames/000001-00.png", "frames/000002-01.png",
-                                        "frames/000004-00.png", "model.gonio",          "frames/000005-01.png"};
+                                        "frames/000004-00.png", "model.gonio",          "frames/000005-00.png"};
     for (int i = 0; i < FILES; i++) {
         if (i == DATABASE_1) {
             char path[192];
@@ -332,9 +332,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     uint64_t digest;
     gonio_error error = {0};
     must_tell(read_everything(session, &digest, &error), &error);
-    if (!gonio_text_is_printable(error.message)) {
-        abort();
-    }
     if (data[0] % 8 >= 6) {
         reopen_rig();
     }

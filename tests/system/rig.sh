@@ -124,10 +124,11 @@ wait_for test -s "$work/stop.status"
 if [ "$(cat "$work/stop.status")" = 1 ] && grep -q EMERGENCY "$work/stop.log"; then pass "an emergency stop ends a measure and is named"; else
     fail "an emergency stop ends a measure and is named" "status $(cat "$work/stop.status")" "$(tail -n 3 "$work/stop.log")"
 fi
-exits "nothing moves while it is pressed" 1 "$GONIO" resume "$work/stopped"
+exits "nothing moves while it is pressed" 1 "$GONIO" resume --stored-rig "$work/stopped"
 echo "release estop" >&9
 sleep 0.2
-resumed=$("$GONIO" resume --json "$work/stopped" 2>"$work/resume.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
+exits "a stored rig is not opened unasked" 2 "$GONIO" resume "$work/stopped" </dev/null
+resumed=$("$GONIO" resume --stored-rig --json "$work/stopped" 2>"$work/resume.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
 if [ -n "$plain" ] && [ "$plain" = "$resumed" ]; then pass "the resumed measure has the same samples"; else
     fail "the resumed measure has the same samples" "'$plain', resumed '$resumed'" "$(tail -n 3 "$work/resume.err")"
 fi
