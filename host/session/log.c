@@ -101,6 +101,30 @@ static gonio_status read_line(reader *r, const char *text, size_t n, session_lin
     return status;
 }
 
+// A row's blob takes two characters a byte; a line beyond that is none of ours.
+#define LINE_LONGEST (2 * (size_t)SESSION_ROW_MAX + 65536)
+
+// The next line with its end, as getline gives it, but no longer than a line can be: 0 at the end, -1 with errno.
+static ssize_t next_line(FILE *file, char **text, size_t *capacity) {
+    size_t n = 0;
+    int c = 0;
+    while (c != '\n' && (c = getc_unlocked(file)) != EOF) {
+        if (n + 1 >= *capacity) {
+            const size_t more = *capacity < LINE_LONGEST ? 2 * *capacity + 4096 : 0;
+            char *larger = more > 0 ? realloc(*text, more) : NULL;
+            if (larger == NULL) {
+                errno = more > 0 ? ENOMEM : EFBIG;
+                return -1;
+            }
+            *text = larger;
+            *capacity = more;
+        }
+        (*text)[n++] = (char)c;
+        (*text)[n] = 0;
+    }
+    return (ssize_t)n;
+}
+
 static gonio_status read_lines(reader *r, FILE *file, int64_t from, const char *folder, session_line_fn call,
                                void *context, gonio_error *error) {
     char *text = NULL;
@@ -109,16 +133,18 @@ static gonio_status read_lines(reader *r, FILE *file, int64_t from, const char *
     gonio_status status = GONIO_OK;
     int64_t at = from;
     long long number = 0;
-    if (from > 0 && fseeko(file, from, SEEK_SET) == 0 && (n = getline(&text, &capacity, file)) > 0) {
+    if (from > 0 && fseeko(file, from, SEEK_SET) == 0 && (n = next_line(file, &text, &capacity)) > 0) {
         at += n; // the end of a line
     }
-    while (status == GONIO_OK && (n = getline(&text, &capacity, file)) > 0) {
+    while (status == GONIO_OK && n >= 0 && (n = next_line(file, &text, &capacity)) > 0) {
         session_line line = {.number = ++number, .begin = at, .end = at + n};
         at += n;
         status = read_line(r, text, (size_t)n, &line, call, context, error);
     }
-    if (status == GONIO_OK && ferror(file)) {
-        status = gonio_fail_line(error, GONIO_E_IO, folder, -1, "cannot read " LOG ": %s", strerror(errno));
+    if (status == GONIO_OK && (n < 0 || ferror(file))) {
+        const bool foreign = n < 0 && errno == EFBIG;
+        status = gonio_fail_line(error, foreign ? GONIO_E_INPUT : GONIO_E_IO, folder, -1, "cannot read " LOG ": %s",
+                                 strerror(errno));
     }
     free(text);
     return status;
