@@ -203,7 +203,7 @@ static void set_byte(const char *name, const operation *o) {
         return;
     }
     // Half of the time among the first bytes of a page, where its structure stands.
-    const off_t any = o->c % (uint32_t)info.st_size, at = o->b % 2 == 0 ? any : any / 4096 * 4096 + o->b / 2 % 128;
+    const off_t any = (off_t)o->c % info.st_size, at = o->b % 2 == 0 ? any : any / 4096 * 4096 + o->b / 2 % 128;
     if (pwrite(fd, &o->a, 1, at) != 1) {
         abort();
     }
