@@ -200,16 +200,20 @@ static gonio_status read_frame(session_rows *rows, int64_t step, int number, ses
     frame->stamp.clock_s = gonio_row_real(rows, 10, -SESSION_CLOCK_MAX, SESSION_CLOCK_MAX);
     out->exposure.monitor = gonio_row_real_or(rows, 11, -DBL_MAX, DBL_MAX, NAN);
     out->exposure.monitor_sigma = gonio_row_real_or(rows, 12, 0, DBL_MAX, NAN);
+    const bool sized = sqlite3_column_type(rows->statement, 13) != SQLITE_NULL;
+    out->bytes = sized ? gonio_row_integer(rows, 13, 0, INT64_MAX) : -1;
     return rows->status;
 }
 
 gonio_status gonio_session_for_frames(gonio_session *session, int64_t step, session_frame_fn call, void *context,
                                       int *n, gonio_error *error) {
     session_rows rows;
-    if (gonio_rows_open(&rows, session, "frames", 2,
-                        "SELECT step, frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s,"
-                        " monitor, monitor_sigma FROM frames WHERE step = ? ORDER BY frame",
-                        error) == GONIO_OK) {
+    char sql[256];
+    snprintf(sql, sizeof sql,
+             "SELECT step, frame, file, sha256, x, y, width, height, exposure_s, gain_db, clock_s, monitor,"
+             " monitor_sigma, %s AS bytes FROM frames WHERE step = ? ORDER BY frame",
+             session->version > 1 ? "bytes" : "NULL");
+    if (gonio_rows_open(&rows, session, "frames", 2, sql, error) == GONIO_OK) {
         sqlite3_bind_int64(rows.statement, 1, step);
     }
     for (*n = 0; gonio_rows_next(&rows); ++*n) {

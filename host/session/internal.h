@@ -312,6 +312,7 @@ gonio_status gonio_session_frame_bits(gonio_session *session, int *bits, gonio_e
 typedef struct session_frame {
     gonio_exposure exposure;
     char file[SESSION_FRAME_NAME], sha256[GONIO_SHA256_HEX];
+    int64_t bytes; // of the file; -1: not journalled
 } session_frame;
 typedef gonio_status (*session_frame_fn)(gonio_session *session, const session_frame *frame, void *context,
                                          gonio_error *error);
