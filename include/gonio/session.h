@@ -44,8 +44,8 @@ gonio_status gonio_session_create(const char *path, gonio_session **out,
 // Opening verifies the journal against its chain and its log (no frame is read): GONIO_E_INPUT with the table, row and
 // column that is not what was written. Writable: a session of an older version becomes one of this version.
 gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error);
-void gonio_session_close(gonio_session *session);             // NULL is allowed
-bool gonio_session_is(const char *path);                      // a folder with a session.db
+void gonio_session_close(gonio_session *session); // NULL is allowed
+bool gonio_session_is(const char *path);          // a folder with a session.db
 // The session's own file of that name is a plain one, not a link, a pipe or a device, of at most `limit` bytes; else
 // GONIO_E_INPUT with what it is.
 gonio_status gonio_session_check_file(gonio_session *session, const char *name, int64_t limit, gonio_error *error);
@@ -59,12 +59,14 @@ void gonio_session_rollback(gonio_session *session);
 gonio_status gonio_session_end(gonio_session *session, gonio_status status, gonio_error *error);
 
 // Settings: key -> text. get, find: the caller frees the text; a key that is missing is GONIO_E_INPUT to get, and NULL
-// with GONIO_OK to find. The session itself reads "camera.bits" (1..16, default 16): the bits that a frame's words carry.
+// with GONIO_OK to find. The session itself reads "camera.bits" (1..16, default 16): the bits that a frame's words
+// carry.
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error);
 gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error);
 gonio_status gonio_session_find(gonio_session *session, const char *key, char **value, gonio_error *error);
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error);
-// The events, oldest first, as "UTC kind: text" lines, what is not fit for a terminal written as \\n, \\x1b or \\u202e; the caller frees the text.
+// The events, oldest first, as "UTC kind: text" lines, what is not fit for a terminal written as \\n, \\x1b or \\u202e;
+// the caller frees the text.
 gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error);
 
 // The steps, entered once at the start, in one transaction (the caller's own where one is open). Poses are stored in

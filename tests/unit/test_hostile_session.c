@@ -206,7 +206,7 @@ static void test_values_are_held_against_their_columns(void **state) {
                              : status != GONIO_E_INPUT || strstr(error.message, a->where) == NULL) {
             wrong++;
             print_error("%s: expected '%s', found %s: %s\n", a->sql, a->where != NULL ? a->where : "nothing",
-                     gonio_status_name(status), error.message);
+                        gonio_status_name(status), error.message);
         }
         assert_true(gonio_text_is_printable(error.message));
     }
