@@ -248,7 +248,8 @@ static void spoil_file(const operation *o) {
         truncate(path, (off_t)(o->c % 8192));
         break;
     case 4:
-        truncate(path, o->c % 2 == 0 ? (off_t)1 << 40 : (off_t)o->c % (1 << 20)); // much of it a hole
+        truncate(path, o->c % 2 == 0 ? (off_t)1 << (file == &files[LOG] ? 26 : 40)
+                                     : (off_t)o->c % (1 << 20)); // much of it a hole
         break;
     default:
         set_byte(file->name, o);
