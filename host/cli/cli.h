@@ -60,8 +60,14 @@ void cli_print_lines(const char *text);
 int cli_fail(const cli_common *common, const gonio_error *error);
 // Wrong usage found after parsing; returns 2.
 int cli_usage(const cli_common *common, const char *format, ...) __attribute__((format(printf, 2, 3)));
-// Print the object as one line on stdout and release it; returns 0.
+// Print the object as one line on stdout and release it; returns 0, or 1 where there was no memory for it (NULL).
 int cli_json(json_t *object);
+// Jansson's json_string and json_pack for what comes from outside, and in their place everywhere here. A byte that is
+// not UTF-8 becomes U+FFFD, a number that is not finite null, NULL null. pack knows { } [ ] s s? i I b f o.
+json_t *cli_json_string(const char *text);
+json_t *cli_json_pack(const char *format, ...);
+#define json_string cli_json_string
+#define json_pack cli_json_pack
 json_t *cli_json_real(double value);     // null for NaN and infinities
 json_t *cli_json_text(const char *text); // null for the empty text
 // A number of a struct, by name; a table of them ends with {0}.
@@ -89,8 +95,9 @@ void cli_progress_start(cli_progress *progress, const char *what, double total);
 void cli_progress_update(cli_progress *progress, double done, const char *detail, double error_now);
 void cli_progress_end(cli_progress *progress);
 
-// Ctrl-C (and SIGTERM): the first asks to stop at the next checkpoint, the second ends the process at once with
-// status 4.
+// Ctrl-C, SIGTERM, a terminal that is gone (SIGHUP, unless it is ignored, as under nohup) and an output that nobody
+// reads any more (SIGPIPE): the first asks to stop at the next checkpoint. A second Ctrl-C or SIGTERM ends the process
+// at once with status 4.
 void cli_catch_interrupts(void);
 bool cli_interrupted(void);
 

@@ -45,23 +45,29 @@ void cli_progress_end(cli_progress *progress) {
     }
 }
 
-static volatile sig_atomic_t interrupts;
+static volatile sig_atomic_t stops, insistences;
 
-static void on_interrupt(int signal_number) {
-    (void)signal_number;
-    interrupts++;
-    if (interrupts > 1) {
+static void on_signal(int number) {
+    stops = 1;
+    // A terminal may tell twice that it is gone, and a closed pipe tells at every line; only people insist.
+    if ((number == SIGINT || number == SIGTERM) && insistences++ > 0) {
         _exit(4); // what is committed is safe, and the journal never holds half a step
     }
 }
 
 void cli_catch_interrupts(void) {
-    struct sigaction action = {.sa_handler = on_interrupt};
+    static const int caught[] = {SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+    struct sigaction action = {.sa_handler = on_signal}, before;
     sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    for (size_t i = 0; i < sizeof caught / sizeof *caught; i++) {
+        // A shell ignores SIGINT for whom it starts in the background; who asks for it by kill means it all the same.
+        if (sigaction(caught[i], NULL, &before) == 0 &&
+            (before.sa_handler != SIG_IGN || caught[i] == SIGINT || caught[i] == SIGTERM)) {
+            sigaction(caught[i], &action, NULL);
+        }
+    }
     // A file at its size limit is a full disk like any other: the write fails and says so.
     signal(SIGXFSZ, SIG_IGN);
 }
 
-bool cli_interrupted(void) { return interrupts > 0; }
+bool cli_interrupted(void) { return stops > 0; }

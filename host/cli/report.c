@@ -35,20 +35,21 @@ void cli_print_lines(const char *text) {
 
 int cli_json(json_t *object) {
     const size_t flags = JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17);
-    char *text = json_dumps(object, flags);
+    char *text = object != NULL ? json_dumps(object, flags) : NULL;
     if (text != NULL && !gonio_text_is_printable(text)) { // control characters beyond ASCII, which JSON allows
         free(text);
         text = json_dumps(object, flags | JSON_ENSURE_ASCII);
     }
-    printf("%s\n", text != NULL ? text : "");
+    if (text == NULL) {
+        puts("{\"error\":{\"status\":1,\"message\":\"not enough memory\",\"file\":null,\"line\":null}}");
+        json_decref(object);
+        return 1;
+    }
+    printf("%s\n", text);
     free(text);
     json_decref(object);
     return 0;
 }
-
-json_t *cli_json_real(double value) { return isfinite(value) ? json_real(value) : json_null(); }
-
-json_t *cli_json_text(const char *text) { return text[0] != 0 ? json_string(text) : json_null(); }
 
 int cli_fail(const cli_common *common, const gonio_error *error) {
     const int exit_status = gonio_status_exit(error->status);
