@@ -107,9 +107,7 @@ void gonio_pool_free(gonio_pool *pool) {
     free(pool);
 }
 
-// Start the helpers that a loop can use, with every signal blocked but those that an instruction of their own raises.
-// What cannot be started is done without.
-static void start_helpers(gonio_pool *pool, size_t useful) {
+bool gonio_thread_start(pthread_t *thread, void *(*run)(void *), void *context) {
     static const int own[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGSYS, SIGABRT};
     sigset_t blocked, before;
     sigfillset(&blocked);
@@ -117,13 +115,17 @@ static void start_helpers(gonio_pool *pool, size_t useful) {
         sigdelset(&blocked, own[i]);
     }
     pthread_sigmask(SIG_SETMASK, &blocked, &before);
-    while (pool->count < pool->wanted && (size_t)pool->count < useful) {
-        if (pthread_create(&pool->threads[pool->count], NULL, helper, pool) != 0) {
-            break;
-        }
+    const bool started = pthread_create(thread, NULL, run, context) == 0;
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return started;
+}
+
+// Start the helpers that a loop can use. What cannot be started is done without.
+static void start_helpers(gonio_pool *pool, size_t useful) {
+    while (pool->count < pool->wanted && (size_t)pool->count < useful &&
+           gonio_thread_start(&pool->threads[pool->count], helper, pool)) {
         pool->count++;
     }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
 }
 
 // A caller that has nothing left to begin sleeps until the helpers have left its loop. A helper inside it may itself

@@ -11,6 +11,8 @@
 #ifndef GONIO_BASE_THREAD_POOL_H
 #define GONIO_BASE_THREAD_POOL_H
 
+#include <pthread.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "gonio/status.h"
@@ -26,6 +28,10 @@ void gonio_pool_free(gonio_pool *pool); // not while a loop runs on it
 // Threads of a pool, the caller's among them (NULL: 1), and those that a number asked for would mean.
 size_t gonio_pool_size(const gonio_pool *pool);
 size_t gonio_pool_threads(int threads);
+
+// A thread as those of a pool are, to be joined by whoever starts it: every signal is blocked in it but those that an
+// instruction of its own raises. False: it could not be started.
+bool gonio_thread_start(pthread_t *thread, void *(*run)(void *), void *context);
 
 // Call work(context, item) for every item in [0, items), in any order, by any thread, the caller's among them; returns
 // when all are done. Any number of threads may run loops on one pool. A loop that an item runs on a pool, whichever it

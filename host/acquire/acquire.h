@@ -143,6 +143,7 @@ typedef struct gonio_scan_hooks {
 gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const gonio_scan_hooks *hooks,
                             gonio_scan **out, gonio_error *error);
 bool gonio_scan_done(const gonio_scan *scan);
+int64_t gonio_scan_next(const gonio_scan *scan); // the first undone step
 // Do the next undone step as a whole and journal it; where an audit is due (every scan.audit_poses poses, and after the
 // last step), it follows, and may take steps back. *samples (borrowed until the next call): what it yielded, NULL for
 // a calibration step. On failure the axes are stopped, the shutter closed, the fault journalled; the step is undone.

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "host/acquire/acquire.h"
 
 // A step's samples to the end of all; *clock_s: the nominal clock of every one, when its step was done.
@@ -147,6 +148,11 @@ static gonio_status put_results(gonio_session *session, const gonio_outcome *out
     }
     if (status == GONIO_OK) {
         status = gonio_session_put(session, "result.model_sha256", outcome->model_sha256, error);
+    }
+    if (status == GONIO_OK && isfinite(outcome->fit.held_out.rmse)) {
+        char text[32];
+        gonio_text_shortest(outcome->fit.held_out.rmse, text);
+        status = gonio_session_put(session, "result.held_out_rmse", text, error);
     }
     if (status == GONIO_OK && outcome->motion.moved) {
         status = gonio_session_event(session, "moved", outcome->motion_text, error);

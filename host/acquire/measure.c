@@ -10,6 +10,7 @@
 #include "gonio/io.h"
 #include "gonio/version.h"
 #include "host/acquire/rig_file.h"
+#include "host/acquire/steer.h"
 
 void gonio_measure_options_default(gonio_measure_options *options) {
     *options = (gonio_measure_options){.plan = "nusselt:1400", .seed = 1};
@@ -109,6 +110,8 @@ typedef struct run {
     bool in_order;                   // the stream was given every sample in the steps' order
     bool undone;                     // an audit took samples back that the stream was given
     size_t done, total, done_before; // sample steps
+    gonio_steer steer;
+    gonio_error stopped; // why the last checkpoint within the fit said no
 } run;
 
 static gonio_status ask_for_hands(void *context, gonio_target target, gonio_error *error) {
@@ -128,10 +131,10 @@ static void note_undone(void *context, size_t steps) {
     ((run *)context)->undone = true;
 }
 
-static bool go_on(const run *r, gonio_measure_phase phase, double fraction, const char *what, double error_now) {
-    const gonio_measure_hooks *hooks = &r->options->hooks;
+static gonio_status checkpoint(run *r, gonio_measure_phase phase, double fraction, const char *what, double error_now,
+                               gonio_error *error) {
     const gonio_measure_progress now = {phase, r->done, r->total, r->done_before, fraction, what, error_now};
-    return hooks->progress == NULL || hooks->progress(hooks->context, &now);
+    return gonio_steer_checkpoint(&r->steer, &now, error);
 }
 
 static gonio_status open_stream(run *r, gonio_error *error) {
@@ -178,20 +181,31 @@ static gonio_status one_step(run *r, gonio_error *error) {
     return status;
 }
 
+static gonio_status pose_checkpoint(run *r, gonio_error *error) {
+    const double fraction = r->total > 0 ? (double)r->done / (double)r->total : 1;
+    return checkpoint(r, GONIO_MEASURE_POSES, fraction, "", gonio_fit_stream_error(r->stream), error);
+}
+
 static gonio_status scan_all(run *r, gonio_error *error) {
-    gonio_status status = GONIO_OK;
+    gonio_status status = gonio_steer_stored(&r->steer, 0, error);
     r->done_before = r->done;
     while (status == GONIO_OK && !gonio_scan_done(r->scan)) {
-        const double fraction = r->total > 0 ? (double)r->done / (double)r->total : 1;
-        status = go_on(r, GONIO_MEASURE_POSES, fraction, "", gonio_fit_stream_error(r->stream))
-                     ? one_step(r, error)
-                     : gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu poses", r->done, r->total);
+        const int64_t step = gonio_scan_next(r->scan);
+        status = pose_checkpoint(r, error);
+        status = status == GONIO_OK ? one_step(r, error) : status;
+        if (status == GONIO_E_IO && gonio_steer_no_room(&r->steer)) {
+            status = GONIO_OK; // somebody else filled the disk: the step is undone, and its checkpoint waits for room
+        } else if (status == GONIO_OK) {
+            status = gonio_steer_stored(&r->steer, step, error);
+        }
     }
     return status;
 }
 
 static bool on_fit(void *context, double fraction, const char *what, double error_now) {
-    return go_on(context, GONIO_MEASURE_FIT, fraction, what, error_now);
+    run *r = context;
+    r->stopped = (gonio_error){.line = -1, .byte = -1};
+    return checkpoint(r, GONIO_MEASURE_FIT, fraction, what, error_now, &r->stopped) == GONIO_OK;
 }
 
 // The journal may name any file: what is there and is no model is not replaced.
@@ -275,12 +289,17 @@ gonio_status gonio_measure_run(gonio_session *session, gonio_rig_file *rig, cons
     if (status == GONIO_OK) {
         tell_finished(&r);
         rig->journal = session;
+        gonio_steer_begin(&r.steer, session, rig, options);
         status = run_all(&r, &rig->rig, outcome, &own);
+        if (status == GONIO_E_INTERRUPTED && r.stopped.status == status) {
+            own = r.stopped; // it says who stopped it
+        }
         if (status != GONIO_OK) {
             gonio_session_event(session, "stopped", own.message, NULL);
         }
         gonio_fit_stream_free(r.stream);
         gonio_scan_free(r.scan);
+        gonio_steer_end(&r.steer);
         rig->journal = NULL;
     }
     if (status != GONIO_OK) {

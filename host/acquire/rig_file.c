@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "host/acquire/rig_control.h"
 #include "host/acquire/rig_keys.h"
 #include "host/acquire/rig_text.h"
 #include "host/drivers/null.h"
@@ -162,7 +163,7 @@ static void tell(void *context, const char *kind, const char *text) {
 
 static bool cancelled(void *context) {
     const gonio_rig_file *rig = context;
-    return rig->cancelled != NULL && rig->cancelled(rig->context);
+    return gonio_control_stopping(rig->control) || (rig->cancelled != NULL && rig->cancelled(rig->context));
 }
 
 static gonio_status new_hardware(builder *b, gonio_rig_file *rig, gonio_error *error) {
@@ -223,7 +224,10 @@ static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
 }
 
 static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, gonio_error *error) {
-    gonio_status status;
+    gonio_status status = gonio_rig_control_begin(rig, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     if (b->sim != NULL) {
         status = gonio_sim_open(b->sim, threads, &rig->rig, error);
         if (status == GONIO_OK) {
@@ -238,15 +242,21 @@ static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, g
     rig->scan = b->keys.scan;
     snprintf(rig->driver, sizeof rig->driver, "%s", b->keys.driver);
     snprintf(rig->spec, sizeof rig->spec, "%s", b->keys.sample);
+    gonio_rig_control_opened(rig);
     return status;
 }
 
 static void begin(const gonio_rig_file_options *options, gonio_rig_file *rig) {
-    *rig = (gonio_rig_file){
-        .seed = options->seed, .event = options->event, .cancelled = options->cancelled, .context = options->context};
+    *rig = (gonio_rig_file){.seed = options->seed,
+                            .event = options->event,
+                            .cancelled = options->cancelled,
+                            .context = options->context,
+                            .steered = options->control};
 }
 
-gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_rig_file *rig, gonio_error *error) {
+// Everything up to the devices. b->sim, which is the rig's, is made on the way.
+static gonio_status read_rig(const gonio_rig_file_options *options, builder *b, gonio_rig_file *rig,
+                             gonio_error *error) {
     begin(options, rig);
     const bool is_sim = options->path == NULL || strcmp(options->path, "sim") == 0;
     char *file = NULL, *extra = NULL;
@@ -260,17 +270,21 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
         rig->text = NULL;
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
     }
-    builder b = {.file_lines = gonio_rig_text_lines(file)};
+    *b = (builder){.file_lines = gonio_rig_text_lines(file)};
+    rig->path = file != NULL ? realpath(options->path, NULL) : NULL;
     free(file);
     free(extra);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = new_hardware(&b, rig, error);
+    status = status == GONIO_OK ? new_hardware(b, rig, error) : status;
     if (status == GONIO_OK) {
-        status = build(&b, rig->text, rig->settings, is_sim ? "settings" : options->path, options, error);
+        status = build(b, rig->text, rig->settings, is_sim ? "settings" : options->path, options, error);
     }
-    rig->sim = b.sim;
+    rig->sim = b->sim;
+    return status;
+}
+
+gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_rig_file *rig, gonio_error *error) {
+    builder b;
+    gonio_status status = read_rig(options, &b, rig, error);
     status = status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
     // A session journals the numbers, so that a resume needs no file.
     return status == GONIO_OK && b.keys.alignment[0] != 0
@@ -278,12 +292,26 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
                : status;
 }
 
+gonio_status gonio_rig_file_identity(const gonio_rig_file_options *options, char **identity, gonio_error *error) {
+    builder b;
+    gonio_rig_file rig;
+    *identity = NULL;
+    gonio_status status = read_rig(options, &b, &rig, error);
+    status = status == GONIO_OK ? gonio_rig_identity(&rig, identity, error) : status;
+    gonio_rig_file_release(&rig);
+    return status;
+}
+
+// The rig's name last: who waits for it to be free finds the line free, too.
 void gonio_rig_file_release(gonio_rig_file *rig) {
+    gonio_control_ask(rig->control, NULL, NULL);
     gonio_rig_close(&rig->rig);
     gonio_hardware_free(rig->hardware);
+    gonio_control_free(rig->control);
     gonio_sim_free(rig->sim);
     free(rig->text);
     free(rig->settings);
+    free(rig->path);
     *rig = (gonio_rig_file){0};
 }
 
@@ -293,6 +321,9 @@ gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *ri
     gonio_status status = gonio_session_put(session, "rig.driver", rig->driver, error);
     status = status == GONIO_OK ? gonio_session_put(session, "rig.ini", rig->text, error) : status;
     status = status == GONIO_OK ? gonio_session_put(session, "rig.settings", rig->settings, error) : status;
+    if (status == GONIO_OK && rig->path != NULL) {
+        status = gonio_session_put(session, "rig.path", rig->path, error);
+    }
     if (status != GONIO_OK || rig->sim == NULL) {
         return status;
     }
@@ -397,8 +428,11 @@ static gonio_status reopen_sim(gonio_session *session, const char *extra, const 
     free(seed);
     free(settings);
     status = status == GONIO_OK ? ask_trust(options, rig, error) : status;
+    status = status == GONIO_OK ? gonio_rig_control_begin(rig, error) : status;
     status = status == GONIO_OK ? gonio_sim_open(rig->sim, options->threads, &rig->rig, error) : status;
-    return status == GONIO_OK ? gonio_hardware_open(rig->hardware, &rig->rig, true, error) : status;
+    status = status == GONIO_OK ? gonio_hardware_open(rig->hardware, &rig->rig, true, error) : status;
+    gonio_rig_control_opened(rig);
+    return status;
 }
 
 static gonio_status reopen_file(gonio_session *session, const char *extra, const gonio_rig_file_options *options,
@@ -460,6 +494,7 @@ gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_
     status = status == GONIO_OK ? read_setup(session, &setup, error) : status;
     status = status == GONIO_OK ? gonio_session_get(session, "rig.driver", &driver, error) : status;
     if (status == GONIO_OK) {
+        gonio_session_get(session, "rig.path", &rig->path, NULL); // where there is none, it stays NULL
         snprintf(rig->driver, sizeof rig->driver, "%s", driver);
         status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, options, rig, error)
                                             : reopen_file(session, extra, options, rig, error);

@@ -6,6 +6,7 @@
 #include "gonio/acquire.h"
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
+#include "host/control/control.h"
 #include "host/drivers/hardware.h"
 
 struct gonio_rig_file {
@@ -23,6 +24,9 @@ struct gonio_rig_file {
     void (*event)(void *context, const char *kind, const char *text);
     bool (*cancelled)(void *context);
     void *context;
+    char *path;             // the rig file's real path; NULL: none. Owned
+    bool steered;           // other programs may ask and steer
+    gonio_control *control; // through this; NULL: not now
 };
 
 // gonio_rig_file_open, _reopen and _close in place: the struct must stay where it is until gonio_rig_file_release,

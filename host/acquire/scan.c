@@ -164,7 +164,9 @@ gonio_status gonio_scan_new(gonio_session *session, const gonio_rig *rig, const 
         status = start_rig(scan, error);
     }
     if (status != GONIO_OK) {
-        gonio_session_event(session, "fault", error != NULL ? error->message : gonio_status_text(status), NULL);
+        if (status != GONIO_E_INTERRUPTED) {
+            gonio_session_event(session, "fault", error != NULL ? error->message : gonio_status_text(status), NULL);
+        }
         gonio_scan_free(scan);
         return status;
     }
@@ -182,6 +184,8 @@ void gonio_scan_free(gonio_scan *scan) {
 }
 
 bool gonio_scan_done(const gonio_scan *scan) { return scan->next == scan->process.n; }
+
+int64_t gonio_scan_next(const gonio_scan *scan) { return (int64_t)scan->next; }
 
 gonio_process *gonio_scan_process(gonio_scan *scan) { return &scan->process; }
 
@@ -374,7 +378,9 @@ gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, go
         char text[600];
         gonio_scan_halt(scan);
         snprintf(text, sizeof text, "step %zu: %s", scan->next, own.message);
-        gonio_session_event(scan->session, "fault", text, NULL);
+        if (status != GONIO_E_INTERRUPTED) {
+            gonio_session_event(scan->session, "fault", text, NULL);
+        }
         if (error != NULL) {
             *error = own;
         }

@@ -10,6 +10,7 @@
 
 #include "gonio/metrics.h"
 #include "gonio/status.h"
+#include "host/control/control.h"
 
 typedef enum cli_kind { CLI_FLAG, CLI_INT, CLI_U64, CLI_SIZE, CLI_DOUBLE, CLI_TEXT, CLI_LIST, CLI_TABLE } cli_kind;
 
@@ -100,5 +101,7 @@ void cli_progress_end(cli_progress *progress);
 // at once with status 4.
 void cli_catch_interrupts(void);
 bool cli_interrupted(void);
+// What this program drives may be stopped from another terminal too, which then counts as Ctrl-C; NULL: no longer.
+void cli_steered_by(const gonio_control *control);
 
 #endif

@@ -3,6 +3,7 @@
 #include "host/cli/measuring.h"
 
 #include <math.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -33,7 +34,10 @@ static gonio_status ask_for_hands(void *context, gonio_target target, gonio_erro
     fflush(stderr);
     char line[64];
     do {
-        if (fgets(line, sizeof line, stdin) == NULL) {
+        struct pollfd key = {.fd = STDIN_FILENO, .events = POLLIN};
+        while (poll(&key, 1, 200) == 0 && !cli_interrupted()) { // it may be stopped from elsewhere
+        }
+        if (cli_interrupted() || fgets(line, sizeof line, stdin) == NULL) {
             return gonio_fail(error, cli_interrupted() ? GONIO_E_INTERRUPTED : GONIO_E_DEVICE,
                               "waiting for the %s on the table: no answer", what);
         }
@@ -49,6 +53,9 @@ static void show_note(void *context, const char *text) {
 static bool show_progress(void *context, const gonio_measure_progress *now) {
     cli_measuring *m = context;
     const bool poses = now->phase == GONIO_MEASURE_POSES;
+    if (now->phase == GONIO_MEASURE_PAUSED) {
+        return !cli_interrupted(); // the note said it
+    }
     if (m->phase != (int)now->phase) {
         cli_progress_end(&m->progress);
         cli_progress_start(&m->progress, poses ? "poses" : "fit", poses ? (double)(now->total - now->done_before) : 1);
@@ -65,6 +72,7 @@ void cli_measuring_options(cli_measuring *measuring, gonio_measure_options *opti
     measuring->phase = -1;
     options->model_path = measuring->model;
     options->threads = measuring->common->threads;
+    options->wait_for_room = true;
     options->hooks = (gonio_measure_hooks){measuring, show_progress, ask_for_hands, show_note};
 }
 

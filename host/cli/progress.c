@@ -70,4 +70,8 @@ void cli_catch_interrupts(void) {
     signal(SIGXFSZ, SIG_IGN);
 }
 
-bool cli_interrupted(void) { return stops > 0; }
+static const gonio_control *steering;
+
+void cli_steered_by(const gonio_control *control) { steering = control; }
+
+bool cli_interrupted(void) { return stops > 0 || gonio_control_stopping(steering); }

@@ -3,7 +3,10 @@
 #include "host/cli/rig_file.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <unistd.h>
+
+#include "host/acquire/rig_control.h"
 
 static void tell(void *context, const char *kind, const char *text) {
     (void)context;
@@ -21,22 +24,39 @@ void cli_rig_any_sample(cli_rig_options *options, const cli_common *common) {
     options->stand_in = "lambert:rho=0.5";
 }
 
+const char *cli_rig_named(const cli_rig_options *options) {
+    const char *usual = getenv("GONIO_RIG");
+    return options->rig != NULL ? options->rig : usual != NULL && usual[0] != 0 ? usual : NULL;
+}
+
+static gonio_rig_file_options file_options(const cli_rig_options *options) {
+    return (gonio_rig_file_options){.path = cli_rig_named(options),
+                                    .sample = options->sample,
+                                    .stand_in = options->stand_in,
+                                    .fragments = options->with.items,
+                                    .n_fragments = (size_t)options->with.n,
+                                    .settings = options->set.items,
+                                    .n_settings = (size_t)options->set.n,
+                                    .operator_name = options->operator_name,
+                                    .sample_id = options->sample_id,
+                                    .notes = options->notes,
+                                    .seed = options->seed,
+                                    .threads = options->threads,
+                                    .event = tell,
+                                    .cancelled = cancelled,
+                                    .control = true};
+}
+
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error) {
-    const gonio_rig_file_options all = {.path = options->rig,
-                                        .sample = options->sample,
-                                        .stand_in = options->stand_in,
-                                        .fragments = options->with.items,
-                                        .n_fragments = (size_t)options->with.n,
-                                        .settings = options->set.items,
-                                        .n_settings = (size_t)options->set.n,
-                                        .operator_name = options->operator_name,
-                                        .sample_id = options->sample_id,
-                                        .notes = options->notes,
-                                        .seed = options->seed,
-                                        .threads = options->threads,
-                                        .event = tell,
-                                        .cancelled = cancelled};
-    return gonio_rig_file_fill(&all, rig, error);
+    const gonio_rig_file_options all = file_options(options);
+    const gonio_status status = gonio_rig_file_fill(&all, rig, error);
+    cli_steered_by(rig->control);
+    return status;
+}
+
+gonio_status cli_rig_identity(const cli_rig_options *options, char **identity, gonio_error *error) {
+    const gonio_rig_file_options all = file_options(options);
+    return gonio_rig_file_identity(&all, identity, error);
 }
 
 // A session may come from elsewhere: its devices are opened when the user says so.
@@ -59,10 +79,15 @@ gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, bool st
                                             .event = tell,
                                             .cancelled = cancelled,
                                             .context = &stored_rig,
-                                            .trust = trust};
+                                            .trust = trust,
+                                            .control = true};
     const gonio_status status = gonio_rig_file_refill(session, &changes, rig, error);
     rig->context = NULL; // nobody but trust uses it
+    cli_steered_by(rig->control);
     return status;
 }
 
-void cli_rig_close(cli_rig *rig) { gonio_rig_file_release(rig); }
+void cli_rig_close(cli_rig *rig) {
+    cli_steered_by(NULL);
+    gonio_rig_file_release(rig);
+}

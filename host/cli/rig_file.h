@@ -19,7 +19,7 @@ typedef struct cli_rig_options {
 
 // The options of every verb that opens a rig: put them into its table. `o` is a cli_rig_options.
 #define CLI_RIG_OPTIONS(o)                                                                                               \
-    {"rig", 0, CLI_TEXT, &(o).rig, NULL, "sim|RIG.ini", "the rig: the simulator (default) or a rig file"},               \
+    {"rig", 0, CLI_TEXT, &(o).rig, NULL, "sim|RIG.ini", "a rig file, or sim: the simulator; else as GONIO_RIG says"},    \
         {"sample", 0, CLI_TEXT, &(o).sample, NULL, "SPEC", "the simulated sample, e.g. ward:rho_d=0.3,shape=sphere"},    \
         {"with", 0, CLI_LIST, &(o).with, NULL, "INI", "take these keys too, as gonio calibrate writes them; repeat it"}, \
     {                                                                                                                    \
@@ -30,6 +30,10 @@ typedef gonio_rig_file cli_rig;
 
 // The seed, the threads and a stand-in for the sample, for a verb whose answer does not depend on it.
 void cli_rig_any_sample(cli_rig_options *options, const cli_common *common);
+// What --rig says, else GONIO_RIG; NULL where neither does, which is the simulator.
+const char *cli_rig_named(const cli_rig_options *options);
+// The name by which a program that drives this rig is found (host/acquire/rig_control.h); no device is opened.
+gonio_status cli_rig_identity(const cli_rig_options *options, char **identity, gonio_error *error);
 // Read and check everything, open the devices; their events go to stderr. Release with cli_rig_close, also on failure.
 // The rig must stay where it is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);

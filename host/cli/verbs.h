@@ -3,6 +3,9 @@
 #define CLI_VERBS(X)                                                                                                   \
     X(measure)                                                                                                         \
     X(resume)                                                                                                          \
+    X(status)                                                                                                          \
+    X(pause)                                                                                                           \
+    X(stop)                                                                                                            \
     X(replay)                                                                                                          \
     X(samples)                                                                                                         \
     X(doctor)                                                                                                          \

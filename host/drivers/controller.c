@@ -206,24 +206,6 @@ gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio
 
 // ---- status ----
 
-// Function 23 writes the token and reads from it on: one exchange, and a reply with another token is an old one.
-static gonio_modbus_fault once_status(gonio_controller *c, void *request) {
-    uint16_t *words = request;
-    c->token = (uint16_t)(c->token % 0xffff + 1); // never 0, which is the initial value
-    const gonio_modbus_fault fault =
-        gonio_modbus_write_read(c->modbus, CONTROLLER_token, 1, &c->token, CONTROLLER_token, STATUS_WORDS, words);
-    if (fault == GONIO_MODBUS_GOOD && words[0] != c->token) {
-        c->counts.stale++;
-        return GONIO_MODBUS_NOISE;
-    }
-    return fault;
-}
-
-gonio_modbus_fault gonio_controller_feed(gonio_controller *c) {
-    uint16_t words[STATUS_WORDS];
-    return once_status(c, words);
-}
-
 #define WORDS(name) (words + (CONTROLLER_##name - CONTROLLER_token))
 #define VALUE(name) gonio_controller_unpack(WORDS(name), CONTROLLER_EACH_##name)
 
@@ -251,6 +233,39 @@ static void decode(const uint16_t *words, gonio_controller_status *s) {
         s->home_difference[k] = (int32_t)gonio_controller_unpack(
             WORDS(home_difference) + k * CONTROLLER_EACH_home_difference, CONTROLLER_EACH_home_difference);
     }
+}
+
+// Function 23 writes the token and reads from it on: one exchange, and a reply with another token is an old one.
+static gonio_modbus_fault once_status(gonio_controller *c, void *request) {
+    uint16_t *words = request;
+    c->token = (uint16_t)(c->token % 0xffff + 1); // never 0, which is the initial value
+    const gonio_modbus_fault fault =
+        gonio_modbus_write_read(c->modbus, CONTROLLER_token, 1, &c->token, CONTROLLER_token, STATUS_WORDS, words);
+    if (fault == GONIO_MODBUS_GOOD && words[0] != c->token) {
+        c->counts.stale++;
+        return GONIO_MODBUS_NOISE;
+    }
+    if (fault == GONIO_MODBUS_GOOD) {
+        pthread_mutex_lock(&c->last_lock);
+        decode(words, &c->last);
+        c->last_ms = gonio_clock_ms();
+        pthread_mutex_unlock(&c->last_lock);
+    }
+    return fault;
+}
+
+bool gonio_controller_last(gonio_controller *c, gonio_controller_status *status, double *age_s) {
+    pthread_mutex_lock(&c->last_lock);
+    const bool known = c->last_ms != 0;
+    *status = c->last;
+    *age_s = (double)(gonio_clock_ms() - c->last_ms) / 1000;
+    pthread_mutex_unlock(&c->last_lock);
+    return known;
+}
+
+gonio_modbus_fault gonio_controller_feed(gonio_controller *c) {
+    uint16_t words[STATUS_WORDS];
+    return once_status(c, words);
 }
 
 static gonio_status check_rest(gonio_controller *c, const gonio_controller_status *now, gonio_error *error) {

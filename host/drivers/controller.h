@@ -67,6 +67,9 @@ void gonio_controller_count(gonio_controller *controller, gonio_controller_count
 
 gonio_status gonio_controller_read_status(gonio_controller *controller, gonio_controller_status *status,
                                           gonio_error *error);
+// The last status that anybody read, the feeder among them, and how old it is; false: there is none. Nothing goes over
+// the line, and no exchange is waited for: for threads that only look.
+bool gonio_controller_last(gonio_controller *controller, gonio_controller_status *status, double *age_s);
 // The axes have come to rest there: from now on every status, and after a repeated request one is read, is held against
 // it until the next command that moves. A difference is a lost-step event and GONIO_E_DEVICE.
 void gonio_controller_rest(gonio_controller *controller, const int64_t position[GONIO_CONTROLLER_AXES]);
@@ -87,6 +90,8 @@ gonio_status gonio_controller_command(gonio_controller *controller, int command,
 gonio_status gonio_controller_wait(gonio_controller *controller, uint32_t id, double timeout_s,
                                    gonio_status (*watch)(void *context, gonio_error *error), void *watch_context,
                                    gonio_controller_status *status, gonio_error *error);
+// Whether what waits is to end: config.cancelled says so.
+bool gonio_controller_cancelled(const gonio_controller *controller);
 // CLEAR a standing alarm whose cause is gone; harmless where none stands.
 gonio_status gonio_controller_clear(gonio_controller *controller, gonio_error *error);
 // GONIO_E_DEVICE naming the alarm, its number and its axis, where one stands.

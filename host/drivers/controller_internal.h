@@ -28,6 +28,9 @@ struct gonio_controller {
     bool resting; // nothing was asked to move since the axes stood at `rest`
     int64_t rest[GONIO_CONTROLLER_AXES];
     gonio_controller_counts counts;
+    pthread_mutex_t last_lock; // of the two below, held for moments alone
+    gonio_controller_status last;
+    int64_t last_ms; // host's clock; 0: none yet
 };
 
 // One request, repeated within bounds; the lock must not be held. `once` does one exchange. Exceptions end the repeats,

@@ -98,6 +98,10 @@ static void stop_axes(gonio_controller *c) {
     }
 }
 
+bool gonio_controller_cancelled(const gonio_controller *c) {
+    return c->config.cancelled != NULL && c->config.cancelled(c->config.event_context);
+}
+
 // Why the motion must not go on; GONIO_OK: no reason.
 static gonio_status reason_to_stop(const gonio_controller *c, gonio_deadline deadline, double timeout_s,
                                    gonio_status (*watch)(void *, gonio_error *), void *context, gonio_error *error) {
@@ -105,7 +109,7 @@ static gonio_status reason_to_stop(const gonio_controller *c, gonio_deadline dea
     if (status != GONIO_OK) {
         return status;
     }
-    if (c->config.cancelled != NULL && c->config.cancelled(c->config.event_context)) {
+    if (gonio_controller_cancelled(c)) {
         return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted in mid-move; the axes were stopped");
     }
     return gonio_deadline_left_ms(deadline) > 0

@@ -77,6 +77,7 @@ static void destroy(gonio_controller *c) {
     gonio_modbus_close(c->modbus);
     pthread_cond_destroy(&c->wake);
     pthread_mutex_destroy(&c->lock);
+    pthread_mutex_destroy(&c->last_lock);
     free(c);
 }
 
@@ -113,6 +114,7 @@ gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_
     c->config = *config;
     c->users = 1;
     pthread_mutex_init(&c->lock, NULL);
+    pthread_mutex_init(&c->last_lock, NULL);
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);

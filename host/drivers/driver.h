@@ -31,7 +31,8 @@ typedef struct gonio_driver_context {
     const gonio_interlock_ops *interlock; // a real one, opened before; NULL: none
     void *interlock_device;
     void (*event)(void *context, const char *kind, const char *text); // what a session should note; NULL: nobody
-    void *event_context;
+    bool (*cancelled)(void *context); // asked in long waits; true ends them. NULL: never
+    void *event_context;              // of both
 } gonio_driver_context;
 
 typedef struct gonio_driver {

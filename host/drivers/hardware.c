@@ -315,6 +315,7 @@ static gonio_status open_slot(gonio_hardware *h, slot *s, gonio_rig *rig, bool s
                                           .interlock = interlock->driver != NULL ? interlock->driver->ops : NULL,
                                           .interlock_device = interlock->device,
                                           .event = h->line.config.event,
+                                          .cancelled = h->line.config.cancelled,
                                           .event_context = h->line.config.event_context};
     void *device = NULL;
     gonio_status status = s->driver->open(s->settings, &context, &device, error);
@@ -344,6 +345,9 @@ static void *opened(const gonio_hardware *h, gonio_device device, const void *op
     return s->driver != NULL && s->driver->ops == ops ? s->device : NULL;
 }
 
+const char *gonio_hardware_line(const gonio_hardware *h) {
+    return behind_controller(h) && h->line.replay[0] == 0 ? h->line.config.modbus.port : NULL;
+}
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }
 void *gonio_hardware_stage(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus); }
 void *gonio_hardware_camera(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_CAMERA, &gonio_camera_v4l2); }

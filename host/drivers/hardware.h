@@ -39,6 +39,8 @@ bool gonio_hardware_reach(gonio_hardware *hardware, char *text, size_t size);
 // follow the real ones. On failure the rig keeps what it has; close it as a whole either way.
 gonio_status gonio_hardware_open(gonio_hardware *hardware, gonio_rig *rig, bool simulated, gonio_error *error);
 
+// The line to the controller that the keys name; NULL: no device is behind one, or a record answers in its place.
+const char *gonio_hardware_line(const gonio_hardware *hardware);
 // What was opened, for `gonio rig`; NULL where there is none.
 gonio_controller *gonio_hardware_controller(const gonio_hardware *hardware);
 void *gonio_hardware_stage(const gonio_hardware *hardware);       // of stage_modbus.h

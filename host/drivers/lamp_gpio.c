@@ -6,6 +6,8 @@
 #include "host/drivers/driver.h"
 #include "host/transport/clock.h"
 
+#define LOOK_MS 100
+
 typedef struct lamp {
     gonio_lamp_gpio_config config;
     const gonio_gpio_io *io;
@@ -54,7 +56,13 @@ static gonio_status lamp_wait_ready(void *device, const gonio_stamp *stamp, doub
         return gonio_fail(error, GONIO_E_TIMEOUT, "lamp: warm-up takes %.1f s more, allowed were %.1f s",
                           (double)left_ms / 1000, timeout_s);
     }
-    gonio_clock_sleep_ms(left_ms > 0 ? (int)left_ms : 0);
+    const gonio_deadline warm = gonio_deadline_in_ms(left_ms > 0 ? left_ms : 0);
+    while (gonio_deadline_left_ms(warm) > 0) {
+        if (l->config.cancelled != NULL && l->config.cancelled(l->config.cancelled_context)) {
+            return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted while the lamp warms up");
+        }
+        gonio_clock_sleep_ms(gonio_deadline_left_ms(warm) < LOOK_MS ? gonio_deadline_left_ms(warm) : LOOK_MS);
+    }
     *waited_s = (double)(gonio_clock_ms() - start_ms) / 1000;
     return GONIO_OK;
 }
@@ -132,7 +140,9 @@ static const gonio_key keys[] = {{KEY("enable_line", LINE, enable_line)},
 static void defaults(void *config) { ((settings *)config)->shutter_settle_s = GONIO_SHUTTER_SETTLE_S; }
 
 static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
-    (void)context;
+    settings *s = config;
+    s->cancelled = context->cancelled;
+    s->cancelled_context = context->event_context;
     return gonio_lamp_gpio_open(config, &gonio_gpio_system, NULL, device, error);
 }
 

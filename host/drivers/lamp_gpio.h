@@ -10,6 +10,8 @@ typedef struct gonio_lamp_gpio_config {
     char enable_line[64], shutter_line[64]; // empty: not wired
     bool enable_low, shutter_low;           // a low level switches on, opens
     double warm_up_s, shutter_settle_s;
+    bool (*cancelled)(void *context); // asked while the lamp warms up; true ends it. NULL: never
+    void *cancelled_context;
 } gonio_lamp_gpio_config;
 
 extern const gonio_lamp_ops gonio_lamp_gpio;

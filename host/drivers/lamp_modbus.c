@@ -58,6 +58,9 @@ static gonio_status lamp_wait_ready(void *device, const gonio_stamp *stamp, doub
             return gonio_fail(error, GONIO_E_DEVICE, "lamp: waiting for warm-up, but it is %s",
                               gonio_controller_lamp_name(now.lamp_state));
         }
+        if (gonio_controller_cancelled(l->controller)) {
+            return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted while the lamp warms up");
+        }
         if (gonio_deadline_left_ms(deadline) == 0) {
             return gonio_fail(error, GONIO_E_TIMEOUT, "lamp: still %s after %.1f s",
                               gonio_controller_lamp_name(now.lamp_state), timeout_s);

@@ -256,12 +256,19 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
     return check_targets(s, targets, ALL_AXES, error);
 }
 
+void gonio_stage_modbus_position(const void *device, const gonio_controller_status *now,
+                                 double position_rad[GONIO_AXES]) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        position_rad[k] = to_rad(&((const stage *)device)->axes[k], now->position[k]);
+    }
+}
+
 static gonio_status stage_position(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
     const stage *s = device;
     gonio_controller_status now;
     const gonio_status status = gonio_controller_read_status(s->controller, &now, error);
-    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
-        position_rad[k] = to_rad(&s->axes[k], now.position[k]);
+    if (status == GONIO_OK) {
+        gonio_stage_modbus_position(s, &now, position_rad);
     }
     return status;
 }

@@ -40,6 +40,9 @@ gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_
 void gonio_stage_modbus_limits(const void *device, int axis, double *min_deg, double *max_deg);
 // An axis's user position of a dial position, both in degrees.
 double gonio_stage_modbus_user_deg(const void *device, int axis, double dial_deg);
+// Where the axes stand by a status of the controller, in user coordinates.
+void gonio_stage_modbus_position(const void *device, const gonio_controller_status *now,
+                                 double position_rad[GONIO_AXES]);
 int64_t gonio_stage_modbus_lost_steps(const void *device); // events since it was opened
 
 #endif

@@ -53,6 +53,11 @@ typedef struct gonio_rig_file_options {
     // gonio_rig_file_reopen: may this machine's devices, and hosts of its network, be opened that the session names? It
     // may come from elsewhere. devices: which, for people. NULL: they may not; simulated ones are opened unasked.
     bool (*trust)(void *context, const char *devices);
+    // Let other programs of this user on this machine (`gonio rig status`, `gonio rig stop`; while a session is
+    // measured `gonio status`, `gonio pause` and `gonio stop`) ask and steer this one, through local sockets that a
+    // thread answers until the rig is closed. A rig whose controller another such program drives is then
+    // GONIO_E_DEVICE. False: nobody.
+    bool control;
 } gonio_rig_file_options;
 
 // Read and check everything, then open the devices; nothing moves. The caller closes it with gonio_rig_file_close.
@@ -60,8 +65,8 @@ typedef struct gonio_rig_file_options {
 // a device that does not answer. On failure *out is NULL.
 gonio_status gonio_rig_file_open(const gonio_rig_file_options *options, gonio_rig_file **out, gonio_error *error);
 // The rig that the session was begun with, from the journal: no file is read. The journal then says "resumed". options:
-// settings for what has changed since (a port, a fault that is gone), threads and hooks; the rest is not used. NULL:
-// none. GONIO_E_USAGE where the session's rig has real devices and `trust` does not allow them.
+// settings for what has changed since (a port, a fault that is gone), threads, hooks and control; the rest is not used.
+// NULL: none. GONIO_E_USAGE where the session's rig has real devices and `trust` does not allow them.
 gonio_status gonio_rig_file_reopen(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file **out,
                                    gonio_error *error);
 void gonio_rig_file_close(gonio_rig_file *rig); // NULL is allowed
@@ -75,6 +80,7 @@ bool gonio_rig_file_needs_hands(const gonio_rig_file *rig);
 typedef enum gonio_measure_phase {
     GONIO_MEASURE_POSES, // frames are taken (gonio_replay: evaluated)
     GONIO_MEASURE_FIT,   // the final model is fitted
+    GONIO_MEASURE_PAUSED // nothing is done: somebody asked for it, or the disk has no room; `what` tells which
 } gonio_measure_phase;
 
 typedef struct gonio_measure_progress {
@@ -82,15 +88,15 @@ typedef struct gonio_measure_progress {
     size_t done, total; // poses of the plan, those of earlier runs among them
     size_t done_before; // of them, when this run began
     double fraction;    // of the phase, 0 to 1
-    const char *what;   // what the fit is doing; "" in the other phase. Valid during the call
+    const char *what;   // what the fit is doing, what a pause waits for; "" while poses. Valid during the call
     double error;       // held-out RMSE of the model as it is now, 1/sr; NaN: not known
 } gonio_measure_progress;
 
 // What the caller does meanwhile. Every member may be NULL.
 typedef struct gonio_measure_hooks {
     void *context;
-    // Called at the start of a phase, after every pose, and now and then by the fit. Returning false stops at the next
-    // checkpoint: the call gives GONIO_E_INTERRUPTED, and the session can be gone on with.
+    // Called at the start of a phase, after every pose, and now and then by the fit and in a pause. Returning false
+    // stops at the next checkpoint: the call gives GONIO_E_INTERRUPTED, and the session can be gone on with.
     bool (*progress)(void *context, const gonio_measure_progress *now);
     // The operator puts the target on the table; return when it lies there, or a failure, which ends the run. Needed
     // where gonio_rig_file_needs_hands says so.
@@ -107,6 +113,9 @@ typedef struct gonio_measure_options {
     const char *model_path; // where the model goes; NULL: model.gonio in the session's folder
     int threads;            // for evaluating and fitting; 0: all. Results do not depend on it
     gonio_measure_hooks hooks;
+    // Where the session's disk has less room than its largest step took, pause until it has, the shutter closed. False:
+    // go on until a step cannot be stored, which is GONIO_E_IO and takes nothing from the session.
+    bool wait_for_room;
 } gonio_measure_options;
 
 void gonio_measure_options_default(gonio_measure_options *options);
@@ -133,9 +142,9 @@ void gonio_outcome_free(gonio_outcome *outcome); // the struct itself is the cal
 gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, const gonio_measure_options *options,
                                  gonio_session **out, gonio_error *error);
 // Measure the session's poses that are not measured yet, with a fit running along; then correct drift, fit, save the
-// model and journal the results. Of the options model_path, threads and hooks are used; the rest was journalled by
-// gonio_measure_begin. On failure *outcome is zeros, the axes stand, the shutter is closed and the reason is
-// journalled; call it again (after gonio_rig_file_reopen, where the rig was closed) to go on. A finished session is
+// model and journal the results. Of the options model_path, threads, hooks and wait_for_room are used; the rest was
+// journalled by gonio_measure_begin. On failure *outcome is zeros, the axes stand, the shutter is closed and the reason
+// is journalled; call it again (after gonio_rig_file_reopen, where the rig was closed) to go on. A finished session is
 // fitted again.
 gonio_status gonio_measure_run(gonio_session *session, gonio_rig_file *rig, const gonio_measure_options *options,
                                gonio_outcome *outcome, gonio_error *error);

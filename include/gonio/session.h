@@ -135,6 +135,27 @@ gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio
 // Open, read the final samples, close: what a verb does whose INPUT is a session.
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error);
 
+// How far a session is, as its journal has it at one moment, also while another program writes it.
+typedef struct gonio_session_note {
+    char utc[32], kind[48], text[512]; // of an event; empty: there is none
+} gonio_session_note;
+typedef struct gonio_session_overview {
+    int64_t steps, steps_done, poses, poses_done, frames;
+    int64_t last_step, last_frame;         // the last frame that was stored, in the plan's order; -1: none
+    int64_t results;                       // more than 0: the session is finished
+    gonio_session_note first, last, alarm; // events: how it began, the newest, the newest that somebody should look at
+} gonio_session_overview;
+gonio_status gonio_session_overview_read(gonio_session *session, gonio_session_overview *out, gonio_error *error);
+// Whether a process of this machine has the session open for writing, and which.
+bool gonio_session_writer(const char *path, long *pid);
+// A stored frame's file, 16-bit PNG, to another path, which appears whole.
+gonio_status gonio_session_copy_frame(gonio_session *session, int64_t step, int frame, const char *path,
+                                      gonio_error *error);
+// Bytes that the session's disk has left for its user; INT64_MAX where the file system does not tell.
+gonio_status gonio_session_room(gonio_session *session, int64_t *bytes, gonio_error *error);
+// Bytes of pixels of the largest step from this one on; 0: none is done.
+gonio_status gonio_session_largest_step(gonio_session *session, int64_t from, int64_t *bytes, gonio_error *error);
+
 // Take a step back: its frames and samples leave the journal, and so do the results, which no longer stand. why: for
 // the events; NULL: the caller tells them itself.
 gonio_status gonio_session_undo_step(gonio_session *session, int64_t step, const char *why, gonio_error *error);

@@ -37,7 +37,7 @@ vivid_group() {
     wait_for 100 test -e /dev/video1
     vivid /dev/video0 /dev/video1 /tmp/tape
     # Through the program, into a session; vivid's own pace under emulation is nobody's figure.
-    answer=$(gonio rig burst 40 /tmp/burst --json --sample lambert:rho=0.5 \
+    answer=$(gonio rig burst 40 /tmp/burst --json --rig sim --sample lambert:rho=0.5 \
         --set camera.driver=v4l2,camera.device=/dev/video0,camera.format=Y16,camera.width=320,camera.height=180,camera.fixed_exposure_ms=10 2>&1)
     case $answer in
     *'"frames":40,'*) echo "ok - gonio rig burst stores every frame in a session" ;;

@@ -3,6 +3,8 @@
 # $GONIO is the program, $work a folder that vanishes at the end.
 : "${GONIO:=$PWD/build/gonio}" "${GONIO_DATA:=../shared/data}"
 work=$(mktemp -d "${TMPDIR:-/tmp}/gonio-system-XXXXXX")
+XDG_RUNTIME_DIR=$work # of the sockets of running measures
+export XDG_RUNTIME_DIR
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 tests=0 failures=0

@@ -89,15 +89,55 @@ import json
 drivers=json.load(open('$work/out'))['drivers']
 assert {d['device'] for d in drivers if d['driver']=='null'} == {'stage','lamp','meter','camera','interlock','mount'}
 assert all(k['value'] for d in drivers for k in d['keys'])"
-exits "a null device on a simulated rig" 0 "$GONIO" rig identify --sample $sample --set camera.driver=null
+exits "a null device on a simulated rig" 0 "$GONIO" rig identify --rig sim --sample $sample --set camera.driver=null
 
 exits "a travel of nothing is refused" 2 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.home_travel_deg=0"
 says "with what was expected" "[axis light_theta] home_travel_deg: found '0', expected a number from 0.001 to 1440"
 exits "home_pressed is 0 or 1" 3 sh -c "(cat '$work/tcp.ini'; printf '[stage]\nhome_pressed = 2\n') >'$work/bad.ini'; '$GONIO' rig status --rig '$work/bad.ini' --sample $sample"
 says "with its line" "bad.ini:$(grep -n home_pressed "$work/bad.ini" | cut -d: -f1):"
 says "and what was found" "[stage] home_pressed: found '2', expected a whole number from 0 to 1"
-exits "both are keys of the controller alone" 2 "$GONIO" rig status --sample $sample --set stage.home_pressed=1
+exits "both are keys of the controller alone" 2 "$GONIO" rig status --rig sim --sample $sample --set stage.home_pressed=1
 exits "both are taken" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "stage.home_pressed=1,axis light_theta.home_travel_deg=800"
+
+# A second terminal reaches the program that drives the rig, on a line that is that program's alone.
+for way in tcp pty; do
+    rig="--rig $work/$way.ini --sample $sample"
+    exits "$way: stop without a program at work" 0 "$GONIO" rig stop $rig
+    "$GONIO" rig home $rig >/dev/null 2>&1
+    "$GONIO" rig move light_theta=80 $rig --set "axis light_theta.speed_deg_per_s=0.2" >"$work/move.out" 2>"$work/move.err" &
+    moving=$!
+    check "$way: status of a rig that moves" wait_for sh -c "'$GONIO' rig status $rig --json >'$work/out' && grep -q '\"pid\":$moving,.*a move is under way' '$work/out'"
+    check "$way: where it is" grep -q '"position_deg":{"light_theta":[0-9.]*,' "$work/out"
+    exits "$way: nobody else may move it" 1 "$GONIO" rig move light_theta=10 $rig
+    says "$way: and hears who does" "process $moving, drives this rig"
+    exits "$way: nor measure with it" 1 "$GONIO" measure --rig "$work/$way.ini" --sample $sample --plan nusselt:6 "$work/none"
+    exits "$way: stop" 0 env GONIO_RIG="$work/$way.ini" "$GONIO" rig stop --sample $sample
+    wait $moving
+    got=$?
+    if [ $got -eq 4 ] && grep -q 'interrupted in mid-move; the axes were stopped' "$work/move.err"; then pass "$way: ends the move as Ctrl-C does"; else
+        fail "$way: ends the move as Ctrl-C does" "status $got" "$(cat "$work/move.err")"
+    fi
+    exits "$way: it stands where it was stopped" 0 "$GONIO" rig status $rig --json
+    check "$way: between here and there" sh -c "grep -q 'ready for a command' '$work/out' && ! grep -q '\"light_theta\":80' '$work/out'"
+done
+[ ! -e "$work/none" ]
+ok $? "what was refused has begun no session"
+for action in identify status home "move light_theta=1" "jog light_theta=1" stop clear "lamp 1" "shutter open" capture "burst 2 $work/none" selftest; do
+    exits "$action: which rig?" 2 env -u GONIO_RIG "$GONIO" rig $action
+    says "it asks" "--rig RIG.ini, or GONIO_RIG"
+done
+exits "nobody can stop the simulator of another program" 2 "$GONIO" rig stop --rig sim
+says "and is told what can be stopped" "gonio stop SESSION"
+(
+    "$GONIO" measure --rig "$work/tcp.ini" --sample $sample --plan nusselt:40 --seed 3 "$work/far" >"$work/far.log" 2>&1
+    echo $? >"$work/far.status"
+) &
+wait_for sh -c "'$GONIO' status --json '$work/far' | grep -q '\"state\":\"running\"'"
+exits "a measure's rig" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
+check "tells of its session" grep -q "\"session\":\"$work/far\"" "$work/out"
+exits "rig stop ends the measure" 0 "$GONIO" rig stop --rig "$work/tcp.ini" --sample $sample
+wait_for test -s "$work/far.status"
+check "which can be gone on with" sh -c "[ \$(cat '$work/far.status') = 4 ] && grep -q 'gonio resume' '$work/far.log'"
 
 # Equal seeds, equal samples, whichever stage moves.
 measure() {

@@ -273,6 +273,12 @@ static void test_filter_against_definition(void **state) {
     }
 }
 
+static bool third_time(void *context) {
+    static int asked;
+    (void)context;
+    return ++asked >= 3;
+}
+
 static void test_lamp_and_trigger(void **state) {
     (void)state;
     memset(&gpio, 0, sizeof gpio);
@@ -294,6 +300,14 @@ static void test_lamp_and_trigger(void **state) {
     assert_int_equal(gonio_lamp_gpio.set_shutter(device, true, NULL), GONIO_OK);
     assert_true(gpio.lines[1].level);
     assert_int_equal(gonio_lamp_gpio.wait_ready(device, &stamp, 1, &waited, NULL), GONIO_OK);
+    gonio_lamp_gpio.close(device);
+    // A lamp that warms up for hours does not hold up whoever wants to stop.
+    gonio_lamp_gpio_config slow = config;
+    slow.warm_up_s = 3600;
+    slow.cancelled = third_time;
+    assert_int_equal(gonio_lamp_gpio_open(&slow, &io, NULL, &device, NULL), GONIO_OK);
+    assert_int_equal(gonio_lamp_gpio.set_level(device, 1, NULL), GONIO_OK);
+    assert_int_equal(gonio_lamp_gpio.wait_ready(device, &stamp, 7200, &waited, &error), GONIO_E_INTERRUPTED);
     gonio_lamp_gpio.close(device);
     gonio_trigger_gpio trigger = {.io = &io, .line = "trigger"};
     assert_int_equal(gonio_trigger_gpio_open(&trigger, NULL), GONIO_OK);

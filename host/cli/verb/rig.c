@@ -6,13 +6,16 @@
 #include <string.h>
 
 #include "host/cli/rig/actions.h"
+#include "host/cli/steering.h"
 #include "host/drivers/controller_map.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] [--rig sim|RIG.ini]",
+const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] --rig RIG.ini|sim",
                           "identify, status, home, move, jog, stop, clear, lamp, shutter, capture, burst, selftest; "
                           "camera [/dev/videoN], usb",
                           run};
+
+#define STOP_TIMEOUT_S 30
 
 static const char *const patterns[] = {"mono", "rggb", "bggr", "grbg", "gbrg"};
 
@@ -119,7 +122,7 @@ static void print(const char *prefix, json_t *object) {
             printf("%-16s %.9g\n", name, json_number_value(value));
         } else if (json_is_boolean(value)) {
             printf("%-16s %s\n", name, json_is_true(value) ? "yes" : "no");
-        } else {
+        } else if (json_is_string(value)) {
             printf("%-16s %s\n", name, cli_text(json_string_value(value)));
         }
     }
@@ -134,10 +137,69 @@ static const rig_action *find_action(const char *name) {
     return NULL;
 }
 
+// The program that drives the rig, asked in the rig's place: nothing goes over its line.
+static gonio_status ask_driver(const char *name, const char *identity, json_t **out, gonio_error *error) {
+    static const char *const own[] = {"stopping", "paused", "fraction", "done_before"};
+    const bool stop = strcmp(name, "stop") == 0;
+    const gonio_status status = cli_ask(GONIO_CONTROL_RIG, identity, stop ? "stop" : "status", out, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
+        json_object_del(*out, own[i]);
+    }
+    if (stop && !gonio_control_wait_gone(GONIO_CONTROL_RIG, identity, STOP_TIMEOUT_S)) {
+        return gonio_fail(error, GONIO_E_TIMEOUT,
+                          "the program that drives the rig was told and is still at work after %d s: press the "
+                          "emergency stop",
+                          STOP_TIMEOUT_S);
+    }
+    if (stop) { // where it stood when it was told is of no interest
+        json_object_del(*out, "position_deg");
+        json_object_del(*out, "controller");
+        json_object_set_new(*out, "state", json_string("stopped"));
+    }
+    return GONIO_OK;
+}
+
+// stop and status go to the program that drives the rig, where there is one; *done: it has answered.
+static gonio_status through_driver(const char *name, const cli_rig_options *options, json_t **out, bool *done,
+                                   gonio_error *error) {
+    char *identity;
+    *done = false;
+    gonio_status status = cli_rig_identity(options, &identity, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (identity == NULL) {
+        return strcmp(name, "stop") != 0
+                   ? GONIO_OK
+                   : gonio_fail(error, GONIO_E_USAGE,
+                                "stop: every program has a simulated rig of its own; `gonio stop SESSION` ends the one "
+                                "that measures a session");
+    }
+    gonio_error why = {.line = -1, .byte = -1};
+    status = ask_driver(name, identity, out, &why);
+    free(identity);
+    *done = status != GONIO_E_FAILED; // else nobody drives it
+    if (*done && status != GONIO_OK) {
+        *error = why;
+    }
+    return *done ? status : GONIO_OK;
+}
+
 static gonio_status with_rig(const char *name, const rig_request *request, const cli_rig_options *options, json_t **out,
                              gonio_error *error) {
     cli_rig rig = {0};
-    gonio_status status = cli_rig_open(options, &rig, error);
+    bool done = false;
+    gonio_status status = GONIO_OK;
+    if (strcmp(name, "stop") == 0 || strcmp(name, "status") == 0) {
+        status = through_driver(name, options, out, &done, error);
+    }
+    if (done || status != GONIO_OK) {
+        return status;
+    }
+    status = cli_rig_open(options, &rig, error);
     if (status == GONIO_OK && strcmp(name, "identify") == 0) {
         status = identify(&rig, out, error);
     } else if (status == GONIO_OK && strcmp(name, "status") == 0) {
@@ -147,6 +209,16 @@ static gonio_status with_rig(const char *name, const rig_request *request, const
     }
     cli_rig_close(&rig);
     return status;
+}
+
+// A rig is not to be taken for the simulator, nor the simulator for a rig, because somebody forgot to say which.
+static bool check_named(const cli_common *common, const char *name, const cli_rig_options *options) {
+    if (cli_rig_named(options) != NULL || strcmp(name, "usb") == 0 || strcmp(name, "camera") == 0) {
+        return true;
+    }
+    cli_usage(common, "rig %s: which rig? --rig RIG.ini, or GONIO_RIG in the environment; --rig sim is the simulator",
+              name);
+    return false;
 }
 
 // Whether the action is known and has the right number of arguments.
@@ -203,7 +275,7 @@ static int run(int argc, char **argv) {
     }
     request.n = count - 1;
     memcpy(request.arguments, words + 1, (size_t)request.n * sizeof *words);
-    if (!check_request(&common, words[0], request.n)) {
+    if (!check_request(&common, words[0], request.n) || !check_named(&common, words[0], &rig_options)) {
         return 2;
     }
     cli_rig_any_sample(&rig_options, &common);
