@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "gonio/version.h"
 #include "host/cli/cli.h"
@@ -36,7 +37,7 @@ static int flushed(int status) {
     return status == 0 ? gonio_status_exit(GONIO_E_IO) : status;
 }
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     if (argc < 2) {
         usage(stderr);
         return 2;
@@ -56,4 +57,15 @@ int main(int argc, char **argv) {
     }
     fprintf(stderr, "gonio: unknown verb '%s'; `gonio --help` lists them\n", argv[1]);
     return 2;
+}
+
+// Everything is written and closed by now, and the libraries' own ends are not waited for: OpenBLAS, which others load,
+// joins its threads there, and one that found no memory for its buffer tries for it for ever.
+int main(int argc, char **argv) {
+    const int status = run(argc, argv);
+#ifndef __SANITIZE_ADDRESS__ // whose leaks are told in the end
+    fflush(NULL);
+    _exit(status);
+#endif
+    return status;
 }
