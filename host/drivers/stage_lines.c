@@ -174,6 +174,9 @@ static gonio_status command(stage *s, const char *template, const gonio_lines_ax
 static gonio_status stage_stop(void *device, gonio_error *error);
 
 static gonio_status watch(const stage *s, gonio_error *error) {
+    if (s->config.cancelled != NULL && s->config.cancelled(s->config.cancelled_context)) {
+        return gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; the axes stand");
+    }
     return s->config.interlock != NULL ? s->config.interlock->check(s->config.interlock_device, error) : GONIO_OK;
 }
 
@@ -481,6 +484,8 @@ static gonio_status make(void *config, const gonio_driver_context *context, void
     settings *s = config;
     s->interlock = context->interlock;
     s->interlock_device = context->interlock_device;
+    s->cancelled = context->cancelled;
+    s->cancelled_context = context->event_context;
     return gonio_stage_lines_open(s, device, error);
 }
 

@@ -27,6 +27,8 @@ typedef struct gonio_stage_lines_config {
     // Asked all the while the axes move: the interlock. May be NULL.
     const gonio_interlock_ops *interlock;
     void *interlock_device;
+    bool (*cancelled)(void *context); // asked all the while, too; true stops the axes. NULL: never
+    void *cancelled_context;
 } gonio_stage_lines_config;
 
 void gonio_stage_lines_defaults(gonio_stage_lines_config *config);

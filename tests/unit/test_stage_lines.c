@@ -222,7 +222,7 @@ static void the_controllers_errors_are_told(void **state) {
     end(&b);
 }
 
-// An interlock that opens in mid-move stops the axes; the next move goes on from there.
+// An interlock that opens in mid-move, or somebody who wants to stop, stops the axes; the next move goes on from there.
 static int strikes_after;
 static gonio_status struck(void *device, gonio_error *error) {
     (void)device;
@@ -230,17 +230,18 @@ static gonio_status struck(void *device, gonio_error *error) {
 }
 static const gonio_interlock_ops door = {.name = "door", .check = struck};
 static void with_door(gonio_stage_lines_config *c) { c->interlock = &door; }
+static bool asked(void *context) { return struck(context, NULL) != GONIO_OK; }
+static void with_stop(gonio_stage_lines_config *c) { c->cancelled = asked; }
 
-static void an_interlock_stops_it(void **state) {
-    (void)state;
+static void stopped_by(void (*change)(gonio_stage_lines_config *), gonio_status status, const char *says) {
     for (int f = 0; f < FAMILIES; f++) {
         strikes_after = 1000;
-        bench b = begin_with(f, 100, with_door);
+        bench b = begin_with(f, 100, change);
         gonio_error error = {0};
         home(&b);
         strikes_after = 4;
-        assert_int_equal(move(&b, 90, 0, 0, 0, &error), GONIO_E_DEVICE);
-        assert_non_null(strstr(error.message, "door"));
+        assert_int_equal(move(&b, 90, 0, 0, 0, &error), status);
+        assert_non_null(strstr(error.message, says));
         const double at = emulator_at(b.e, 0) / families[f].units_per_deg;
         if (families[f].stops) {
             assert_true(at < 80 && !emulator_moves(b.e));
@@ -250,6 +251,16 @@ static void an_interlock_stops_it(void **state) {
         good(move(&b, 10, 0, 0, 0, &error), &error);
         end(&b);
     }
+}
+
+static void an_interlock_stops_it(void **state) {
+    (void)state;
+    stopped_by(with_door, GONIO_E_DEVICE, "door");
+}
+
+static void whoever_asks_stops_it(void **state) {
+    (void)state;
+    stopped_by(with_stop, GONIO_E_INTERRUPTED, "interrupted");
 }
 
 static void a_move_without_end_is_stopped(void **state) {
@@ -377,6 +388,7 @@ int main(void) {
         cmocka_unit_test(a_wrong_place_is_told),
         cmocka_unit_test(the_controllers_errors_are_told),
         cmocka_unit_test(an_interlock_stops_it),
+        cmocka_unit_test(whoever_asks_stops_it),
         cmocka_unit_test(a_move_without_end_is_stopped),
         cmocka_unit_test(zones_count_for_the_box),
         cmocka_unit_test(tables_are_checked),
