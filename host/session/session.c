@@ -80,7 +80,8 @@ gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error) {
         return GONIO_OK;
     }
     if (errno == EWOULDBLOCK) {
-        return gonio_fail_line(error, GONIO_E_FAILED, path, -1, "another process is writing this session; `gonio status` shows it");
+        return gonio_fail_line(error, GONIO_E_FAILED, path, -1,
+                               "another process is writing this session; `gonio status` shows it");
     }
     return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot lock it: %s", strerror(errno));
 }

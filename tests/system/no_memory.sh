@@ -7,6 +7,7 @@ set -u
 measure() { "$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.3 --plan nusselt:16 --set scan.dark_frames=4,scan.reference_frames=4 "$@"; }
 # Below this the loader or a library's constructor fails, before anything of ours runs.
 least=200
+# shellcheck disable=SC3045 # dash has it
 while [ $least -lt 2000 ] && ! (ulimit -v $((least * 1024)) && "$GONIO" --version) >"$work/version" 2>&1; do least=$((least + 20)); done
 if ! grep -q gonio "$work/version"; then
     skip "little memory" "the shell cannot limit it"
@@ -21,7 +22,7 @@ for more in 0 20 60 140; do
     for what in "measure $work/m$more" "replay $work/s" "fit $work/s.csv -o $work/fit.gonio"; do
         verb=${what%% *}
         [ "$verb" = measure ] && what="$what --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.3 --plan nusselt:16 --set scan.dark_frames=4,scan.reference_frames=4"
-        # shellcheck disable=SC2086
+        # shellcheck disable=SC2086,SC3045
         (ulimit -v $limit && exec timeout -s KILL 60 "$GONIO" $what --json) >"$work/out" 2>"$work/err"
         status=$?
         case $status in
