@@ -162,6 +162,8 @@ typedef struct gonio_finish_options {
     gonio_fit_stream *stream;
     int threads;
     const char *model_path;
+    const char *replaces; // the model's name where it is a file of the session's folder: an old one goes to lost+found/
+    bool keep_old;        // elsewhere: a file that is there gets another name, since nobody has named it in this run
     gonio_progress_fn progress;
     void *context;
 } gonio_finish_options;

@@ -98,8 +98,15 @@ static void count(const gonio_process *process, gonio_outcome *out) {
     out->edges_spilled = edges.spilled;
 }
 
-static gonio_status save(const gonio_finish_options *options, gonio_outcome *out, gonio_error *error) {
-    gonio_status status = gonio_model_save(out->model, options->model_path, error);
+static gonio_status save(gonio_session *session, const gonio_finish_options *options, gonio_outcome *out,
+                         gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    if (options->replaces != NULL) {
+        status = gonio_session_make_way(session, options->replaces, "a model was fitted anew", error);
+    } else if (options->keep_old) {
+        status = gonio_session_keep_file(options->model_path, error);
+    }
+    status = status == GONIO_OK ? gonio_model_save(out->model, options->model_path, error) : status;
     status = status == GONIO_OK ? gonio_sha256_file(options->model_path, out->model_sha256, error) : status;
     return status == GONIO_OK ? gonio_sha256_samples(out->samples, out->samples_sha256, error) : status;
 }
@@ -126,7 +133,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     }
     if (status == GONIO_OK) {
         gonio_calib_blur(&process->setup.facts, out->model, out->samples, &out->blur);
-        status = save(options, out, error);
+        status = save(session, options, out, error);
     }
     if (status != GONIO_OK) {
         gonio_outcome_free(out);

@@ -246,6 +246,8 @@ static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
     const gonio_finish_options options = {.stream = r->in_order ? r->stream : NULL,
                                           .threads = r->options->threads,
                                           .model_path = path,
+                                          .replaces = own ? "model.gonio" : NULL,
+                                          .keep_old = r->options->model_path == NULL,
                                           .progress = on_fit,
                                           .context = r};
     if (status == GONIO_OK) {

@@ -19,6 +19,7 @@ static gonio_status new_calib(gonio_process *process, gonio_error *error) {
 gonio_status gonio_process_begin(gonio_session *session, gonio_process *process, gonio_error *error) {
     *process = (gonio_process){.isotropic = true};
     gonio_status status = gonio_setup_get(session, &process->setup, error);
+    status = status == GONIO_OK ? gonio_session_check_steps(session, error) : status;
     status = status == GONIO_OK ? gonio_session_steps(session, &process->steps, &process->n, error) : status;
     if (status == GONIO_OK) {
         status = gonio_calib_new(&process->setup.camera, &process->setup.facts, &process->setup.window, &process->calib,

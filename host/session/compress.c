@@ -3,12 +3,26 @@
 #include <fcntl.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 
 #include "base/thread_pool.h"
 #include "host/session/internal.h"
 
 void gonio_session_set_plain(gonio_session *session, bool plain) { session->plain = plain; }
+
+// A file is replaced by one whose pixels were compared, or not at all.
+static gonio_status check_equal(const gonio_frame *frame, int bits, const session_png *png, const char *name,
+                                gonio_error *error) {
+    gonio_frame back = {.window = frame->window};
+    const gonio_status status = gonio_session_png_decode(png, name, bits, &back, error);
+    const size_t pixels = (size_t)frame->window.width * (size_t)frame->window.height;
+    const bool equal = status == GONIO_OK && memcmp(back.pixels, frame->pixels, pixels * sizeof *back.pixels) == 0;
+    free(back.pixels);
+    return status == GONIO_OK && !equal
+               ? gonio_fail(error, GONIO_E_FAILED, "frames/%s: compressing changes its pixels; it stays as it is", name)
+               : status;
+}
 
 // One file, whose pixels are already verified: replaced only where that makes it smaller.
 static gonio_status compress_one(gonio_session *session, const gonio_frame *frame, int bits, int64_t *saved,
@@ -23,8 +37,9 @@ static gonio_status compress_one(gonio_session *session, const gonio_frame *fram
     }
     gonio_status status = gonio_session_png_encode(frame, bits, false, &png, error);
     if (status == GONIO_OK && (int64_t)png.size < before.st_size) {
-        status = gonio_session_file_write(session, name, &png, &file, error);
-        status = status == GONIO_OK ? gonio_session_files_keep(session, &file, 1, error) : status;
+        status = check_equal(frame, bits, &png, name, error);
+        status = status == GONIO_OK ? gonio_session_file_write(session, name, &png, &file, error) : status;
+        status = status == GONIO_OK ? gonio_session_files_keep(session, &file, 1, true, error) : status;
         *saved = status == GONIO_OK ? before.st_size - (int64_t)png.size : 0;
         *bytes = status == GONIO_OK ? (int64_t)png.size : 0;
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The frame store: files under frames/ and their rows in the journal.
-#include <errno.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -117,37 +117,11 @@ gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step 
 
 // ---- reading ----
 
-static gonio_status read_whole(int fd, const char *shown, session_png *png, gonio_error *error) {
-    while (png->size < png->capacity) {
-        const ssize_t got = read(fd, png->data + png->size, png->capacity - png->size);
-        if (got == 0) {
-            break; // it has become shorter: the decoder tells
-        }
-        if (got < 0 && errno != EINTR) {
-            return gonio_fail_line(error, GONIO_E_IO, shown, -1, "cannot read it: %s", strerror(errno));
-        }
-        png->size += got > 0 ? (size_t)got : 0;
-    }
-    return GONIO_OK;
-}
-
 gonio_status gonio_session_frame_file(gonio_session *session, const char *name, int64_t limit, session_png *png,
                                       gonio_error *error) {
-    *png = (session_png){0};
     char shown[SESSION_FRAME_NAME + 8];
-    int fd;
-    int64_t size;
     snprintf(shown, sizeof shown, "frames/%s", name);
-    gonio_status status = gonio_session_open_plain(session->frames_fd, name, shown, limit, &fd, &size, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    png->capacity = (size_t)size;
-    png->data = malloc(png->capacity + 1);
-    status = png->data != NULL ? read_whole(fd, shown, png, error)
-                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", shown);
-    close(fd);
-    return status;
+    return gonio_session_file_read(session->frames_fd, name, shown, limit, png, error);
 }
 
 // A frame's file: its words as they are, a filter's byte a row, and the wrapping of zlib and PNG.

@@ -46,7 +46,10 @@ struct gonio_session {
     const session_hooks *hooks; // NULL: what is changed enters no chain
     char *path;
     char *db_path;
-    int folder_fd; // also holds the lock of a writable session
+    char *private_path;   // a copy of the journal is open instead of the journal itself; NULL: none
+    char *private_folder; // that it stands in
+    bool private_made;    // for this session alone, and removed with it
+    int folder_fd;        // also holds the lock of a writable session
     int frames_fd;
     int version; // of the format that the database is in
     bool writable;
@@ -209,11 +212,21 @@ gonio_status gonio_session_rebuild(const char *path, const char *target, session
 // A session of version 1, just opened to be written, becomes one of this version.
 gonio_status gonio_session_adopt(gonio_session *session, gonio_error *error);
 
-// ---- lost_found.c ----
-// Move a file of a folder of the session (its own: where "", or frames/: "frames/") into lost+found/, under a name that
-// is free there, and enter it with the reason and the time into lost+found/LIST.
-gonio_status gonio_session_set_aside(gonio_session *session, int folder, const char *where, const char *name,
-                                     const char *why, gonio_error *error);
+// ---- session.c, create.c, open.c: a session in pieces ----
+gonio_status gonio_session_new(const char *path, gonio_session **out, gonio_error *error); // nothing is open yet
+// session->folder_fd is open. GONIO_E_INPUT where frames/ is missing or no folder, GONIO_E_IO where it is unreadable.
+gonio_status gonio_session_open_frames(gonio_session *session, gonio_error *error);
+gonio_status gonio_session_open_database(gonio_session *session, gonio_error *error);
+// How to open. UNPROVEN: whoever looks for what is wrong. JOURNAL: without frames/, and with a log that goes with the
+// database although rows are missing.
+enum { SESSION_WRITE = 1, SESSION_UNPROVEN = 2, SESSION_JOURNAL = 4 };
+// What is opened proves itself, before it is read and before it is added to.
+gonio_status gonio_session_prove(gonio_session *session, int how, gonio_error *error);
+// Lock the folder against other writers for as long as fd stays open.
+gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error);
+
+// The name that a new session.db has until it is whole, before six random letters.
+#define SESSION_NEW_JOURNAL "session.db.new"
 
 // ---- row.c: rows of the journal, read with the types and bounds that they must have ----
 // A query's rows. The first value that is not what it must be ends the reading: the error names table, row and column,
@@ -256,10 +269,6 @@ void gonio_session_secure(sqlite3 *db, int folder, session_budget *budget);
 // The schema holds the tables of the session's version and nothing else.
 gonio_status gonio_session_check_schema(gonio_session *session, gonio_error *error);
 
-// ---- session.c ----
-// Lock the folder against other writers for as long as fd stays open.
-gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error);
-
 // ---- settings.c ----
 enum { SESSION_EVENT_MAX = 4096 }; // bytes that are shown of an event's text
 
@@ -288,7 +297,9 @@ gonio_status gonio_session_file_write(gonio_session *session, const char *name, 
                                       session_file *file, gonio_error *error);
 // Sync them all, then give them their names. Where one fails, those without their name are removed; a file that has its
 // name and no row in the journal is swept when the session goes on.
-gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error);
+// replace: a file that has the name already gives way to the new one, whose pixels are the same; else it is set aside.
+gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, bool replace,
+                                      gonio_error *error);
 typedef struct session_stored {
     char sha256[GONIO_SHA256_HEX]; // of the pixels
     int64_t bytes;                 // of the file
@@ -326,6 +337,49 @@ gonio_status gonio_session_frame_file(gonio_session *session, const char *name, 
 gonio_status gonio_session_frame_read(gonio_session *session, const char *name, const char *sha256, int bits,
                                       gonio_frame *frame, gonio_error *error);
 
+// ---- read.c ----
+// A regular file, whole; no link is followed. shown: its name in errors. GONIO_E_IO where it is there and cannot be
+// read after several tries, GONIO_E_INPUT where it is missing or no regular file. The caller frees file->data.
+gonio_status gonio_session_file_read(int folder, const char *name, const char *shown, int64_t limit, session_png *file,
+                                     gonio_error *error);
+
+// ---- private.c: the journal is read from a copy, so that SQLite leaves no trace beside it ----
+// Copy the journal with its WAL into a folder, under the name "session.db"; GONIO_E_IO where it cannot be read, or
+// written: *room is false then.
+gonio_status gonio_session_copy_journal(int folder_fd, const char *path, int to, bool *room, gonio_error *error);
+// Open a session without changing anything at all in its folder. A journal that another process is writing is read
+// beside it, as always, and so is one of which there is no room for a copy in TMPDIR. Where frames/ cannot be opened
+// frames_fd is -1, and gonio_session_open_frames tells why.
+gonio_status gonio_session_open_private(const char *path, gonio_session **out, gonio_error *error);
+bool gonio_session_is_being_written(int folder_fd);
+
+// ---- strays.c ----
+// What no step owns: ours tells whether Gonio gives such names. Everything else in frames/ is its owner's.
+typedef struct session_stray {
+    int folder;
+    const char *where, *name; // where: "frames/", or "" beside the journal
+    bool ours;
+} session_stray;
+typedef gonio_status (*session_stray_fn)(gonio_session *session, const session_stray *stray, void *context,
+                                         gonio_error *error);
+gonio_status gonio_session_for_strays(gonio_session *session, session_stray_fn call, void *context, gonio_error *error);
+
+// ---- lost_found.c ----
+typedef struct session_lost {
+    gonio_session *session;
+    int fd, list; // -1: not open
+} session_lost;
+gonio_status gonio_session_lost_open(gonio_session *session, session_lost *l, gonio_error *error);
+// Move one entry of a folder of the session (its own: where "", or frames/: "frames/") into lost+found/, under a name
+// that is not taken there, after its line in LIST.
+gonio_status gonio_session_lost_put(const session_lost *l, int folder, const char *where, const char *name,
+                                    const char *why, gonio_error *error);
+// Sync it all, unless status is a failure already, and close.
+gonio_status gonio_session_lost_close(session_lost *l, gonio_status status, gonio_error *error);
+// The three for one entry.
+gonio_status gonio_session_set_aside(gonio_session *session, int folder, const char *where, const char *name,
+                                     const char *why, gonio_error *error);
+
 // ---- hash.c: a SHA-256 in pieces; end frees the context ----
 gonio_status gonio_session_hash_begin(EVP_MD_CTX **context, gonio_error *error);
 void gonio_session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]);
@@ -334,8 +388,37 @@ void gonio_session_hash_end(EVP_MD_CTX *context, char hex[GONIO_SHA256_HEX]);
 gonio_status gonio_session_store_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
                                          gonio_error *error);
 
+// ---- complete.c ----
+// How many steps of the plan the journal has no row of, and which ("step 7, steps 9 to 12"; "": none).
+gonio_status gonio_session_missing_steps(gonio_session *session, int64_t *missing, char *which, size_t size,
+                                         gonio_error *error);
+
+// ---- examine.c: what the doctor finds; nothing is changed ----
+void gonio_doctor_note(gonio_doctor_report *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
+// What a repair has to take out of the journal.
+typedef struct session_findings {
+    int64_t *undo, *drop; // steps that have bad frames; done steps whose samples are bad
+    size_t n_undo, n_drop;
+    bool calibration;      // one of undo is no sample step: every step's samples stand on it
+    int64_t frames_undone; // of the steps to undo
+} session_findings;
+void gonio_session_findings_free(session_findings *findings);
+// The database's pages, its chain, every row and the log; proof->database and report->database_ok tell.
+gonio_status gonio_session_check_journal(gonio_session *session, session_proof *proof, gonio_doctor_report *report,
+                                         gonio_error *error);
+gonio_status gonio_session_examine(gonio_session *session, session_findings *findings, gonio_doctor_report *report,
+                                   gonio_error *error);
+// All of it, of a session that nobody has open: what the doctor does without repairing.
+gonio_status gonio_session_look(const char *path, gonio_doctor_report *report, gonio_error *error);
+// A newer version, a locked or a missing session are answers about the session as a whole, not damage.
+bool gonio_session_is_damage(gonio_status status, const gonio_error *why);
+
 // ---- salvage.c ----
-// Copy what the damaged database of the folder still gives into a new one, which takes its place.
-gonio_status gonio_session_salvage(const char *path, gonio_error *error);
+// Copy what a damaged database file still gives into a new one, fresh. report takes what could not be read.
+gonio_status gonio_session_salvage(const char *damaged, const char *fresh, gonio_doctor_report *report,
+                                   gonio_error *error);
+
+// ---- repair.c ----
+gonio_status gonio_session_repair(const char *path, gonio_doctor_report *report, gonio_error *error);
 
 #endif

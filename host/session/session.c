@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Create, open and close a session folder.
+// The parts of a session that is opened: its folder and lock, frames/, the journal; and closing it.
 #include "gonio/session.h"
 
 #include <errno.h>
@@ -9,29 +9,20 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "host/session/folder.h"
 #include "host/session/internal.h"
-
-// How to open: JOURNAL: without frames/, and with a log that goes with the database although rows are missing.
-enum { CREATE = 1, WRITE = 2, UNPROVEN = 4, JOURNAL = 8 };
 
 static char *join(const char *folder, const char *name) {
     char *path;
     return asprintf(&path, "%s/%s", folder, name) < 0 ? NULL : path;
 }
 
-bool gonio_session_is(const char *path) {
-    char *db = join(path, "session.db");
-    struct stat info; // of a link or a pipe too: opening it then says what is wrong
-    const bool is = db != NULL && lstat(db, &info) == 0 && !S_ISDIR(info.st_mode);
-    free(db);
-    return is;
-}
-
 const char *gonio_session_path(const gonio_session *session) { return session->path; }
 
-static gonio_status allocate(const char *path, gonio_session **out, gonio_error *error) {
+gonio_status gonio_session_new(const char *path, gonio_session **out, gonio_error *error) {
     gonio_session *session = calloc(1, sizeof *session);
     if (session == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
@@ -47,6 +38,15 @@ static gonio_status allocate(const char *path, gonio_session **out, gonio_error 
     }
     *out = session;
     return GONIO_OK;
+}
+
+// The copy that was read instead of the journal.
+static void forget_copy(gonio_session *session) {
+    free(session->private_path);
+    if (session->private_made) {
+        gonio_folder_discard(AT_FDCWD, session->private_folder);
+    }
+    free(session->private_folder);
 }
 
 void gonio_session_close(gonio_session *session) {
@@ -70,14 +70,22 @@ void gonio_session_close(gonio_session *session) {
     if (session->folder_fd >= 0) {
         close(session->folder_fd);
     }
+    forget_copy(session);
     free(session->db_path);
     free(session->path);
     free(session);
 }
 
 gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error) {
-    if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
-        return GONIO_OK;
+    // A reader looks for a moment whether somebody writes.
+    for (int tries = 0; tries < 10; tries++) {
+        if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
+            return GONIO_OK;
+        }
+        if (errno != EWOULDBLOCK) {
+            break;
+        }
+        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
     }
     if (errno == EWOULDBLOCK) {
         return gonio_fail_line(error, GONIO_E_FAILED, path, -1,
@@ -86,62 +94,21 @@ gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error) {
     return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot lock it: %s", strerror(errno));
 }
 
-static gonio_status open_folders(gonio_session *session, bool frames, gonio_error *error) {
-    session->folder_fd = open(session->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (session->folder_fd < 0) {
-        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1, "cannot open the session: %s", strerror(errno));
+gonio_status gonio_session_open_frames(gonio_session *session, gonio_error *error) {
+    session->frames_fd = gonio_folder_open(session->folder_fd, "frames");
+    if (session->frames_fd >= 0) {
+        return GONIO_OK;
     }
-    if (session->writable) {
-        const gonio_status status = gonio_session_lock(session->folder_fd, session->path, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-        if (frames && mkdirat(session->folder_fd, "frames", 0777) != 0 && errno != EEXIST) {
-            return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot make frames/: %s", strerror(errno));
-        }
-    }
-    session->frames_fd = openat(session->folder_fd, "frames", O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (frames && session->frames_fd < 0) { // ENOTDIR of a symbolic link too
+    const int why = errno;
+    if (why == ENOENT) {
         return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1,
-                               "cannot open its frames/: %s; a folder of its own is expected", strerror(errno));
+                               "its frames/ is missing; where they are on another disk, is it mounted?");
     }
-    return GONIO_OK;
-}
-
-// The schema is written beside and renamed: a session.db is a whole journal from the first moment it exists.
-static gonio_status create_database(gonio_session *session, gonio_error *error) {
-    char *final_path = session->db_path;
-    session->db_path = join(session->path, "session.db.new");
-    if (session->db_path == NULL) {
-        session->db_path = final_path;
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
+    if (why == ELOOP || why == ENOTDIR) {
+        return gonio_fail_line(error, GONIO_E_INPUT, session->path, -1,
+                               "cannot open its frames/: a link or a file; a folder of its own is expected");
     }
-    unlink(session->db_path); // left by a run that was stopped here, or anything: SQLite makes its own anew
-    char versions[96];
-    snprintf(versions, sizeof versions, "PRAGMA application_id = %d; PRAGMA user_version = %d;", SESSION_APPLICATION_ID,
-             GONIO_SESSION_VERSION);
-    gonio_status status = GONIO_OK;
-    if (sqlite3_open(session->db_path, &session->db) != SQLITE_OK) {
-        status = gonio_session_db_fail(session, error, "create the journal");
-    }
-    status = status == GONIO_OK ? gonio_session_exec(session, "PRAGMA synchronous = FULL", error) : status;
-    status = status == GONIO_OK ? gonio_session_begin(session, error) : status;
-    if (status == GONIO_OK) {
-        status = gonio_session_exec(session, versions, error);
-        status = status == GONIO_OK ? gonio_session_exec(session, gonio_session_schema, error) : status;
-        status = gonio_session_end(session, status, error);
-    }
-    sqlite3_close(session->db);
-    session->db = NULL;
-    if (status == GONIO_OK && (rename(session->db_path, final_path) != 0 || fsync(session->folder_fd) != 0)) {
-        status = gonio_fail_line(error, GONIO_E_IO, final_path, -1, "cannot write it: %s", strerror(errno));
-    }
-    if (status != GONIO_OK) {
-        unlink(session->db_path);
-    }
-    free(session->db_path);
-    session->db_path = final_path;
-    return status;
+    return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot open its frames/: %s", strerror(why));
 }
 
 static gonio_status check_version(gonio_session *session, gonio_error *error) {
@@ -165,21 +132,39 @@ static gonio_status check_version(gonio_session *session, gonio_error *error) {
     return GONIO_OK;
 }
 
+static const char *database_file(const gonio_session *session) {
+    return session->private_path != NULL ? session->private_path : session->db_path;
+}
+
+static int open_database_folder(const gonio_session *session) {
+    return session->private_path != NULL ? open(session->private_folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC)
+                                         : fcntl(session->folder_fd, F_DUPFD_CLOEXEC, 0);
+}
+
 static bool connect_as(gonio_session *session, const char *name, int flags) {
-    const bool opened = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK;
+    const int folder = open_database_folder(session);
+    const bool opened =
+        folder >= 0 && sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK;
     if (opened) {
-        gonio_session_secure(session->db, session->folder_fd, &session->budget);
+        gonio_session_secure(session->db, folder, &session->budget);
+    }
+    if (folder >= 0) {
+        close(folder);
     }
     return opened;
 }
 
 // Open with these flags, and see whether it can be read.
 static bool open_with(gonio_session *session, int flags) {
-    return connect_as(session, session->db_path, flags) &&
+    return connect_as(session, database_file(session), flags) &&
            sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK;
 }
 
 static bool open_read_only(gonio_session *session) {
+    if (session->private_path != NULL) {
+        return open_with(session, SQLITE_OPEN_READWRITE) &&
+               sqlite3_exec(session->db, "PRAGMA query_only = ON", NULL, NULL, NULL) == SQLITE_OK;
+    }
     if (open_with(session, SQLITE_OPEN_READONLY)) {
         return true;
     }
@@ -194,7 +179,7 @@ static bool open_read_only(gonio_session *session) {
     const int code = sqlite3_errcode(session->db) & 0xff;
     char *uri = NULL;
     if ((code != SQLITE_CANTOPEN && code != SQLITE_READONLY) || faccessat(session->folder_fd, ".", W_OK, 0) == 0 ||
-        asprintf(&uri, "file:%s?immutable=1", session->db_path) < 0) {
+        asprintf(&uri, "file:%s?immutable=1", database_file(session)) < 0) {
         return false;
     }
     sqlite3_close(session->db);
@@ -209,12 +194,24 @@ static gonio_status check_database(gonio_session *session, gonio_error *error) {
     return status == GONIO_OK ? gonio_session_check_schema(session, error) : status;
 }
 
-static gonio_status open_database(gonio_session *session, gonio_error *error) {
-    gonio_status status = gonio_session_check_database_files(session->folder_fd, session->path, error);
+static gonio_status check_files(gonio_session *session, gonio_error *error) {
+    const int folder = open_database_folder(session);
+    const gonio_status status =
+        folder >= 0 ? gonio_session_check_database_files(folder, session->path, error)
+                    : gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot open it: %s", strerror(errno));
+    if (folder >= 0) {
+        close(folder);
+    }
+    return status;
+}
+
+gonio_status gonio_session_open_database(gonio_session *session, gonio_error *error) {
+    gonio_status status = check_files(session, error);
     if (status != GONIO_OK) {
         return status;
     }
-    if (!(session->writable ? connect_as(session, session->db_path, SQLITE_OPEN_READWRITE) : open_read_only(session))) {
+    if (!(session->writable ? connect_as(session, database_file(session), SQLITE_OPEN_READWRITE)
+                            : open_read_only(session))) {
         return gonio_session_db_fail(session, error, "open the journal");
     }
     sqlite3_busy_timeout(session->db, 5000);
@@ -230,11 +227,11 @@ static gonio_status open_database(gonio_session *session, gonio_error *error) {
 }
 
 // What is opened proves itself, before it is read and before it is added to.
-static gonio_status prove(gonio_session *session, int how, gonio_error *error) {
+gonio_status gonio_session_prove(gonio_session *session, int how, gonio_error *error) {
     session_proof proof;
     gonio_status status = session->writable ? gonio_session_verify(session, &proof, error)
                                             : gonio_session_verify_rows(session, &proof, error);
-    status = status == GONIO_OK && (how & UNPROVEN) == 0 ? gonio_session_vouch(session, &proof, error) : status;
+    status = status == GONIO_OK && (how & SESSION_UNPROVEN) == 0 ? gonio_session_vouch(session, &proof, error) : status;
     if (status != GONIO_OK || !session->writable) {
         return status;
     }
@@ -249,70 +246,6 @@ static gonio_status prove(gonio_session *session, int how, gonio_error *error) {
     } else {
         status = gonio_session_chain_begin(session, error);
     }
-    proof.database = proof.database || (how & JOURNAL) != 0;
+    proof.database = proof.database || (how & SESSION_JOURNAL) != 0;
     return status == GONIO_OK ? gonio_session_log_open(session, &proof, error) : status;
-}
-
-static gonio_status open_at(const char *path, int how, gonio_session **out, gonio_error *error) {
-    gonio_session *session = NULL;
-    gonio_status status = allocate(path, &session, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    session->writable = (how & WRITE) != 0;
-    status = open_folders(session, (how & JOURNAL) == 0, error);
-    status = status == GONIO_OK && (how & CREATE) != 0 ? create_database(session, error) : status;
-    status = status == GONIO_OK ? open_database(session, error) : status;
-    status = status == GONIO_OK ? prove(session, how, error) : status;
-    if (status != GONIO_OK) {
-        gonio_session_close(session);
-        return status;
-    }
-    *out = session;
-    return GONIO_OK;
-}
-
-// Stopped before its steps were entered: nothing was measured, and the next measure may have the folder.
-static bool holds_nothing(const char *path) {
-    gonio_session *session;
-    if (gonio_session_open(path, true, &session, NULL) != GONIO_OK) {
-        return false;
-    }
-    int64_t steps = 1;
-    const bool nothing =
-        gonio_session_integer(session, "SELECT count(*) FROM steps", &steps, NULL) == GONIO_OK && steps == 0;
-    gonio_session_close(session); // which leaves no -wal behind
-    return nothing;
-}
-
-gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error) {
-    *out = NULL;
-    if (gonio_session_is(path) && !holds_nothing(path)) {
-        return gonio_fail_line(error, GONIO_E_USAGE, path, -1,
-                               "a session is already there; `gonio resume` goes on with it, or name another folder");
-    }
-    if (mkdir(path, 0777) != 0 && errno != EEXIST) {
-        return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot make the session's folder: %s", strerror(errno));
-    }
-    return open_at(path, CREATE | WRITE, out, error);
-}
-
-static gonio_status open_existing(const char *path, int how, gonio_session **out, gonio_error *error) {
-    *out = NULL;
-    if (!gonio_session_is(path)) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a session: a folder with a session.db is expected");
-    }
-    return open_at(path, how, out, error);
-}
-
-gonio_status gonio_session_open(const char *path, bool writable, gonio_session **out, gonio_error *error) {
-    return open_existing(path, writable ? WRITE : 0, out, error);
-}
-
-gonio_status gonio_session_open_unproven(const char *path, bool writable, gonio_session **out, gonio_error *error) {
-    return open_existing(path, UNPROVEN | (writable ? WRITE : 0), out, error);
-}
-
-gonio_status gonio_session_open_journal(const char *path, gonio_session **out, gonio_error *error) {
-    return open_existing(path, WRITE | UNPROVEN | JOURNAL, out, error);
 }

@@ -19,7 +19,9 @@ static gonio_status put_all(gonio_session *session, const gonio_step *steps, siz
             "ltrrrr", steps[i].index, kind_names[steps[i].kind], gonio_degrees(pose->theta_i),
             gonio_degrees(pose->phi_i), gonio_degrees(pose->theta_o), gonio_degrees(pose->phi_o));
     }
-    return status;
+    char count[24]; // a row that is lost later is missed
+    snprintf(count, sizeof count, "%zu", n);
+    return status == GONIO_OK ? gonio_session_put(session, "steps", count, error) : status;
 }
 
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error) {

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/thread_pool.h"
+#include "host/session/folder.h"
 #include "host/session/internal.h"
 
 static bool write_all(int fd, const session_png *png) {
@@ -71,9 +72,26 @@ gonio_status gonio_session_file_write(gonio_session *session, const char *name, 
     return GONIO_OK;
 }
 
-static bool keep(gonio_session *session, session_file *file, int *why) {
+// Whatever has the name already was not written by this step.
+static int give_name(gonio_session *session, const char *temporary, const char *name, bool replace) {
+    if (replace) {
+        return renameat(session->frames_fd, temporary, session->frames_fd, name);
+    }
+    int result;
+    while ((result = gonio_folder_rename(session->frames_fd, temporary, session->frames_fd, name)) != 0 &&
+           errno == EEXIST) {
+        if (gonio_session_set_aside(session, session->frames_fd, "frames/", name, "it had the name of a step's frame",
+                                    NULL) != GONIO_OK) {
+            errno = EEXIST;
+            break;
+        }
+    }
+    return result;
+}
+
+static bool keep(gonio_session *session, session_file *file, bool replace, int *why) {
     *why = 0;
-    if (close(file->fd) != 0 || renameat(session->frames_fd, file->temporary, session->frames_fd, file->name) != 0) {
+    if (close(file->fd) != 0 || give_name(session, file->temporary, file->name, replace) != 0) {
         *why = errno;
         unlinkat(session->frames_fd, file->temporary, 0);
     }
@@ -81,7 +99,8 @@ static bool keep(gonio_session *session, session_file *file, int *why) {
     return *why == 0;
 }
 
-gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, gonio_error *error) {
+gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, bool replace,
+                                      gonio_error *error) {
     int at = 0, why = 0;
     while (at < n && fsync(files[at].fd) == 0) {
         at++;
@@ -89,7 +108,7 @@ gonio_status gonio_session_files_keep(gonio_session *session, session_file *file
     if (at < n) {
         why = errno;
     } else {
-        for (at = 0; at < n && keep(session, &files[at], &why); at++) {
+        for (at = 0; at < n && keep(session, &files[at], replace, &why); at++) {
         }
     }
     if (at == n && fsync(session->frames_fd) == 0) {
@@ -144,7 +163,7 @@ gonio_status gonio_session_store_frames(gonio_session *session, int64_t step, co
     gonio_status status = gonio_pool_try(session->plain ? 0 : 1, (size_t)n, store_frame,
                                          &(storing){session, step, exposures, bits, stored, files}, error);
     if (status == GONIO_OK) {
-        status = gonio_session_files_keep(session, files, n, error);
+        status = gonio_session_files_keep(session, files, n, false, error);
     } else {
         for (int i = 0; i < n; i++) {
             discard(session, &files[i]);

@@ -74,6 +74,9 @@ gonio_status gonio_session_events(gonio_session *session, char **text, gonio_err
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error);
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n,
                                  gonio_error *error); // caller frees
+// GONIO_E_INPUT where the journal has lost steps of the plan (damage took their rows): such a session can be read, not
+// finished.
+gonio_status gonio_session_check_steps(gonio_session *session, gonio_error *error);
 
 // Finish a step: store the frames (files synced and renamed), then enter frames, samples and the step in one
 // transaction.
@@ -166,24 +169,57 @@ gonio_status gonio_session_drop_undone(gonio_session *session, gonio_error *erro
 gonio_status gonio_session_check_present(gonio_session *session, gonio_error *error);
 // A good audit: no step is flagged any more.
 gonio_status gonio_session_unflag(gonio_session *session, gonio_error *error);
-// Remove files under frames/ that no step owns (what a stopped step left); each is an event. *removed may be NULL.
-gonio_status gonio_session_sweep(gonio_session *session, int *removed, gonio_error *error);
+// Move what a stopped step or program left under frames/ and beside the journal into lost+found/, whose LIST says what
+// came from where and why; each is an event. Files under names that Gonio does not give stay where they are. *moved may
+// be NULL.
+gonio_status gonio_session_sweep(gonio_session *session, int *moved, gonio_error *error);
 
-// What the doctor found. steps_lost: steps that must be measured again (undone, when repairing).
+// Before a file of the session's folder is written anew: what has its name goes to lost+found/. Nothing has it:
+// GONIO_OK.
+gonio_status gonio_session_make_way(gonio_session *session, const char *name, const char *why, gonio_error *error);
+// The same for a file elsewhere, which becomes PATH.old-N.
+gonio_status gonio_session_keep_file(const char *path, gonio_error *error);
+// Is nothing left to do: every step is done and none is flagged, and the final samples and the model's file are those
+// whose checksums are journalled?
+gonio_status gonio_session_finished(gonio_session *session, bool *finished, gonio_error *error);
+
+// What the doctor found.
 typedef struct gonio_doctor_report {
-    int64_t steps, steps_done, steps_lost;
-    int64_t frames, frames_bad; // bad: missing, truncated, or another checksum
-    int64_t samples_bad;        // steps whose samples do not match their checksum or lack; frames can restore them
-    int64_t flagged;            // done steps that no audit of the stage has vouched for yet
-    int64_t strays;             // files under frames/ that no step owns
+    int64_t steps, steps_done;
+    int64_t steps_lost;    // done steps with bad frames; a repair undoes them, and `gonio resume` measures them again
+    int64_t steps_missing; // of the plan, whose rows the journal has lost: nobody can measure them again
+    int64_t frames;        // of the steps that are done
+    int64_t frames_bad;    // missing, truncated, or of another checksum
+    int64_t frames_unreadable; // the disk or the permissions do not give them: not known to be damaged
+    int64_t samples_bad;       // steps whose samples do not match their checksum or lack; frames can restore them
+    int64_t rows_lost;         // parts of a damaged journal that could not be read, at the least
+    int64_t flagged;           // done steps that no audit of the stage has vouched for yet
+    int64_t strays;            // files that a stopped step or program left
+    int64_t foreign;           // entries of frames/ that are not Gonio's; they stay where they are
     bool database_ok;
     bool results_ok; // the journalled checksums of the final samples and of the model file are theirs, where there are
                      // any
-    char detail[4096]; // one line a finding, cut where it grows too long
+    // Of a repair:
+    bool repaired;          // another session took the path, or strays were set aside
+    int64_t files_linked;   // of the new session, which are second names of the old one's files
+    int64_t files_copied;   // where the file system gives none
+    int64_t files_aside;    // in the new session's lost+found/
+    char damaged_path[512]; // where the session as it was stands now; "": nowhere, it was not replaced
+    int64_t findings_cut;   // findings that detail has no room for
+    int64_t findings;       // all of them
+    char detail[8192];      // one line a finding
 } gonio_doctor_report;
-// Verify everything. A damaged session is GONIO_OK with what is wrong in the report; an error is what prevented the
-// examination. repair: undo steps with bad frames (`gonio resume` measures them again), drop samples that frames can
-// restore, and copy what a damaged database still holds into a new one; the damaged one is kept beside it.
+// Is everything there and as it was stored?
+bool gonio_doctor_sound(const gonio_doctor_report *report);
+// Verify everything; nothing at all is changed. A damaged session is GONIO_OK with what is wrong in the report; an
+// error is what prevented the examination.
+//
+// repair: make a session of all that is intact, beside this one (frames are hard links), without the steps that have
+// bad frames (`gonio resume` measures them again) and the samples that frames can restore; of a damaged journal
+// whatever can be read. It is verified, takes the path in one exchange, and the session as it was stays beside it as
+// SESSION.damaged-N; nothing is deleted. What no step owns goes to its lost+found/. GONIO_E_IO where something is
+// unreadable, GONIO_E_INPUT where nearly all frames are bad or frames/ is not there, which is a disk or a setting
+// rather than damage: then, and after every other failure, the session is as it was.
 gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error);
 
 // SHA-256 as 64 hex digits: of bytes, of a file, and of the CSV that gonio_write_samples makes of a set.

@@ -211,10 +211,10 @@ static int sync_file(int fd, long number) {
 int fsync(int fd) { return sync_file(fd, SYS_fsync); }
 int fdatasync(int fd) { return sync_file(fd, SYS_fdatasync); }
 
-int renameat(int old_folder, const char *old_name, int new_folder, const char *new_name) {
-    char folder[160];
-    if (w == NULL || !w->host_runs || !path_of(new_folder, folder)) {
-        return (int)syscall(SYS_renameat, old_folder, old_name, new_folder, new_name);
+int renameat2(int old_folder, const char *old_name, int new_folder, const char *new_name, unsigned flags) {
+    char folder[160], old[160];
+    if (w == NULL || !w->host_runs || !path_of(new_folder, folder) || !path_of(old_folder, old)) {
+        return (int)syscall(SYS_renameat2, old_folder, old_name, new_folder, new_name, flags);
     }
     size_t none = 0;
     const int code = happens(&none, false);
@@ -222,17 +222,21 @@ int renameat(int old_folder, const char *old_name, int new_folder, const char *n
         errno = code;
         return -1;
     }
-    const int result = (int)syscall(SYS_renameat, old_folder, old_name, new_folder, new_name);
+    const int result = (int)syscall(SYS_renameat2, old_folder, old_name, new_folder, new_name, flags);
     if (result == 0 && power_matters()) {
         change *c = add();
         snprintf(c->path, sizeof c->path, "%.100s/%.50s", folder, new_name);
-        snprintf(c->former, sizeof c->former, "%.100s/%.50s", folder, old_name);
+        snprintf(c->former, sizeof c->former, "%.100s/%.50s", old, old_name);
         // The content was synced under the old name; what is kept of it moves with the name.
     }
     if (code < 0) {
         _exit(137);
     }
     return result;
+}
+
+int renameat(int old_folder, const char *old_name, int new_folder, const char *new_name) {
+    return renameat2(old_folder, old_name, new_folder, new_name, 0);
 }
 
 int rename(const char *from, const char *to) {

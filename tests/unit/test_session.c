@@ -193,7 +193,7 @@ static void test_a_step_is_finished_once(void **state) {
     gonio_session_close(session);
 }
 
-// Killed after the files were renamed and before the journal knew: the step is not done, and the files are swept.
+// Killed after the files were renamed and before the journal knew: the step is not done, and the files are set aside.
 static void test_killed_before_entered(void **state) {
     (void)state;
     gonio_session *session = make_session();
@@ -206,10 +206,16 @@ static void test_killed_before_entered(void **state) {
         fclose(fopen(file, "w"));
     }
     session = reopen(true);
-    int removed;
-    assert_int_equal(gonio_session_sweep(session, &removed, NULL), GONIO_OK);
-    assert_int_equal(removed, 3);
-    assert_int_equal(access(file, F_OK), -1);
+    int moved;
+    assert_int_equal(gonio_session_sweep(session, &moved, NULL), GONIO_OK);
+    assert_int_equal(moved, 2);
+    assert_int_equal(access(file, F_OK), 0); // junk is nobody's business
+    for (int i = 0; i < 2; i++) {
+        snprintf(file, sizeof file, "%s/frames/%s", path, left[i]);
+        assert_int_equal(access(file, F_OK), -1);
+        snprintf(file, sizeof file, "%s/lost+found/%s", path, left[i]);
+        assert_int_equal(access(file, F_OK), 0);
+    }
     snprintf(file, sizeof file, "%s/frames/000000-00.png", path);
     assert_int_equal(access(file, F_OK), 0);
     char *events;
@@ -300,6 +306,12 @@ static void test_full_disk(void **state) {
     assert_true(report.steps_done == 2 && report.frames_bad == 0 && report.strays == 0);
 }
 
+static void remove_file(const char *name) {
+    char file[160];
+    snprintf(file, sizeof file, "%s/%s", path, name);
+    assert_int_equal(unlink(file), 0);
+}
+
 static void test_doctor_finds_bad_frames(void **state) {
     (void)state;
     gonio_session *session = make_session();
@@ -337,7 +349,7 @@ static void test_doctor_finds_bad_frames(void **state) {
     assert_string_equal(report.detail, "");
 }
 
-// A lost dark or reference step undoes the samples that stand on it; bad samples alone are dropped alone.
+// A lost dark or reference step undoes the samples that stand on it; a row of bad samples is taken from session.log.
 static void test_doctor_and_samples(void **state) {
     (void)state;
     gonio_session *session = make_session();
@@ -346,11 +358,12 @@ static void test_doctor_and_samples(void **state) {
     sql("UPDATE samples SET rows = zeroblob(length(rows)) WHERE step = 3");
     gonio_doctor_report report;
     assert_int_equal(gonio_session_doctor(path, true, &report, NULL), GONIO_OK);
-    assert_true(report.samples_bad == 1 && report.steps_lost == 0);
+    assert_true(report.repaired && !report.database_ok && report.rows_lost == 0 && report.steps_lost == 0);
     session = reopen(false);
     gonio_samples *samples;
     assert_int_equal(gonio_session_step_samples(session, 3, &samples, NULL), GONIO_OK);
-    assert_null(samples);
+    assert_int_equal(samples->n, 3);
+    gonio_samples_free(samples);
     assert_int_equal(gonio_session_step_samples(session, 4, &samples, NULL), GONIO_OK);
     assert_int_equal(samples->n, 4);
     gonio_samples_free(samples);
@@ -395,14 +408,24 @@ static void test_doctor_salvages_a_damaged_journal(void **state) {
     assert_int_equal(gonio_session_doctor(path, false, &report, &error), GONIO_OK);
     assert_false(report.database_ok);
     assert_int_equal(gonio_session_doctor(path, true, &report, &error), GONIO_OK);
+    assert_true(report.repaired && report.rows_lost == 0);
     assert_int_equal(gonio_session_doctor(path, false, &report, &error), GONIO_OK);
     assert_string_equal(report.detail, "");
-    assert_true(report.database_ok);
+    assert_true(gonio_doctor_sound(&report) && report.steps == MANY && report.frames == 6);
+    // The same without session.log: what the damaged page held is lost, and told.
+    overwrite("session.db", 4096 * 20, junk, sizeof junk);
+    remove_file("session.log");
+    assert_int_equal(gonio_session_doctor(path, true, &report, &error), GONIO_OK);
+    assert_true(report.repaired && report.rows_lost > 0);
+    assert_int_equal(gonio_session_doctor(path, false, &report, &error), GONIO_OK);
+    assert_non_null(strstr(report.detail, "has lost step"));
+    assert_true(report.database_ok && report.steps + report.steps_missing == MANY);
     assert_true(report.steps > MANY * 3 / 4 && report.steps < MANY);
     assert_int_equal(report.frames, 6);
     assert_int_equal(report.frames_bad, 0);
-    // Not a database at all: said so, nothing lost.
+    // Not a database at all, and no log: said so, nothing lost.
     overwrite("session.db", 0, junk, sizeof junk);
+    remove_file("session.log");
     assert_int_equal(gonio_session_doctor(path, false, &report, &error), GONIO_OK);
     assert_false(report.database_ok);
     assert_int_equal(gonio_session_doctor(path, true, &report, &error), GONIO_E_INPUT);

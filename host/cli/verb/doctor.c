@@ -8,8 +8,9 @@
 #include "host/cli/cli.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_doctor = {"doctor", "SESSION [--repair] [--compress]",
-                             "verify a session's every checksum; --repair salvages all that is intact", run};
+const cli_verb cmd_doctor = {
+    "doctor", "SESSION [--repair] [--compress]",
+    "verify a session's every checksum and change nothing; --repair makes a session of all that is intact", run};
 
 static const char *const shown[] = {"gonio.version",         "rig.driver",         "sim.spec", "sim.seed", "plan",
                                     "result.samples_sha256", "result.model_sha256"};
@@ -47,8 +48,24 @@ static json_t *describe(const char *path) {
     return object;
 }
 
-static bool is_sound(const gonio_doctor_report *r) {
-    return r->database_ok && r->frames_bad == 0 && r->samples_bad == 0 && r->steps_lost == 0 && r->results_ok;
+static void print_repair(const char *path, const gonio_doctor_report *r) {
+    if (!r->repaired) {
+        printf("repair     there is nothing to repair\n");
+        return;
+    }
+    if (r->damaged_path[0] != 0) {
+        printf("repaired   %lld files linked, %lld copied; the session as it was is %s\n", (long long)r->files_linked,
+               (long long)r->files_copied, r->damaged_path);
+    }
+    if (r->files_aside > 0) {
+        printf("set aside  %lld files: %s/lost+found/LIST\n", (long long)r->files_aside, path);
+    }
+    if (r->steps_lost > 0) {
+        printf("undone     %lld steps are to be measured again; `gonio resume` does it\n", (long long)r->steps_lost);
+    }
+    if (r->steps_missing > 0 || r->rows_lost > 0) {
+        printf("LOST       what the journal has lost is named above; it cannot be restored\n");
+    }
 }
 
 static void print(const char *path, const gonio_doctor_report *r, bool repair, json_t *about) {
@@ -63,21 +80,72 @@ static void print(const char *path, const gonio_doctor_report *r, bool repair, j
     printf("database   %s\n", r->database_ok ? "sound" : "DAMAGED");
     printf("steps      %lld, %lld done%s\n", (long long)r->steps, (long long)r->steps_done,
            r->steps_done < r->steps ? "; `gonio resume` goes on" : "");
-    printf("frames     %lld, %lld bad\n", (long long)r->frames, (long long)r->frames_bad);
+    printf("frames     %lld, %lld bad, %lld unreadable\n", (long long)r->frames, (long long)r->frames_bad,
+           (long long)r->frames_unreadable);
     printf("samples    of %lld steps bad\nresults    %s\n", (long long)r->samples_bad, r->results_ok ? "sound" : "BAD");
     if (r->flagged > 0) {
         printf("flagged    %lld steps since the last good audit of the stage; `gonio resume` audits them\n",
                (long long)r->flagged);
     }
+    if (r->strays > 0) {
+        printf("strays     %lld files; `gonio resume` moves them to lost+found/\n", (long long)r->strays);
+    }
     cli_print_lines(r->detail);
+    if (r->findings_cut > 0) {
+        printf("... and %lld findings more\n", (long long)r->findings_cut);
+    }
     const char *events = json_string_value(json_object_get(about, "events"));
     printf("events\n");
     cli_print_lines(events != NULL ? events : "");
-    if (!is_sound(r)) {
-        printf(repair ? "repaired: %lld steps are to be measured again; `gonio resume` does it\n"
-                      : "%lld steps are lost; `gonio doctor --repair` salvages the rest\n",
-               (long long)r->steps_lost);
+    if (repair) {
+        print_repair(path, r);
+    } else if (!gonio_doctor_sound(r)) {
+        printf("%lld steps are lost; `gonio doctor --repair` salvages the rest\n", (long long)r->steps_lost);
     }
+}
+
+static json_t *to_json(const char *path, const gonio_doctor_report *r) {
+    const struct {
+        const char *name;
+        int64_t value;
+    } counts[] = {
+        {"steps", r->steps},
+        {"steps_done", r->steps_done},
+        {"steps_lost", r->steps_lost},
+        {"steps_missing", r->steps_missing},
+        {"rows_lost", r->rows_lost},
+        {"frames", r->frames},
+        {"frames_bad", r->frames_bad},
+        {"frames_unreadable", r->frames_unreadable},
+        {"samples_bad", r->samples_bad},
+        {"strays", r->strays},
+        {"foreign", r->foreign},
+        {"flagged", r->flagged},
+        {"files_linked", r->files_linked},
+        {"files_copied", r->files_copied},
+        {"files_aside", r->files_aside},
+        {"findings", r->findings},
+    };
+    json_t *object = json_pack("{s:s,s:b,s:b,s:b,s:b,s:s,s:o}", "session", path, "sound", gonio_doctor_sound(r),
+                               "repaired", r->repaired, "database_ok", r->database_ok, "results_ok", r->results_ok,
+                               "detail", r->detail, "damaged_path", cli_json_text(r->damaged_path));
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        json_object_set_new(object, counts[i].name, json_integer((json_int_t)counts[i].value));
+    }
+    return object;
+}
+
+// What is not as it was stored, or cannot be brought back.
+static bool is_well(const gonio_doctor_report *r, bool repair) {
+    return repair ? r->steps_missing == 0 && r->rows_lost == 0 : gonio_doctor_sound(r);
+}
+
+// Refused or failed: what was found is worth telling all the same.
+static int fail_doctor(const cli_common *common, const gonio_doctor_report *r, const gonio_error *error) {
+    if (!common->json) {
+        fputs(r->detail, stderr);
+    }
+    return cli_fail(common, error);
 }
 
 static gonio_status make_small(const char *path, const cli_common *common, gonio_error *error) {
@@ -100,7 +168,7 @@ static int run(int argc, char **argv) {
     bool repair = false, compress = false;
     const cli_option options[] = {
         {"repair", 0, CLI_FLAG, &repair, NULL, NULL,
-         "undo steps with bad frames, so that resume measures them again, and rebuild a damaged journal"},
+         "make a session of all that is intact, which takes the path; this one stays as SESSION.damaged-N"},
         {"compress", 0, CLI_FLAG, &compress, NULL, NULL, "first make the frames of a burst small; no checksum changes"},
         {0},
     };
@@ -115,22 +183,16 @@ static int run(int argc, char **argv) {
         return cli_fail(&common, &error);
     }
     if (gonio_session_doctor(path, repair, &report, &error) != GONIO_OK) {
-        return cli_fail(&common, &error);
+        return fail_doctor(&common, &report, &error);
     }
     json_t *about = describe(path);
     if (common.json) {
-        json_t *object =
-            json_pack("{s:s,s:b,s:b,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:b,s:b,s:s,s:o}", "session", path, "sound",
-                      is_sound(&report), "repaired", repair, "steps", (json_int_t)report.steps, "steps_done",
-                      (json_int_t)report.steps_done, "steps_lost", (json_int_t)report.steps_lost, "frames",
-                      (json_int_t)report.frames, "frames_bad", (json_int_t)report.frames_bad, "samples_bad",
-                      (json_int_t)report.samples_bad, "strays", (json_int_t)report.strays, "flagged",
-                      (json_int_t)report.flagged, "database_ok", report.database_ok, "results_ok", report.results_ok,
-                      "detail", report.detail, "about", about);
+        json_t *object = to_json(path, &report);
+        json_object_set_new(object, "about", about);
         cli_json(object);
     } else {
         print(path, &report, repair, about);
         json_decref(about);
     }
-    return is_sound(&report) || repair ? 0 : gonio_status_exit(GONIO_E_MISMATCH);
+    return is_well(&report, repair) ? 0 : gonio_status_exit(GONIO_E_MISMATCH);
 }
