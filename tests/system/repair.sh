@@ -1,0 +1,124 @@
+#!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
+# What doctor, resume and measure do with a session that is damaged, unreadable or not all there: nothing intact is ever
+# lost, and the exit status says how it stands. Prints TAP.
+set -u
+. "$(dirname "$0")/lib.sh"
+
+# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
+tells() {
+    wanted=$1 text=$2
+    shift 2
+    "$@" >"$work/told" 2>&1
+    got=$?
+    cat "$work/told"
+    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
+    grep -qF -- "$text" "$work/told" || { echo "does not tell: $text"; return 1; }
+}
+trace() { (cd "$1" && find . -printf '%p %s %m %T@ %C@ %i\n' | sort); }
+hashes() { find "$@" -type f -name '0*.png*' -exec sha256sum {} + | cut -d' ' -f1 | sort; }
+# lost INVENTORY SESSION: frames by content that are neither in its frames/ nor its lost+found/.
+lost() {
+    hashes "$2/frames" "$2/lost+found" 2>/dev/null >"$work/there"
+    comm -23 "$1" "$work/there" | wc -l
+}
+none_lost() { [ "$(lost "$work/frames" "$1")" -eq 0 ]; }
+# unchanged NAME COMMAND...: passes where the command changes nothing at all in $work/s.
+unchanged() {
+    name=$1
+    shift
+    trace "$work/s" >"$work/trace"
+    "$@" >"$work/told" 2>&1
+    trace "$work/s" >"$work/trace2"
+    check "$name" cmp "$work/trace" "$work/trace2"
+}
+fresh() {
+    rm -rf "$work"/s "$work"/s.*
+    cp -a "$work/good" "$work/s"
+    hashes "$work/s/frames" >"$work/frames"
+}
+field() { sed -n "s/.*\"$1\":\([^,}]*\).*/\1/p" "$work/told" | head -n 1; }
+
+"$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.3 --plan nusselt:12 \
+    --set scan.dark_frames=4,scan.reference_frames=4,scan.trap_frames=2 "$work/good" >"$work/measure.log" 2>&1
+ok $? "measure"
+
+# ---- sound ----
+fresh
+unchanged "doctor changes nothing" "$GONIO" doctor "$work/s"
+unchanged "nor does doctor --repair of a sound session" "$GONIO" doctor --repair "$work/s"
+unchanged "nor samples" "$GONIO" samples "$work/s"
+echo mine >"$work/s/frames/notes.txt"
+mkdir "$work/s/frames/mine"
+unchanged "nor resume of a finished session, with a user's file and folder in frames/" "$GONIO" resume "$work/s"
+check "which says so" tells 0 "nothing is left to do" "$GONIO" resume "$work/s"
+check "and in JSON" tells 0 '"finished":true' "$GONIO" resume --json "$work/s"
+check "resume fits anew where that is asked for" "$GONIO" resume --model "$work/again.gonio" "$work/s"
+check "to the same model" cmp "$work/again.gonio" "$work/s/model.gonio"
+
+# ---- damage ----
+fresh
+truncate -s 100 "$work/s/frames/000005-00.png"
+hashes "$work/s/frames" >"$work/frames"
+check "doctor tells" tells 1 "000005-00.png" "$GONIO" doctor "$work/s"
+check "doctor --repair puts a session of what is intact there" tells 0 "s.damaged-1" "$GONIO" doctor --repair "$work/s"
+check "with every frame" none_lost "$work/s"
+check "by hard links" [ "$work/s/frames/000006-00.png" -ef "$work/s.damaged-1/frames/000006-00.png" ]
+check "and a list of what was set aside" grep -q "000005-00.png" "$work/s/lost+found/LIST"
+check "resume measures the rest" "$GONIO" resume "$work/s"
+check "to the same model" cmp "$work/s/model.gonio" "$work/good/model.gonio"
+rm "$work/s/session.db"
+tells 0 '"damaged_path":' "$GONIO" doctor --repair --json "$work/s" >/dev/null
+ok $? "a lost journal is made anew"
+check "nothing of it is lost" [ "$(field rows_lost)$(field steps_missing)$(field steps_lost)" = 000 ]
+check "the earlier journal is still there" [ -e "$work/s.damaged-1/session.db" ]
+check "and the session is sound" "$GONIO" doctor "$work/s"
+
+# ---- not damage ----
+fresh
+rm "$work/s/session.db"
+unchanged "measure into a folder whose journal is lost" "$GONIO" measure --sample lambert:rho=0.5 "$work/s"
+check "is refused with what to do" tells 3 "doctor --repair" "$GONIO" measure --sample lambert:rho=0.5 "$work/s"
+fresh
+mv "$work/s/frames" "$work/away"
+for verb in "doctor --repair" resume replay; do
+    check "frames/ is missing: $verb" tells 3 "mounted" sh -c "'$GONIO' $verb '$work/s'"
+done
+ln -s "$work/away" "$work/s/frames"
+for verb in "doctor --repair" resume replay; do
+    check "frames/ is a link: $verb" tells 3 "a link" sh -c "'$GONIO' $verb '$work/s'"
+done
+rm "$work/s/frames"
+mkdir "$work/s/frames"
+check "frames/ is empty: doctor --repair" tells 3 "nothing was changed" "$GONIO" doctor --repair "$work/s"
+check "and resume" tells 3 "missing" "$GONIO" resume --model "$work/x.gonio" "$work/s"
+rmdir "$work/s/frames"
+mv "$work/away" "$work/s/frames"
+check "back again, it is sound" "$GONIO" doctor "$work/s"
+check "and nothing was repaired" [ ! -e "$work/s.damaged-1" ]
+
+# ---- unreadable ----
+if [ "$(id -u)" -eq 0 ] && command -v setpriv >/dev/null; then
+    another="setpriv --reuid=65534 --regid=65534 --clear-groups"
+else
+    another=
+fi
+chmod 755 "$work"
+chmod -R a+rwX "$work/s" && chmod 700 "$work/s/frames"/*.png
+if [ "$(id -u)" -ne 0 ]; then
+    chmod 000 "$work/s/frames"/*.png
+fi
+if [ "$(id -u)" -eq 0 ] && [ -z "$another" ]; then
+    skip "another user without permission" "root without setpriv reads everything"
+elif ! $another test -x "$GONIO"; then
+    skip "another user without permission" "the program is where another user cannot run it"
+else
+    chmod 777 "$work"
+    trace "$work/s" >"$work/trace"
+    TMPDIR="$work" tells 1 "unreadable" $another "$GONIO" doctor --repair "$work/s" >"$work/check.log"
+    ok $? "frames that a user may not read: repair is refused"
+    trace "$work/s" >"$work/trace2"
+    check "and changes nothing" cmp "$work/trace" "$work/trace2"
+    check "nor lies anything beside it" [ "$(ls -d "$work"/s.* 2>/dev/null | wc -l)" -eq 0 ]
+fi
+finish
