@@ -314,7 +314,9 @@ static const struct own_file {
 // spec:... names no file.
 static bool is_file(const char *path) { return path[0] != 0 && strncmp(path, "spec:", 5) != 0; }
 
-static gonio_status copy_file(const char *from, const char *to, gonio_error *error) {
+// What another run left under the copy's name goes to lost+found/.
+static gonio_status copy_file(gonio_session *session, const char *from, const char *name, const char *to,
+                              gonio_error *error) {
     char *data;
     size_t size;
     gonio_output *output;
@@ -322,7 +324,8 @@ static gonio_status copy_file(const char *from, const char *to, gonio_error *err
     if (status != GONIO_OK) {
         return status;
     }
-    status = gonio_output_open(to, &output, error);
+    status = gonio_session_make_way(session, name, "a copy is made anew", error);
+    status = status == GONIO_OK ? gonio_output_open(to, &output, error) : status;
     if (status == GONIO_OK) {
         fwrite(data, 1, size, gonio_output_stream(output));
         status = gonio_output_commit(output, error);
@@ -348,7 +351,7 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
         const char *from = (const char *)&setup->facts + own_files[i].offset;
         if (is_file(from)) {
             status = own_path(session, &own_files[i], path, error);
-            status = status == GONIO_OK ? copy_file(from, path, error) : status;
+            status = status == GONIO_OK ? copy_file(session, from, own_files[i].name, path, error) : status;
         }
     }
     return status;

@@ -8,15 +8,17 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/text.h"
 #include "host/session/internal.h"
 
 void gonio_doctor_note(gonio_doctor_report *report, const char *format, ...) {
     const size_t used = strlen(report->detail), room = sizeof report->detail - used;
-    char line[1024];
+    char raw[1024], line[1024];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(line, sizeof line, format, arguments);
+    vsnprintf(raw, sizeof raw, format, arguments);
     va_end(arguments);
+    gonio_text_printable(raw, line, sizeof line); // names of others' files may hold anything
     report->findings++;
     report->findings_cut += strlen(line) + 2 >= room;
     if (strlen(line) + 2 < room) {

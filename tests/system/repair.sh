@@ -91,6 +91,7 @@ done
 rm "$work/s/frames"
 mkdir "$work/s/frames"
 check "frames/ is empty: doctor --repair" tells 3 "nothing was changed" "$GONIO" doctor --repair "$work/s"
+check "in JSON, with what was found" tells 3 '"refused":' "$GONIO" doctor --repair --json "$work/s"
 check "and resume" tells 3 "missing" "$GONIO" resume --model "$work/x.gonio" "$work/s"
 rmdir "$work/s/frames"
 mv "$work/away" "$work/s/frames"

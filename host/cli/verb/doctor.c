@@ -141,11 +141,18 @@ static bool is_well(const gonio_doctor_report *r, bool repair) {
 }
 
 // Refused or failed: what was found is worth telling all the same.
-static int fail_doctor(const cli_common *common, const gonio_doctor_report *r, const gonio_error *error) {
-    if (!common->json) {
-        fputs(r->detail, stderr);
+static int fail_doctor(const cli_common *common, const char *path, const gonio_doctor_report *r,
+                       const gonio_error *error) {
+    cli_common plain = *common;
+    if (common->json) {
+        json_t *object = to_json(path, r);
+        json_object_set_new(object, "refused", cli_json_text(error->message));
+        cli_json(object);
+        plain.json = false;
+    } else {
+        cli_print_lines(r->detail);
     }
-    return cli_fail(common, error);
+    return cli_fail(&plain, error);
 }
 
 static gonio_status make_small(const char *path, const cli_common *common, gonio_error *error) {
@@ -183,7 +190,7 @@ static int run(int argc, char **argv) {
         return cli_fail(&common, &error);
     }
     if (gonio_session_doctor(path, repair, &report, &error) != GONIO_OK) {
-        return fail_doctor(&common, &report, &error);
+        return fail_doctor(&common, path, &report, &error);
     }
     json_t *about = describe(path);
     if (common.json) {
