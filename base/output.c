@@ -90,6 +90,8 @@ gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error
 
 FILE *gonio_output_stream(gonio_output *output) { return output->stream; }
 
+const char *gonio_output_temporary(const gonio_output *output) { return output->temporary; }
+
 // The rename is durable only once the folder itself is synced.
 static int sync_folder(const char *path) {
     char *copy = strdup(path);

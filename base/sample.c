@@ -43,6 +43,7 @@ void gonio_samples_free(gonio_samples *samples) {
     free(samples->sigma_random);
     free(samples->sigma_systematic);
     free(samples->channel_names);
+    free(samples->group);
     free(samples);
 }
 
@@ -64,7 +65,8 @@ gonio_status gonio_samples_reserve(gonio_samples *samples, size_t capacity, goni
     if (!fits || !grow((void **)&samples->pairs, capacity, sizeof *samples->pairs) ||
         !grow((void **)&samples->values, capacity, row) ||
         (samples->sigma_random != NULL && (!grow((void **)&samples->sigma_random, capacity, row) ||
-                                           !grow((void **)&samples->sigma_systematic, capacity, row)))) {
+                                           !grow((void **)&samples->sigma_systematic, capacity, row))) ||
+        (samples->group != NULL && !grow((void **)&samples->group, capacity, sizeof *samples->group))) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples of %d channels (%.3g GB)", capacity,
                           samples->channels, (double)capacity * ((double)row * 3 + 32) / 1e9);
     }
@@ -96,7 +98,24 @@ gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, c
             memset(samples->sigma_systematic + at, 0, row);
         }
     }
+    if (samples->group != NULL) {
+        samples->group[samples->n] = samples->n > 0 ? samples->group[samples->n - 1] : 1;
+    }
     samples->n++;
+    return GONIO_OK;
+}
+
+gonio_status gonio_samples_set_group(gonio_samples *samples, size_t index, uint16_t group, gonio_error *error) {
+    if (samples->group == NULL) {
+        samples->group = malloc((samples->capacity + 1) * sizeof *samples->group);
+        if (samples->group == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for the groups of %zu samples", samples->n);
+        }
+        for (size_t i = 0; i < samples->n; i++) {
+            samples->group[i] = 1;
+        }
+    }
+    samples->group[index] = group;
     return GONIO_OK;
 }
 
@@ -130,6 +149,9 @@ gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep
                                        sigma ? samples->sigma_random + i * c : NULL,
                                        sigma ? samples->sigma_systematic + i * c : NULL, error);
         }
+        if (keep[i] && status == GONIO_OK && samples->group != NULL) {
+            status = gonio_samples_set_group(*out, (*out)->n - 1, samples->group[i], error);
+        }
     }
     if (status != GONIO_OK) {
         gonio_samples_free(*out);
@@ -153,6 +175,9 @@ gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, go
         status =
             gonio_samples_add(*out, &samples->pairs[i], &samples->values[at], sigma ? &samples->sigma_random[at] : NULL,
                               sigma ? &samples->sigma_systematic[at] : NULL, error);
+        if (status == GONIO_OK && samples->group != NULL) {
+            status = gonio_samples_set_group(*out, i, samples->group[i], error);
+        }
     }
     if (status != GONIO_OK) {
         gonio_samples_free(*out);

@@ -319,7 +319,7 @@ bool gonio_text_count(const char *text, size_t *value) {
         number *= pow(1000, (double)(suffix - suffixes + 1));
         end++;
     }
-    if (end == text || *end != 0 || !(number >= 0 && number <= 1e18)) {
+    if (end == text || *end != 0 || !(number >= 0 && number <= 1e18) || number != floor(number)) {
         return false;
     }
     // Below 2^53 a double is the whole number itself.

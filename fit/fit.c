@@ -210,12 +210,8 @@ static void note_errors(const gonio_fit_options *o, bool searched, gonio_fit_rep
     }
 }
 
-gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
-                       gonio_fit_report *report, gonio_error *error) {
-    *out = NULL;
-    gonio_fit_report own;
-    report = report != NULL ? report : &own;
-    *report = (gonio_fit_report){0};
+static gonio_status fit_set(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
+                            gonio_fit_report *report, gonio_error *error) {
     gonio_fit_options o = *options;
     const gonio_method *method = gonio_fit_method_of(&o);
     if (method == NULL) {
@@ -240,4 +236,46 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
         note_errors(&o, search, report);
     }
     return status;
+}
+
+// ---- sets of several sessions ----
+
+static bool several_groups(const gonio_samples *samples) {
+    for (size_t i = 1; samples->group != NULL && samples->sigma_random != NULL && i < samples->n; i++) {
+        if (samples->group[i] != samples->group[0]) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Within one session what is common to its samples cannot tell one from another. Between sessions it can: each
+// session's common error is a draw of its own, so a sample weighs by all of its uncertainty. (That the draw is shared
+// by the samples of a session is left out: the weights would no longer be a number a sample.)
+static gonio_status fit_groups(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
+                               gonio_fit_report *report, gonio_error *error) {
+    bool *all = malloc((samples->n + 1) * sizeof *all);
+    gonio_samples *copy = NULL;
+    if (all == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", samples->n);
+    }
+    memset(all, true, samples->n * sizeof *all);
+    gonio_status status = gonio_samples_select(samples, all, &copy, error);
+    free(all);
+    for (size_t k = 0; status == GONIO_OK && k < copy->n * (size_t)copy->channels; k++) {
+        copy->sigma_random[k] = hypot(copy->sigma_random[k], copy->sigma_systematic[k]);
+        copy->sigma_systematic[k] = 0;
+    }
+    status = status == GONIO_OK ? fit_set(copy, options, out, report, error) : status;
+    gonio_samples_free(copy);
+    return status;
+}
+
+gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
+                       gonio_fit_report *report, gonio_error *error) {
+    *out = NULL;
+    gonio_fit_report own;
+    report = report != NULL ? report : &own;
+    *report = (gonio_fit_report){0};
+    return (several_groups(samples) ? fit_groups : fit_set)(samples, options, out, report, error);
 }

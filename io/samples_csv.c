@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Gonio's own samples file, read and written (docs/formats.md).
 //
-//   theta_i,phi_i,theta_o,phi_o,<channels...>[,sigma_<channel>...][,sigma_random_<channel>...,sigma_systematic_<channel>...]
+//   theta_i,phi_i,theta_o,phi_o,<channels...>[,sigma_<channel>...]
+//       [,sigma_random_<channel>...,sigma_systematic_<channel>...[,systematic_group]]
 //
 // Angles in degrees, f_r in 1/sr. sigma_<channel> is the combined standard uncertainty. The two parts follow where the
 // systematic one is not zero throughout; a reader takes them then and the combined one only where they are missing. The
-// comment "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
+// systematic part is common to the rows of one systematic_group: sets of several sessions have several. The comment
+// "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "io/format.h"
 
-#define COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX)
+#define COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX + 1)
+#define GROUP "systematic_group"
 #define ANISOTROPIC "# anisotropic"
 
 // Where each channel's columns stand; -1: absent.
 typedef struct layout {
     int columns, channels;
     int sigma[GONIO_CHANNELS_MAX], random[GONIO_CHANNELS_MAX], systematic[GONIO_CHANNELS_MAX];
-    bool with_sigma, with_parts;
+    bool with_sigma, with_parts, with_group; // the group is the last column
 } layout;
 
 // A header that holds one of the angles: what else is wrong with it, this reader says best.
@@ -94,7 +97,8 @@ static gonio_status parse_header(const gonio_text *text, char **fields, int colu
     memset(l->sigma, -1, sizeof l->sigma);
     memset(l->random, -1, sizeof l->random);
     memset(l->systematic, -1, sizeof l->systematic);
-    for (int k = 4 + l->channels; k < columns; k++) {
+    l->with_group = columns > 4 + 3 * l->channels && strcmp(fields[columns - 1], GROUP) == 0;
+    for (int k = 4 + l->channels; k < columns - l->with_group; k++) {
         int list = 0, channel = -1;
         for (; list < 3 && channel < 0; list++) {
             const char *name = after(fields[k], prefixes[list]);
@@ -118,7 +122,18 @@ static gonio_status parse_header(const gonio_text *text, char **fields, int colu
     if (!l->with_sigma && found[0] + found[1] > 0) {
         return gonio_text_fail(text, error, "sigma_random_ and sigma_systematic_ columns must stand together");
     }
-    return GONIO_OK;
+    return l->with_group && !l->with_parts
+               ? gonio_text_fail(text, error, GROUP ": of what is common to a group sigma_systematic_ columns tell")
+               : GONIO_OK;
+}
+
+// The group of the sample that was read last.
+static gonio_status parse_group(const gonio_text *text, const char *field, gonio_samples *samples, gonio_error *error) {
+    size_t group;
+    if (!gonio_text_count(field, &group) || group < 1 || group > UINT16_MAX) {
+        return gonio_text_fail(text, error, GROUP ": expected 1 to %d, found '%.60s'", UINT16_MAX, field);
+    }
+    return gonio_samples_set_group(samples, samples->n - 1, (uint16_t)group, error);
 }
 
 static gonio_status parse_sigma(const gonio_text *text, const char *field, double *sigma, gonio_error *error) {
@@ -168,6 +183,9 @@ static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, 
             const bool sigma = l->with_sigma;
             status = gonio_row_collector_add(collector, &pair, numbers, sigma ? random : NULL,
                                              sigma ? systematic : NULL, error);
+        }
+        if (status == GONIO_OK && l->with_group) {
+            status = parse_group(text, fields[n - 1], collector->samples, error);
         }
     }
     free(numbers);
@@ -257,6 +275,7 @@ static void put_header(const gonio_samples *s, bool systematic, FILE *stream) {
             fprintf(stream, ",%s%s", prefixes[group], s->channel_names[c]);
         }
     }
+    fputs(systematic && s->group != NULL ? "," GROUP : "", stream);
     fputc('\n', stream);
 }
 
@@ -280,6 +299,9 @@ static void put_row(const gonio_samples *s, size_t i, bool systematic, FILE *str
     }
     for (int c = 0; c < s->channels && systematic; c++) {
         put_number(stream, s->sigma_systematic[at + (size_t)c]);
+    }
+    if (systematic && s->group != NULL) {
+        fprintf(stream, ",%u", (unsigned)s->group[i]);
     }
     fputc('\n', stream);
 }

@@ -167,11 +167,12 @@ static inline gonio_status read_sets(gonio_session *session, uint64_t *digest, g
 static inline gonio_status read_as_replay(gonio_session *session, uint64_t *digest, gonio_error *error) {
     gonio_process process = {0};
     gonio_samples **sets = NULL;
+    gonio_step_radiance *radiance = NULL;
     bool ready = false;
     gonio_status status = gonio_process_begin(session, &process, error);
     status = status == GONIO_OK ? gonio_process_prepare(session, &process, NULL, NULL, 0, &ready, error) : status;
     if (status == GONIO_OK && ready) {
-        status = gonio_process_samples(session, &process, false, 1, NULL, NULL, &sets, error);
+        status = gonio_process_samples(session, &process, false, 1, NULL, NULL, &sets, &radiance, error);
     }
     for (size_t i = 0; status == GONIO_OK && sets != NULL && i < process.n; i++) {
         if (sets[i] != NULL && sets[i]->n > 0) {
@@ -179,6 +180,7 @@ static inline gonio_status read_as_replay(gonio_session *session, uint64_t *dige
         }
     }
     gonio_sets_free(sets, process.n);
+    free(radiance);
     gonio_process_end(&process);
     return status;
 }

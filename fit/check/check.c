@@ -277,7 +277,9 @@ static gonio_status add_transformed(const gonio_samples *in, size_t i, const gon
         p.phi_o = gonio_angle_canonical(remainder(p.phi_o - p.phi_i, 2 * GONIO_PI));
         p.phi_i = 0;
     }
-    return gonio_samples_add(out, &p, values, random, systematic, error);
+    const gonio_status status = gonio_samples_add(out, &p, values, random, systematic, error);
+    return status == GONIO_OK && in->group != NULL ? gonio_samples_set_group(out, out->n - 1, in->group[i], error)
+                                                   : status;
 }
 
 gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, double energy, gonio_samples **out,

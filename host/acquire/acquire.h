@@ -108,14 +108,17 @@ gonio_status gonio_process_motion(gonio_session *session, const gonio_process *p
                                   char text[256], gonio_error *error);
 // A new set of the session's channels; the caller frees it.
 gonio_status gonio_process_new_samples(const gonio_process *process, gonio_samples **out, gonio_error *error);
-// A pose's samples, none where the pose has no valid exposure (then why says what was wrong). The caller frees *out.
+// A pose's samples, none where the pose has no valid exposure (then why says what was wrong), and its radiance before
+// geometry. The caller frees *out.
 gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
-                                int n, gonio_samples **out, char why[512], gonio_error *error);
-// The same from stored frames, for every done sample step at once: out[i] belongs to steps[i], NULL where it is not a
-// done sample step (only_missing: nor where the journal holds its samples). Equal bits for any thread count. The caller
-// frees with gonio_sets_free.
+                                int n, gonio_samples **out, gonio_step_radiance *radiance, char why[512],
+                                gonio_error *error);
+// The same from stored frames, for every done sample step at once: out[i] and (*radiance)[i] belong to steps[i]; out[i]
+// is NULL where it is not a done sample step (only_missing: nor where the journal holds its samples). Equal bits for any
+// thread count. The caller frees with gonio_sets_free and free.
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
-                                   gonio_progress_fn progress, void *context, gonio_samples ***out, gonio_error *error);
+                                   gonio_progress_fn progress, void *context, gonio_samples ***out,
+                                   gonio_step_radiance **radiance, gonio_error *error);
 void gonio_sets_free(gonio_samples **sets, size_t n);
 
 // ---- audit.c: has the stage lost steps? ----
@@ -182,5 +185,18 @@ void gonio_agreement_add(gonio_agreement *all, const gonio_samples *journalled, 
 gonio_status gonio_agreement_finish(gonio_agreement *all, gonio_session *session, const gonio_outcome *again,
                                     gonio_error *error);
 double gonio_agreement_largest(const gonio_agreement *all);
+// The largest difference of a value, relative to it and its sigma.
+double gonio_agreement_relative(const gonio_agreement *all);
+
+// Widen `all` by another.
+void gonio_agreement_join(gonio_agreement *all, const gonio_agreement *other);
+
+// ---- stages.c: a replay's stages beside the journal's ----
+// The steps' samples and radiance, as gonio_process_samples gives them.
+gonio_status gonio_stages_steps(gonio_session *session, const gonio_process *process, gonio_samples *const *sets,
+                                const gonio_step_radiance *radiance, gonio_replay_report *report, gonio_error *error);
+// Final samples and model, and the verdict on all.
+gonio_status gonio_stages_results(gonio_session *session, const gonio_outcome *outcome, gonio_replay_report *report,
+                                  gonio_error *error);
 
 #endif

@@ -128,6 +128,15 @@ gonio_status gonio_agreement_finish(gonio_agreement *all, gonio_session *session
     return status;
 }
 
+void gonio_agreement_join(gonio_agreement *all, const gonio_agreement *other) {
+    all->angle = widest(all->angle, other->angle);
+    all->value = widest(all->value, other->value);
+    all->sigma = widest(all->sigma, other->sigma);
+    all->model = widest(all->model, other->model);
+}
+
 double gonio_agreement_largest(const gonio_agreement *all) {
     return fmax(fmax(all->angle, all->value), fmax(all->sigma, all->model));
 }
+
+double gonio_agreement_relative(const gonio_agreement *all) { return all->value * VALUE_BOUND; }

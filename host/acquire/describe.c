@@ -315,8 +315,8 @@ static const struct own_file {
 static bool is_file(const char *path) { return path[0] != 0 && strncmp(path, "spec:", 5) != 0; }
 
 // What another run left under the copy's name goes to lost+found/.
-static gonio_status copy_file(gonio_session *session, const char *from, const char *name, const char *to,
-                              gonio_error *error) {
+static gonio_status copy_file(gonio_session *session, const char *what, const char *from, const char *name,
+                              const char *to, gonio_error *error) {
     char *data;
     size_t size;
     gonio_output *output;
@@ -330,6 +330,7 @@ static gonio_status copy_file(gonio_session *session, const char *from, const ch
         fwrite(data, 1, size, gonio_output_stream(output));
         status = gonio_output_commit(output, error);
     }
+    status = status == GONIO_OK ? gonio_session_put_file(session, what, from, data, size, error) : status;
     free(data);
     return status;
 }
@@ -351,7 +352,8 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
         const char *from = (const char *)&setup->facts + own_files[i].offset;
         if (is_file(from)) {
             status = own_path(session, &own_files[i], path, error);
-            status = status == GONIO_OK ? copy_file(session, from, own_files[i].name, path, error) : status;
+            status = status == GONIO_OK ? copy_file(session, own_files[i].what, from, own_files[i].name, path, error)
+                                        : status;
         }
     }
     return status;

@@ -4,6 +4,7 @@
 // The pointing term of a sample's uncertainty needs the BRDF's slope there, and the slope needs a fit: so a first fit
 // gives the slopes, and the model that is saved is fitted to the samples with their full uncertainty.
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -160,6 +161,12 @@ static gonio_status put_results(gonio_session *session, const gonio_outcome *out
         char text[32];
         gonio_text_shortest(outcome->fit.held_out.rmse, text);
         status = gonio_session_put(session, "result.held_out_rmse", text, error);
+    }
+    for (int stage = GONIO_STAGE_FRAMES; status == GONIO_OK && stage <= GONIO_STAGE_SAMPLES; stage++) {
+        char key[64], hex[GONIO_SHA256_HEX];
+        snprintf(key, sizeof key, "result.stage.%s", gonio_stage_names[stage]);
+        status = gonio_session_stage_hash(session, (gonio_stage)stage, hex, error);
+        status = status == GONIO_OK ? gonio_session_put(session, key, hex, error) : status;
     }
     if (status == GONIO_OK && outcome->motion.moved) {
         status = gonio_session_event(session, "moved", outcome->motion_text, error);

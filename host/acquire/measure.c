@@ -62,10 +62,23 @@ static gonio_status put_model_place(gonio_session *session, const char *model, g
     return status;
 }
 
+// The plan as it was given; where it is a file, that too. What the plan comes to are the steps.
+static gonio_status put_plan(gonio_session *session, const gonio_measure_options *options, gonio_error *error) {
+    char seed[24];
+    gonio_sources files = {0};
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)options->seed);
+    gonio_status status = gonio_session_put(session, "plan", options->plan, error);
+    status = status == GONIO_OK ? gonio_session_put(session, "plan.seed", seed, error) : status;
+    status = status == GONIO_OK ? gonio_sources_add_file(&files, "plan", options->plan, error) : status;
+    status = status == GONIO_OK ? gonio_sources_put(session, &files, error) : status;
+    gonio_sources_free(&files);
+    return status;
+}
+
 static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
                             const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
     gonio_status status = gonio_session_put(session, "gonio.version", gonio_version(), error);
-    status = status == GONIO_OK ? gonio_session_put(session, "plan", options->plan, error) : status;
+    status = status == GONIO_OK ? put_plan(session, options, error) : status;
     status = status == GONIO_OK ? gonio_rig_file_put(session, rig, error) : status;
     status = status == GONIO_OK ? gonio_setup_put(session, setup, error) : status;
     status = status == GONIO_OK ? gonio_session_put_steps(session, steps, n, error) : status;

@@ -113,9 +113,21 @@ gonio_status gonio_process_new_samples(const gonio_process *process, gonio_sampl
     return status;
 }
 
+static gonio_status probe(const gonio_process *process, const gonio_exposure *exposures, int n,
+                          gonio_step_radiance *radiance, gonio_error *error) {
+    double values[GONIO_PROBES_MAX];
+    size_t count;
+    gonio_status status = gonio_calib_probe(process->calib, n, exposures, values, &count, radiance->mean, error);
+    status = status == GONIO_OK ? gonio_sha256(values, count * sizeof *values, radiance->sha256, error) : status;
+    radiance->channels = status == GONIO_OK ? gonio_calib_channels(process->calib) : 0;
+    return status;
+}
+
 gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *step, const gonio_exposure *exposures,
-                                int n, gonio_samples **out, char why[512], gonio_error *error) {
+                                int n, gonio_samples **out, gonio_step_radiance *radiance, char why[512],
+                                gonio_error *error) {
     why[0] = 0;
+    *radiance = (gonio_step_radiance){0};
     gonio_status status = gonio_process_new_samples(process, out, error);
     if (status != GONIO_OK) {
         return status;
@@ -126,6 +138,7 @@ gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *
         snprintf(why, 512, "%s", own.message);
         return GONIO_OK;
     }
+    status = status == GONIO_OK ? probe(process, exposures, n, radiance, &own) : status;
     if (status != GONIO_OK) {
         gonio_samples_free(*out);
         *out = NULL;
@@ -137,7 +150,8 @@ gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *
 }
 
 static gonio_status process_step(gonio_session *session, const gonio_process *process, const gonio_step *step,
-                                 bool only_missing, gonio_samples **out, gonio_error *error) {
+                                 bool only_missing, gonio_samples **out, gonio_step_radiance *radiance,
+                                 gonio_error *error) {
     if (only_missing) {
         gonio_samples *known = NULL;
         gonio_error ignored;
@@ -151,7 +165,7 @@ static gonio_status process_step(gonio_session *session, const gonio_process *pr
     int n;
     char why[512];
     gonio_status status = gonio_session_exposures(session, step->index, &exposures, &n, error);
-    status = status == GONIO_OK ? gonio_process_pose(process, step, exposures, n, out, why, error) : status;
+    status = status == GONIO_OK ? gonio_process_pose(process, step, exposures, n, out, radiance, why, error) : status;
     gonio_exposures_free(exposures, n);
     return status;
 }
@@ -168,6 +182,7 @@ typedef struct many {
     const gonio_process *process;
     bool only_missing;
     gonio_samples **sets;
+    gonio_step_radiance *radiance;
     gonio_progress_fn progress;
     void *context;
     pthread_t caller; // the thread that progress is told by
@@ -179,7 +194,7 @@ static gonio_status do_one(void *context, size_t i, gonio_error *error) {
     const gonio_step *step = &m->process->steps[i];
     gonio_status status = GONIO_OK;
     if (step->kind == GONIO_STEP_SAMPLE && step->done) {
-        status = process_step(m->session, m->process, step, m->only_missing, &m->sets[i], error);
+        status = process_step(m->session, m->process, step, m->only_missing, &m->sets[i], &m->radiance[i], error);
     }
     const size_t done = ++m->done;
     if (status == GONIO_OK && m->progress != NULL && pthread_equal(pthread_self(), m->caller) &&
@@ -191,18 +206,24 @@ static gonio_status do_one(void *context, size_t i, gonio_error *error) {
 
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
                                    gonio_progress_fn progress, void *context, gonio_samples ***out,
-                                   gonio_error *error) {
+                                   gonio_step_radiance **radiance, gonio_error *error) {
     *out = NULL;
-    many m = {session, process, only_missing, NULL, progress, context, pthread_self(), 0};
+    *radiance = NULL;
+    many m = {session, process, only_missing, NULL, NULL, progress, context, pthread_self(), 0};
     m.sets = calloc(process->n + 1, sizeof(gonio_samples *));
-    if (m.sets == NULL) {
+    m.radiance = calloc(process->n + 1, sizeof *m.radiance);
+    if (m.sets == NULL || m.radiance == NULL) {
+        free(m.sets);
+        free(m.radiance);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu sample sets", process->n);
     }
     const gonio_status status = gonio_pool_try(threads, process->n, do_one, &m, error);
     if (status != GONIO_OK) {
         gonio_sets_free(m.sets, process->n);
+        free(m.radiance);
         return status;
     }
     *out = m.sets;
+    *radiance = m.radiance;
     return GONIO_OK;
 }

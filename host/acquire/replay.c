@@ -32,38 +32,6 @@ static bool on_fit(void *context, double fraction, const char *what, double erro
     return go_on(context, GONIO_MEASURE_FIT, fraction, what, error_now);
 }
 
-static bool same(const gonio_samples *a, const gonio_samples *b) {
-    if (a == NULL || b == NULL) {
-        return a == b;
-    }
-    const size_t bytes = a->n * (size_t)a->channels * sizeof(double);
-    return a->n == b->n && a->channels == b->channels &&
-           (a->n == 0 ||
-            (memcmp(a->pairs, b->pairs, a->n * sizeof *a->pairs) == 0 && memcmp(a->values, b->values, bytes) == 0 &&
-             memcmp(a->sigma_random, b->sigma_random, bytes) == 0 &&
-             memcmp(a->sigma_systematic, b->sigma_systematic, bytes) == 0));
-}
-
-static gonio_status compare_sets(replay *r, gonio_samples *const *sets, gonio_replay_report *report,
-                                 gonio_error *error) {
-    for (size_t i = r->process.n; i-- > 0;) {
-        gonio_samples *stored = NULL;
-        if (sets[i] != NULL) {
-            const gonio_status status = gonio_session_step_samples(r->session, (int64_t)i, &stored, error);
-            if (status != GONIO_OK) {
-                return status;
-            }
-        }
-        if (!same(sets[i], stored)) {
-            report->steps_differing++;
-            report->first_differing = (long long)i;
-            gonio_agreement_add(&report->agreement, stored, sets[i]);
-        }
-        gonio_samples_free(stored);
-    }
-    return GONIO_OK;
-}
-
 // A folder for the model whose checksum is wanted where nobody wants its file.
 static gonio_status temporary_folder(char path[64], gonio_error *error) {
     const char *folder = getenv("TMPDIR");
@@ -113,45 +81,21 @@ static gonio_status prepare(replay *r, gonio_error *error) {
     return status;
 }
 
-static void get_checksum(gonio_session *session, const char *key, char hex[GONIO_SHA256_HEX]) {
-    char *text = NULL;
-    if (gonio_session_get(session, key, &text, NULL) == GONIO_OK) {
-        snprintf(hex, GONIO_SHA256_HEX, "%s", text);
-    }
-    free(text);
-}
-
-static gonio_status judge(gonio_session *session, const gonio_outcome *outcome, gonio_replay_report *report,
-                          gonio_error *error) {
-    get_checksum(session, "result.samples_sha256", report->samples_sha256);
-    get_checksum(session, "result.model_sha256", report->model_sha256);
-    report->finished = report->samples_sha256[0] != 0 && report->model_sha256[0] != 0;
-    report->samples_equal = report->finished && strcmp(report->samples_sha256, outcome->samples_sha256) == 0;
-    report->model_equal = report->finished && strcmp(report->model_sha256, outcome->model_sha256) == 0;
-    report->equal =
-        report->steps_differing == 0 && (!report->finished || (report->samples_equal && report->model_equal));
-    if (report->equal) {
-        return GONIO_OK;
-    }
-    const gonio_status status =
-        report->finished ? gonio_agreement_finish(&report->agreement, session, outcome, error) : GONIO_OK;
-    report->rounding = gonio_agreement_largest(&report->agreement) <= 1;
-    return status;
-}
-
 gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *options, gonio_outcome *outcome,
                           gonio_replay_report *report, gonio_error *error) {
     *outcome = (gonio_outcome){0};
-    *report = (gonio_replay_report){.first_differing = -1};
     replay r = {.session = session, .options = options};
     gonio_samples **sets = NULL;
+    gonio_step_radiance *radiance = NULL;
     gonio_status status = prepare(&r, error);
     if (status == GONIO_OK) {
-        status = gonio_process_samples(session, &r.process, false, options->threads, on_poses, &r, &sets, error);
+        status =
+            gonio_process_samples(session, &r.process, false, options->threads, on_poses, &r, &sets, &radiance, error);
     }
-    status = status == GONIO_OK ? compare_sets(&r, sets, report, error) : status;
+    status = status == GONIO_OK ? gonio_stages_steps(session, &r.process, sets, radiance, report, error) : status;
+    free(radiance);
     status = status == GONIO_OK ? finish(&r, sets, outcome, error) : status;
-    status = status == GONIO_OK ? judge(session, outcome, report, error) : status;
+    status = status == GONIO_OK ? gonio_stages_results(session, outcome, report, error) : status;
     if (status != GONIO_OK) {
         gonio_outcome_free(outcome);
     }

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "host/acquire/identity.h"
 #include "host/acquire/rig_control.h"
 #include "host/acquire/rig_keys.h"
 #include "host/acquire/rig_text.h"
@@ -262,8 +263,14 @@ static gonio_status read_rig(const gonio_rig_file_options *options, builder *b, 
     char *file = NULL, *extra = NULL;
     gonio_status status = gonio_rig_text_settings(options, &rig->settings, error);
     status = status == GONIO_OK ? gonio_rig_text_fragments(options, &extra, error) : status;
+    for (size_t i = 0; status == GONIO_OK && i < options->n_fragments; i++) {
+        status = gonio_sources_add_file(&rig->sources, "rig fragment", options->fragments[i], error);
+    }
     if (status == GONIO_OK) {
         status = is_sim ? GONIO_OK : gonio_rig_text_read(options->path, &file, error);
+    }
+    if (status == GONIO_OK && !is_sim) {
+        status = gonio_sources_add(&rig->sources, "rig", options->path, file, strlen(file), error);
     }
     if (status == GONIO_OK &&
         asprintf(&rig->text, "%s%s%s", file != NULL ? file : "", file != NULL ? "\n" : "", extra) < 0) {
@@ -287,9 +294,12 @@ gonio_status gonio_rig_file_fill(const gonio_rig_file_options *options, gonio_ri
     gonio_status status = read_rig(options, &b, rig, error);
     status = status == GONIO_OK ? open_devices(&b, options->threads, rig, error) : status;
     // A session journals the numbers, so that a resume needs no file.
-    return status == GONIO_OK && b.keys.alignment[0] != 0
-               ? gonio_alignment_read(b.keys.alignment, &rig->rig.facts.alignment, error)
-               : status;
+    if (status == GONIO_OK && b.keys.alignment[0] != 0) {
+        status = gonio_alignment_read(b.keys.alignment, &rig->rig.facts.alignment, error);
+        status =
+            status == GONIO_OK ? gonio_sources_add_file(&rig->sources, "alignment", b.keys.alignment, error) : status;
+    }
+    return status;
 }
 
 gonio_status gonio_rig_file_identity(const gonio_rig_file_options *options, char **identity, gonio_error *error) {
@@ -312,13 +322,37 @@ void gonio_rig_file_release(gonio_rig_file *rig) {
     free(rig->text);
     free(rig->settings);
     free(rig->path);
+    gonio_sources_free(&rig->sources);
     *rig = (gonio_rig_file){0};
 }
 
 // ---- the journal ----
 
+static gonio_status put_identity(gonio_session *session, const gonio_rig_file *rig, gonio_error *error) {
+    char *devices;
+    gonio_status status = gonio_rig_identity_text(rig, &devices, error);
+    status = status == GONIO_OK ? gonio_session_put(session, "devices", devices, error) : status;
+    free(devices);
+    return status;
+}
+
+// A resume's devices may be others: the setting says which there were first, events say which there are now.
+static gonio_status tell_identity(gonio_session *session, const gonio_rig_file *rig, gonio_error *error) {
+    char *devices, *known = NULL;
+    gonio_status status = gonio_rig_identity_text(rig, &devices, error);
+    if (status == GONIO_OK &&
+        (gonio_session_get(session, "devices", &known, NULL) != GONIO_OK || strcmp(known, devices) != 0)) {
+        status = gonio_session_event(session, "devices changed", devices, error);
+    }
+    free(known);
+    free(devices);
+    return status;
+}
+
 gonio_status gonio_rig_file_put(gonio_session *session, const gonio_rig_file *rig, gonio_error *error) {
     gonio_status status = gonio_session_put(session, "rig.driver", rig->driver, error);
+    status = status == GONIO_OK ? put_identity(session, rig, error) : status;
+    status = status == GONIO_OK ? gonio_sources_put(session, &rig->sources, error) : status;
     status = status == GONIO_OK ? gonio_session_put(session, "rig.ini", rig->text, error) : status;
     status = status == GONIO_OK ? gonio_session_put(session, "rig.settings", rig->settings, error) : status;
     if (status == GONIO_OK && rig->path != NULL) {
@@ -502,6 +536,7 @@ gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_
     rig->scan = status == GONIO_OK ? setup.scan : rig->scan;
     status = status == GONIO_OK ? tell_changes(session, extra, error) : status;
     status = status == GONIO_OK ? gonio_session_event(session, "resumed", "", error) : status;
+    status = status == GONIO_OK ? tell_identity(session, rig, error) : status;
     free(driver);
     free(extra);
     return status;

@@ -6,6 +6,7 @@
 #include "gonio/acquire.h"
 #include "gonio/sim.h"
 #include "host/acquire/acquire.h"
+#include "host/acquire/sources.h"
 #include "host/control/control.h"
 #include "host/drivers/hardware.h"
 
@@ -21,6 +22,7 @@ struct gonio_rig_file {
     int retries;            // journalled so far
     char *text;             // the rig file as read, every fragment appended; owned
     char *settings;         // over it, a line of section.key=value each; owned
+    gonio_sources sources;  // the files that it was read from
     void (*event)(void *context, const char *kind, const char *text);
     bool (*cancelled)(void *context);
     void *context;

@@ -27,6 +27,7 @@ struct gonio_scan {
     int bad_audits;         // in a row
     double monitor;         // the lamp's, at the last frame; 0: none yet
     gonio_samples *samples; // of the last step
+    gonio_step_radiance radiance;
 };
 
 static size_t flagged_poses(const gonio_scan *scan, bool *any) {
@@ -113,22 +114,34 @@ static gonio_status start_rig(gonio_scan *scan, gonio_error *error) {
     // Homing first: it ends an alarm that a fault has left behind, and with one standing the lamp stays dark.
     status = status == GONIO_OK ? audit(scan, error) : status;
     status = status == GONIO_OK ? rig->lamp->set_level(rig->lamp_device, 1, error) : status;
-    return status == GONIO_OK ? warm_up(scan, error) : status;
+    status = status == GONIO_OK ? warm_up(scan, error) : status;
+    if (status == GONIO_OK) {
+        char text[64];
+        snprintf(text, sizeof text, "level 1, ready after %.6g s", scan->waited_s);
+        status = gonio_session_event(scan->session, "lamp", text, error);
+    }
+    return status;
 }
 
 // Samples that the journal lacks although their frames are there: the calibration they stood on was measured again, or
 // the doctor dropped them.
 static gonio_status restore_samples(gonio_scan *scan, gonio_error *error) {
     gonio_samples **sets;
-    gonio_status status = gonio_process_samples(scan->session, &scan->process, true, 0, NULL, NULL, &sets, error);
+    gonio_step_radiance *radiance;
+    gonio_status status =
+        gonio_process_samples(scan->session, &scan->process, true, 0, NULL, NULL, &sets, &radiance, error);
     int restored = 0;
     for (size_t i = 0; status == GONIO_OK && i < scan->process.n; i++) {
         if (sets[i] != NULL) {
             status = gonio_session_put_step_samples(scan->session, (int64_t)i, sets[i], error);
             restored++;
         }
+        if (sets[i] != NULL && status == GONIO_OK && radiance[i].channels > 0) {
+            status = gonio_session_put_radiance(scan->session, (int64_t)i, &radiance[i], error);
+        }
     }
     gonio_sets_free(sets, scan->process.n);
+    free(radiance);
     if (status == GONIO_OK && restored > 0) {
         char text[64];
         snprintf(text, sizeof text, "samples of %d steps were computed anew", restored);
@@ -191,6 +204,15 @@ gonio_process *gonio_scan_process(gonio_scan *scan) { return &scan->process; }
 
 // ---- one step ----
 
+static gonio_status tell_mounted(gonio_scan *scan, gonio_target target, gonio_error *error) {
+    static const char *const names[] = {
+        [GONIO_TARGET_SAMPLE] = "sample", [GONIO_TARGET_REFERENCE] = "reference", [GONIO_TARGET_TRAP] = "light trap"};
+    const bool hands = scan->process.setup.scan.hands || scan->rig->mount == NULL;
+    char text[64];
+    snprintf(text, sizeof text, "%s, by %s", names[target], hands ? "the operator" : "the changer");
+    return gonio_session_event(scan->session, "mounted", text, error);
+}
+
 static gonio_status mount(gonio_scan *scan, gonio_step_kind kind, gonio_error *error) {
     const int target = kind == GONIO_STEP_REFERENCE ? GONIO_TARGET_REFERENCE
                        : kind == GONIO_STEP_TRAP    ? GONIO_TARGET_TRAP
@@ -208,7 +230,7 @@ static gonio_status mount(gonio_scan *scan, gonio_step_kind kind, gonio_error *e
         status = scan->rig->mount->mount(scan->rig->mount_device, (gonio_target)target, error);
     }
     scan->target = status == GONIO_OK ? target : TARGET_UNKNOWN;
-    return status;
+    return status == GONIO_OK ? tell_mounted(scan, (gonio_target)target, error) : status;
 }
 
 static gonio_status move(gonio_scan *scan, const gonio_step *step, double *clock_s, gonio_error *error) {
@@ -280,8 +302,8 @@ static gonio_status evaluate(gonio_scan *scan, const gonio_step *step, const gon
         return evaluate_calibration(scan, step, exposures, error);
     }
     char why[512], text[600];
-    const gonio_status status =
-        gonio_process_pose(&scan->process, step, exposures->items, exposures->n, &scan->samples, why, error);
+    const gonio_status status = gonio_process_pose(&scan->process, step, exposures->items, exposures->n, &scan->samples,
+                                                   &scan->radiance, why, error);
     if (status == GONIO_OK && why[0] != 0) {
         snprintf(text, sizeof text, "no sample: %s", why);
         note(scan, "no sample", text);
@@ -317,6 +339,7 @@ static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_
     finished.frames = exposures->n;
     finished.clock_end_s = exposures->clock_s;
     finished.exposure_end_s = exposures->end_s;
+    finished.radiance = step->kind == GONIO_STEP_SAMPLE ? scan->radiance : (gonio_step_radiance){0};
     if (status == GONIO_OK) {
         status =
             gonio_session_finish_step(scan->session, &finished, exposures->items, exposures->n, scan->samples, error);

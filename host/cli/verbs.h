@@ -7,6 +7,8 @@
     X(pause)                                                                                                           \
     X(stop)                                                                                                            \
     X(replay)                                                                                                          \
+    X(info)                                                                                                            \
+    X(merge)                                                                                                           \
     X(samples)                                                                                                         \
     X(doctor)                                                                                                          \
     X(plan)                                                                                                            \

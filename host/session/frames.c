@@ -85,6 +85,9 @@ static gonio_status enter(gonio_session *session, const gonio_step *step, const 
     if (status == GONIO_OK && samples != NULL) {
         status = gonio_session_store_samples(session, step->index, samples, error);
     }
+    if (status == GONIO_OK && step->radiance.channels > 0) {
+        status = gonio_session_put_radiance(session, step->index, &step->radiance, error);
+    }
     if (status == GONIO_OK && step->flagged) {
         status = gonio_session_do(session, error, "INSERT OR IGNORE INTO flagged VALUES(?)", "l", step->index);
     }

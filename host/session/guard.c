@@ -191,7 +191,12 @@ static const char *next_column(sqlite3_stmt *columns) {
 // Tables that not every session of version 1 has: the first release had no flags, and a salvaged one may have the
 // others.
 static bool was_added(const char *table) {
-    return strcmp(table, "flagged") == 0 || strcmp(table, "hosts") == 0 || strcmp(table, "chain") == 0;
+    static const char *const added[] = {"flagged", "hosts", "chain", "radiance", "files"};
+    bool is = false;
+    for (size_t i = 0; i < sizeof added / sizeof *added; i++) {
+        is |= strcmp(table, added[i]) == 0;
+    }
+    return is;
 }
 
 // Columns that version 1 lacks, or has where it was salvaged from a later one.
@@ -280,7 +285,7 @@ static bool prepare_schema(gonio_session *session, schema *s) {
 
 gonio_status gonio_session_check_schema(gonio_session *session, gonio_error *error) {
     schema s = {0};
-    const int tables = session->version > 1 ? SESSION_TABLES + 1 : SESSION_TABLES - 2;
+    const int tables = session->version > 1 ? SESSION_TABLES + 1 : SESSION_TABLES - 4;
     gonio_status status = prepare_schema(session, &s) ? check_entries(session, &s, error)
                                                       : gonio_session_db_fail(session, error, "read the schema");
     if (status == GONIO_OK && s.tables < tables) {

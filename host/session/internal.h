@@ -26,7 +26,7 @@
 // Hashes and sample rows are of little-endian words; every machine that Gonio runs on is one.
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the session's hashes need a little-endian machine");
 
-enum { SESSION_TABLES = 8, SESSION_COLUMNS = 20, SESSION_KEY = 160 };
+enum { SESSION_TABLES = 10, SESSION_COLUMNS = 20, SESSION_KEY = 160 };
 
 // What a transaction of a writing connection does beside SQLite's part: chain.c sets it.
 typedef struct session_hooks {
@@ -412,6 +412,13 @@ gonio_status gonio_session_examine(gonio_session *session, session_findings *fin
 gonio_status gonio_session_look(const char *path, gonio_doctor_report *report, gonio_error *error);
 // A newer version, a locked or a missing session are answers about the session as a whole, not damage.
 bool gonio_session_is_damage(gonio_status status, const gonio_error *why);
+// Are there final samples for every step's?
+gonio_status gonio_session_is_final(gonio_session *session, bool *final, gonio_error *error);
+// Step by step, in their order, each step's set verified and valid during the call: sets of any size in the memory of
+// one step's.
+typedef gonio_status (*session_set_fn)(void *context, int64_t step, const gonio_samples *set, gonio_error *error);
+gonio_status gonio_session_each_set(gonio_session *session, bool final, session_set_fn call, void *context,
+                                    gonio_error *error);
 
 // ---- salvage.c ----
 // Copy what a damaged database file still gives into a new one, fresh. report takes what could not be read.

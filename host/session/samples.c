@@ -27,6 +27,15 @@ static double *pack(const gonio_samples *samples, size_t first, size_t n) {
     return rows;
 }
 
+gonio_status gonio_sha256_rows(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error) {
+    double *rows = pack(samples, 0, samples->n);
+    const gonio_status status =
+        rows != NULL ? gonio_sha256(rows, samples->n * row_doubles(samples->channels) * sizeof *rows, hex, error)
+                     : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", samples->n);
+    free(rows);
+    return status;
+}
+
 // The channels' names and the isotropy are the same for all steps; the first step with samples tells them.
 static gonio_status describe(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     char *known;
@@ -283,6 +292,28 @@ static gonio_status put_final_steps(gonio_session *session, const gonio_samples 
                                  "%zu final samples do not belong to the journalled ones", samples->n);
 }
 
+gonio_status gonio_session_each_set(gonio_session *session, bool final, session_set_fn call, void *context,
+                                    gonio_error *error) {
+    gonio_samples *set;
+    session_rows rows;
+    const gonio_status status = new_set(session, &set, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_rows_open(&rows, session, final ? "final_samples" : "samples", 1,
+                    final ? "SELECT step, n, channels, rows, sha256 FROM final_samples ORDER BY step"
+                          : "SELECT step, n, channels, rows, sha256 FROM samples ORDER BY step",
+                    error);
+    while (gonio_rows_next(&rows)) {
+        set->n = 0;
+        if (unpack(&rows, set) == GONIO_OK) {
+            rows.status = call(context, gonio_row_integer(&rows, 0, 0, SESSION_STEP_MAX), set, error);
+        }
+    }
+    gonio_samples_free(set);
+    return gonio_rows_close(&rows);
+}
+
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error) {
     bool own;
     gonio_status status = gonio_session_begin_own(session, &own, error);
@@ -292,19 +323,24 @@ gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples
     return status;
 }
 
-gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error) {
+gonio_status gonio_session_is_final(gonio_session *session, bool *final, gonio_error *error) {
     int64_t count = 0, lacking = 0;
-    *out = NULL;
     gonio_status status = gonio_session_integer(session, "SELECT EXISTS(SELECT 1 FROM final_samples)", &count, error);
     if (status == GONIO_OK) {
         status = gonio_session_integer(
             session, "SELECT EXISTS(SELECT 1 FROM samples WHERE step NOT IN (SELECT step FROM final_samples))",
             &lacking, error);
     }
+    *final = status == GONIO_OK && count > 0 && lacking == 0;
+    return status;
+}
+
+gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error) {
+    *out = NULL;
+    const gonio_status status = gonio_session_is_final(session, final, error);
     if (status != GONIO_OK) {
         return status;
     }
-    *final = count > 0 && lacking == 0;
     size_t n;
     return read_set(session, *final ? "final_samples" : "samples", -1, out, &n, error);
 }

@@ -23,6 +23,10 @@ const char gonio_session_schema[] =
     " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
     "CREATE TABLE final_samples(step INTEGER PRIMARY KEY REFERENCES steps(step), n INTEGER NOT NULL,"
     " channels INTEGER NOT NULL, rows BLOB NOT NULL, sha256 TEXT NOT NULL);"
+    "CREATE TABLE radiance(step INTEGER PRIMARY KEY REFERENCES steps(step), channels INTEGER NOT NULL,"
+    " means BLOB NOT NULL, sha256 TEXT NOT NULL);"
+    "CREATE TABLE files(key TEXT PRIMARY KEY, role TEXT NOT NULL, name TEXT NOT NULL, sha256 TEXT NOT NULL,"
+    " size INTEGER NOT NULL, bytes BLOB) WITHOUT ROWID;"
     "CREATE TABLE flagged(step INTEGER PRIMARY KEY REFERENCES steps(step));"
     "CREATE TABLE events(event INTEGER PRIMARY KEY, utc TEXT NOT NULL, kind TEXT NOT NULL, text TEXT NOT NULL);"
     "CREATE TABLE hosts(host INTEGER PRIMARY KEY, version TEXT NOT NULL, commit_id TEXT, hostname TEXT, user TEXT,"
@@ -43,6 +47,8 @@ const session_table gonio_session_tables[SESSION_TABLES + 1] = {
       "monitor_sigma", "utc", "monotonic_s", "bytes"}},
     {"samples", {"step"}, {"step", "n", "channels", "rows", "sha256"}},
     {"final_samples", {"step"}, {"step", "n", "channels", "rows", "sha256"}},
+    {"radiance", {"step"}, {"step", "channels", "means", "sha256"}},
+    {"files", {"key"}, {"key", "role", "name", "sha256", "size", "bytes"}},
     {"flagged", {"step"}, {"step"}},
     {"events", {"event"}, {"event", "utc", "kind", "text"}},
     {0},

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/text.h"
 #include "host/session/internal.h"
@@ -34,12 +35,16 @@ gonio_status gonio_session_get(gonio_session *session, const char *key, char **v
 }
 
 gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio_error *error) {
+    static const char own[] = "model.gonio";
     const gonio_status status = gonio_session_get(session, "result.model_path", path, error);
-    if (status != GONIO_OK || (*path)[0] == '/') {
+    const bool elsewhere = status == GONIO_OK && (*path)[0] == '/';
+    // A session that came from elsewhere as one file brings its model along.
+    if (status != GONIO_OK ||
+        (elsewhere && (access(*path, F_OK) == 0 || faccessat(session->folder_fd, own, F_OK, 0) != 0))) {
         return status;
     }
     char *joined;
-    if (asprintf(&joined, "%s/%s", session->path, *path) < 0) {
+    if (asprintf(&joined, "%s/%s", session->path, elsewhere ? own : *path) < 0) {
         joined = NULL;
     }
     free(*path);

@@ -133,8 +133,11 @@ gonio_status gonio_session_for_done(gonio_session *session, session_step_fn call
 
 static gonio_status delete_step_rows(gonio_session *session, int64_t step, gonio_error *error) {
     static const char *const deletions[] = {
-        "DELETE FROM frames WHERE step = ?", "DELETE FROM final_samples WHERE step = ?",
-        "DELETE FROM samples WHERE step = ?", "DELETE FROM flagged WHERE step = ?",
+        "DELETE FROM frames WHERE step = ?",
+        "DELETE FROM final_samples WHERE step = ?",
+        "DELETE FROM samples WHERE step = ?",
+        "DELETE FROM radiance WHERE step = ?",
+        "DELETE FROM flagged WHERE step = ?",
         "UPDATE steps SET done = 0, frames = 0, clock_end_s = NULL, exposure_end_s = NULL, utc = NULL WHERE step = ?"};
     gonio_status status = GONIO_OK;
     for (size_t i = 0; status == GONIO_OK && i < sizeof deletions / sizeof *deletions; i++) {

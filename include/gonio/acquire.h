@@ -158,6 +158,15 @@ typedef struct gonio_agreement {
     double model;               // evaluated at the samples' directions
 } gonio_agreement;
 
+// One stage of a result beside the journalled one.
+typedef struct gonio_stage_report {
+    char journalled[GONIO_SHA256_HEX], again[GONIO_SHA256_HEX]; // empty: none
+    bool known, equal;                                          // known: both are there
+    size_t steps_differing; // up to GONIO_STAGE_SAMPLES; of frames none: each is verified as it is read
+    long long first_step;   // of them; -1: none
+    double largest;         // relative difference: of a step's mean radiance, of a value beside its sigma; NaN: not known
+} gonio_stage_report;
+
 typedef struct gonio_replay_report {
     bool equal;                      // everything that could be compared is equal, bit for bit
     bool rounding;                   // not equal, but no further apart than other processors and libraries round
@@ -167,6 +176,8 @@ typedef struct gonio_replay_report {
     bool finished;                   // the session has journalled results to compare with
     bool samples_equal, model_equal; // by checksum; false where not finished
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX]; // as journalled; empty: none
+    gonio_stage_report stages[GONIO_STAGES];
+    int first_stage; // that differs, a gonio_stage; -1: none
 } gonio_replay_report;
 
 // Stored frames -> calibration -> samples -> model again, held against the journal; the session is only read. Of the

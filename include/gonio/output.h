@@ -14,6 +14,8 @@ GONIO_BEGIN
 typedef struct gonio_output gonio_output;
 gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error *error);
 FILE *gonio_output_stream(gonio_output *output);
+// The file's name until the commit, for a library that opens files itself; NULL: a pipe or device, which has none.
+const char *gonio_output_temporary(const gonio_output *output);
 gonio_status gonio_output_commit(gonio_output *output, gonio_error *error); // frees it in every case
 void gonio_output_abandon(gonio_output *output);                            // NULL is allowed
 

@@ -19,7 +19,8 @@ GONIO_BEGIN
 // n samples of `channels` values each. Plain data: read the members freely, change them through the calls below.
 // values, sigma and sigma_systematic are n x channels, channel fastest, f_r in 1/sr; the sigmas are standard
 // uncertainties (k = 1), NULL where the source has none. sigma_random varies independently from sample to sample;
-// sigma_systematic is common to the set (reference scale, alignment) and does not average away.
+// sigma_systematic is common to the set (reference scale, alignment) and does not average away. Where sets of several
+// sessions were joined, it is common to the samples of one group, and one group's is independent of another's.
 typedef struct gonio_samples {
     size_t n, capacity;
     int channels;
@@ -29,6 +30,7 @@ typedef struct gonio_samples {
     double *sigma_random;
     double *sigma_systematic;
     char (*channel_names)[GONIO_CHANNEL_NAME_MAX]; // [channels], "r" "g" "b" or "550nm"
+    uint16_t *group;                               // [n], from 1 on; NULL: all are of one group
 } gonio_samples;
 
 // A new empty set; the caller frees it with gonio_samples_free. with_sigma: carry both sigma arrays.
@@ -37,6 +39,8 @@ void gonio_samples_free(gonio_samples *samples); // NULL is allowed
 // Copies one sample in; sigmas may be NULL when the set carries none.
 gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, const double *values,
                                const double *sigma_random, const double *sigma_systematic, gonio_error *error);
+// The group of a sample that is there; further ones take that of the sample before them.
+gonio_status gonio_samples_set_group(gonio_samples *samples, size_t index, uint16_t group, gonio_error *error);
 gonio_status gonio_samples_reserve(gonio_samples *samples, size_t capacity, gonio_error *error);
 // A new set with the samples whose keep[i] is true, in order; the caller frees it.
 gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep, gonio_samples **out,

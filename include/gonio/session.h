@@ -7,6 +7,7 @@
 #define GONIO_SESSION_H
 
 #include "gonio/export.h"
+#include "gonio/fit.h"
 #include "gonio/plan.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
@@ -27,6 +28,15 @@ typedef enum gonio_step_kind {
     GONIO_STEP_CHECK  // a full frame of the sample before and after the scan, to see whether anything moved
 } gonio_step_kind;
 
+#define GONIO_SHA256_HEX 65 // a SHA-256 as 64 hex digits
+
+// What a sample step's frames say before geometry (gonio_calib_probe): a replay compares it.
+typedef struct gonio_step_radiance {
+    int channels;                  // 0: not known
+    double mean[3];                // a channel each; NaN: no valid pixel
+    char sha256[GONIO_SHA256_HEX]; // of the pixels' values
+} gonio_step_radiance;
+
 // One step of the session: a pose with a target, done as a whole or not at all.
 typedef struct gonio_step {
     int64_t index; // running number; equals gonio_stamp.pose
@@ -37,6 +47,7 @@ typedef struct gonio_step {
     double clock_end_s;    // nominal clock when it was done
     double exposure_end_s; // the exposure to begin the next step with
     int frames;
+    gonio_step_radiance radiance; // what gonio_session_finish_step enters; gonio_session_steps leaves it empty
 } gonio_step;
 
 gonio_status gonio_session_create(const char *path, gonio_session **out,
@@ -64,6 +75,10 @@ gonio_status gonio_session_end(gonio_session *session, gonio_status status, goni
 gonio_status gonio_session_put(gonio_session *session, const char *key, const char *value, gonio_error *error);
 gonio_status gonio_session_get(gonio_session *session, const char *key, char **value, gonio_error *error);
 gonio_status gonio_session_find(gonio_session *session, const char *key, char **value, gonio_error *error);
+// A file that the session was made from: what it was for ("rig", "plan" ...), its name as given, its bytes. Those of
+// large ones are not stored, their checksum is.
+gonio_status gonio_session_put_file(gonio_session *session, const char *role, const char *name, const void *bytes,
+                                    size_t size, gonio_error *error);
 gonio_status gonio_session_event(gonio_session *session, const char *kind, const char *text, gonio_error *error);
 // The events, oldest first, as "UTC kind: text" lines, what is not fit for a terminal written as \\n, \\x1b or \\u202e;
 // the caller frees the text.
@@ -127,13 +142,20 @@ gonio_status gonio_session_step_samples(gonio_session *session, int64_t step, go
 gonio_status gonio_session_put_step_samples(gonio_session *session, int64_t step, const gonio_samples *samples,
                                             gonio_error *error);
 
+// A step's radiance before geometry: replace it, or read it (channels 0 where there is none).
+gonio_status gonio_session_put_radiance(gonio_session *session, int64_t step, const gonio_step_radiance *radiance,
+                                        gonio_error *error);
+gonio_status gonio_session_radiance(gonio_session *session, int64_t step, gonio_step_radiance *radiance,
+                                    gonio_error *error);
+
 // The final samples: the journalled ones after what only the whole session tells (drift between the references, the
 // pointing term). put: as many, in the same order. get: *final tells whether the session is finished; until then the
 // journalled ones come.
 gonio_status gonio_session_put_final(gonio_session *session, const gonio_samples *samples, gonio_error *error);
 gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples **out, bool *final, gonio_error *error);
-// The file of the journalled model, "result.model_path" (in the session's folder where it is relative); the caller
-// frees it. GONIO_E_INPUT where the session is not finished.
+// The file of the journalled model, "result.model_path" (in the session's folder where it is relative, or where the
+// place that it names is empty and model.gonio is there); the caller frees it. GONIO_E_INPUT where the session is not
+// finished.
 gonio_status gonio_session_model_path(gonio_session *session, char **path, gonio_error *error);
 // Open, read the final samples, close: what a verb does whose INPUT is a session.
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error);
@@ -183,6 +205,32 @@ gonio_status gonio_session_keep_file(const char *path, gonio_error *error);
 // whose checksums are journalled?
 gonio_status gonio_session_finished(gonio_session *session, bool *finished, gonio_error *error);
 
+// The stages of a result, each of which is made of the one before.
+typedef enum gonio_stage {
+    GONIO_STAGE_FRAMES,   // all frames' pixels
+    GONIO_STAGE_RADIANCE, // calibrated and merged, before geometry
+    GONIO_STAGE_SAMPLES,  // of every step, as it was evaluated
+    GONIO_STAGE_FINAL,    // of the whole session: after drift and pointing
+    GONIO_STAGE_MODEL,
+    GONIO_STAGES
+} gonio_stage;
+extern const char *const gonio_stage_names[GONIO_STAGES]; // "frames" ...
+// One checksum of a stage up to GONIO_STAGE_SAMPLES, from what the journal holds: SHA-256 over a line a frame, "STEP
+// FRAME SHA256\n", or a line a step, "STEP SHA256\n", in their order. Empty where there is nothing.
+gonio_status gonio_session_stage_hash(gonio_session *session, gonio_stage stage, char hex[GONIO_SHA256_HEX],
+                                      gonio_error *error);
+
+// All of a session as one HDF5 file with NeXus' names (docs/formats.md), and back: every table of the journal whole,
+// the frames, the model and the files of the folder; equal checksums. Memory is that of a few frames. Either appears
+// whole or not at all; progress (may be NULL) returning false stops with GONIO_E_INTERRUPTED.
+gonio_status gonio_session_export(gonio_session *session, const char *path, gonio_progress_fn progress, void *context,
+                                  gonio_error *error);
+// path: of the new session; GONIO_E_USAGE where something is there. The file is held against its own checksums, and
+// GONIO_E_INPUT says where it is not what it should be.
+gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_progress_fn progress, void *context,
+                                  gonio_error *error);
+bool gonio_session_is_hdf5(const char *path); // a file that begins as HDF5 files do
+
 // What the doctor found.
 typedef struct gonio_doctor_report {
     int64_t steps, steps_done;
@@ -223,10 +271,11 @@ bool gonio_doctor_sound(const gonio_doctor_report *report);
 gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error);
 
 // SHA-256 as 64 hex digits: of bytes, of a file, and of the CSV that gonio_write_samples makes of a set.
-#define GONIO_SHA256_HEX 65
 gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_HEX], gonio_error *error);
 gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error);
 gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
+// Of a step's samples as the journal holds them (docs/formats.md).
+gonio_status gonio_sha256_rows(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
 
 GONIO_END
 #endif

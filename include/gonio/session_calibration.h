@@ -121,6 +121,12 @@ int gonio_calib_edges(const gonio_camera_info *camera, const gonio_rig_facts *fa
 // bits for any number.
 gonio_status gonio_calib_radiance(const gonio_calib *calib, const gonio_exposure *exposure, int threads,
                                   float *radiance, float *variance, gonio_error *error);
+// The pose's merged radiance (f_r times relative irradiance) at pixels of a lattice over the window that does not depend
+// on the pose: what its samples are made of, before geometry. values: *count of them, NaN where a pixel has no valid
+// exposure; mean: over the others, a channel each, NaN where there is none.
+enum { GONIO_PROBES_MAX = 4096 };
+gonio_status gonio_calib_probe(const gonio_calib *calib, int n, const gonio_exposure *exposures,
+                               double values[GONIO_PROBES_MAX], size_t *count, double mean[3], gonio_error *error);
 // After the reference was measured again: correct the samples for the lamp's drift between the two, linear in time, and
 // replace the bound on drift in their systematic sigma by what remains. clock_s: the nominal clock of every sample.
 // Does nothing where a monitor measured the lamp; *ratio (may be NULL): responsivity at the end / at the start.

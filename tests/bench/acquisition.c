@@ -148,11 +148,13 @@ static void storing(const char *root, gonio_session *session, const gonio_rig *r
 static double finish(gonio_session *session, const char *model_path, gonio_outcome *outcome) {
     gonio_process process;
     gonio_samples **sets;
+    gonio_step_radiance *radiance;
     bool ready;
     const double start = gonio_clock_s();
     must(gonio_process_begin(session, &process, &error));
     must(gonio_process_prepare(session, &process, NULL, NULL, 0, &ready, &error));
-    must(gonio_process_samples(session, &process, false, 0, NULL, NULL, &sets, &error));
+    must(gonio_process_samples(session, &process, false, 0, NULL, NULL, &sets, &radiance, &error));
+    free(radiance);
     const double frames_s = gonio_clock_s() - start;
     const gonio_finish_options options = {.sets = sets, .model_path = model_path};
     must(gonio_finish(session, &process, &options, outcome, &error));

@@ -339,13 +339,15 @@ static void test_frames_give_the_samples_again(void **state) {
     for (int threads = 1; threads <= 3; threads++) {
         gonio_process process;
         gonio_samples **sets;
+        gonio_step_radiance *radiance;
         bool ready;
         gonio_error error = {0};
         assert_int_equal(gonio_process_begin(session, &process, &error), GONIO_OK);
         assert_true(process.isotropic);
         assert_int_equal(gonio_process_prepare(session, &process, NULL, NULL, 0, &ready, &error), GONIO_OK);
         assert_true(ready);
-        assert_int_equal(gonio_process_samples(session, &process, false, threads, NULL, NULL, &sets, &error), GONIO_OK);
+        assert_int_equal(gonio_process_samples(session, &process, false, threads, NULL, NULL, &sets, &radiance, &error),
+                         GONIO_OK);
         gonio_samples *all;
         assert_int_equal(gonio_process_new_samples(&process, &all, NULL), GONIO_OK);
         for (size_t i = 0; i < process.n; i++) {
@@ -356,6 +358,13 @@ static void test_frames_give_the_samples_again(void **state) {
         }
         assert_same(all, expected);
         gonio_samples_free(all);
+        for (size_t i = 0; i < process.n; i++) { // and so is what the frames say before geometry
+            gonio_step_radiance journalled;
+            assert_int_equal(gonio_session_radiance(session, (int64_t)i, &journalled, &error), GONIO_OK);
+            assert_int_equal(journalled.channels, sets[i] != NULL ? 1 : 0);
+            assert_memory_equal(&journalled, &radiance[i], sizeof journalled);
+        }
+        free(radiance);
         gonio_sets_free(sets, process.n);
         gonio_process_end(&process);
     }

@@ -64,6 +64,37 @@ static void methods_are_listed(void **state) {
     gonio_samples_free(samples);
 }
 
+// The second of two sessions is a tenth off and says that it may be: as groups the first one counts, as one set they
+// count alike.
+static void sessions_weigh_by_all_of_their_uncertainty(void **state) {
+    (void)state;
+    double share[2];
+    for (int groups = 0; groups < 2; groups++) {
+        gonio_samples *exact = simulate_samples(WARD, 200, 1, 1), *both;
+        assert_int_equal(gonio_samples_new(1, true, &both, NULL), GONIO_OK);
+        for (size_t i = 0; i < exact->n; i++) {
+            const double v = exact->values[i], random = 1e-3 * v, systematic = (i % 2 == 0 ? 1e-3 : 0.1) * v;
+            const double value = i % 2 == 0 ? v : 1.1 * v;
+            gonio_samples_add(both, &exact->pairs[i], &value, &random, &systematic, NULL);
+            assert_int_equal(gonio_samples_set_group(both, i, groups == 1 && i % 2 == 1 ? 2 : 1, NULL), GONIO_OK);
+        }
+        gonio_fit_options o = options("lsq"); // which weighs, as auto does by it
+        o.level = 3;
+        gonio_model *model = fit(both, &o, NULL);
+        double sum = 0, got;
+        for (size_t i = 0; i < exact->n; i++) {
+            gonio_model_eval_pair(model, &exact->pairs[i], &got);
+            sum += got / exact->values[i] - 1;
+        }
+        share[groups] = sum / (double)exact->n / 0.1;
+        gonio_model_free(model);
+        gonio_samples_free(exact);
+        gonio_samples_free(both);
+    }
+    print_message("%.3f of the second session's error as one set, %.3f as groups\n", share[0], share[1]);
+    assert_true(share[0] > 0.4 && share[1] < 0.7 * share[0]); // a weight is never wholly trusted
+}
+
 static void impossible_options_are_wrong_usage(void **state) {
     (void)state;
     gonio_samples *samples = simulate_samples(WARD, 10, 1, 1);
@@ -435,6 +466,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(methods_are_listed),
         cmocka_unit_test(impossible_options_are_wrong_usage),
+        cmocka_unit_test(sessions_weigh_by_all_of_their_uncertainty),
         cmocka_unit_test(held_out_figures_do_not_change_the_model),
         cmocka_unit_test(tolerance_takes_the_smallest_level),
         cmocka_unit_test(max_bytes_is_kept),

@@ -105,6 +105,9 @@ static void make_finished(void) {
     assert_int_equal(gonio_session_begin(session, NULL), GONIO_OK);
     assert_int_equal(gonio_session_put_final(session, samples, NULL), GONIO_OK);
     assert_int_equal(gonio_session_put(session, "result.samples_sha256", "x", NULL), GONIO_OK);
+    const gonio_step_radiance radiance = {.channels = 2, .mean = {0.1, 1.0 / 3}, .sha256 = "y"};
+    assert_int_equal(gonio_session_put_radiance(session, 3, &radiance, NULL), GONIO_OK);
+    assert_int_equal(gonio_session_put_file(session, "plan", "a/b.csv", "1,2", 3, NULL), GONIO_OK);
     assert_int_equal(gonio_session_do(session, NULL, "INSERT INTO flagged VALUES(3)", ""), GONIO_OK);
     assert_int_equal(gonio_session_commit(session, NULL), GONIO_OK);
     assert_int_equal(gonio_session_event(session, "test", "line\nZ\xc3\xbcrich \xff and \x01", NULL), GONIO_OK);

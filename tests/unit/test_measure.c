@@ -122,7 +122,10 @@ static void whole_and_replayed(void **state) {
         fail_msg("%s", error.message);
     }
     assert_true(report.equal && report.finished && report.samples_equal && report.model_equal);
-    assert_true(report.steps_differing == 0 && report.first_differing == -1);
+    assert_true(report.steps_differing == 0 && report.first_differing == -1 && report.first_stage == -1);
+    for (int k = 0; k < GONIO_STAGES; k++) {
+        assert_true(report.stages[k].known && report.stages[k].equal && report.stages[k].steps_differing == 0);
+    }
     assert_string_equal(again.samples_sha256, outcome.samples_sha256);
     assert_string_equal(again.model_sha256, outcome.model_sha256);
     assert_null(again.model_path);
@@ -144,6 +147,25 @@ static void whole_and_replayed(void **state) {
     options.model_path = NULL;
     assert_int_equal(gonio_replay(session, &options, &again, &report, &error), GONIO_OK);
     assert_true(!report.equal && report.steps_differing == 1 && report.first_differing == 6);
+    const gonio_stage_report *stages = report.stages;
+    assert_int_equal(report.first_stage, GONIO_STAGE_SAMPLES);
+    assert_true(stages[GONIO_STAGE_SAMPLES].first_step == 6 && stages[GONIO_STAGE_SAMPLES].largest > 0 &&
+                stages[GONIO_STAGE_SAMPLES].largest < 1e-15);
+    assert_true(stages[GONIO_STAGE_FRAMES].equal && stages[GONIO_STAGE_RADIANCE].equal);
+    gonio_outcome_free(&again);
+
+    // As if the version that measured had calibrated otherwise: that stage is named, and by how much.
+    gonio_step_radiance radiance;
+    assert_int_equal(gonio_session_radiance(session, 7, &radiance, NULL), GONIO_OK);
+    assert_int_equal(radiance.channels, 1);
+    radiance.mean[0] *= 1.25;
+    radiance.sha256[3] ^= 1;
+    assert_int_equal(gonio_session_put_radiance(session, 7, &radiance, NULL), GONIO_OK);
+    w = (watcher){.stop_at = 1000};
+    assert_int_equal(gonio_replay(session, &options, &again, &report, &error), GONIO_OK);
+    assert_int_equal(report.first_stage, GONIO_STAGE_RADIANCE);
+    assert_true(stages[GONIO_STAGE_RADIANCE].steps_differing == 1 && stages[GONIO_STAGE_RADIANCE].first_step == 7);
+    assert_true(fabs(stages[GONIO_STAGE_RADIANCE].largest - 0.2) < 1e-12);
     gonio_outcome_free(&again);
     gonio_outcome_free(&outcome);
     gonio_session_close(session);

@@ -39,6 +39,35 @@ static void add(gonio_samples *s, gonio_pair p, double value) {
     assert_int_equal(gonio_samples_add(s, &p, v, r, y, NULL), GONIO_OK);
 }
 
+// Every way from one set to another takes the groups along.
+static void groups_stay_with_their_samples(void **state) {
+    (void)state;
+    gonio_samples *s = make(2, true), *part, *channel;
+    bool keep[200];
+    for (int i = 0; i < 200; i++) { // past several reserves
+        add(s, (gonio_pair){0.001 * i, 0, 0.002 * i, 0}, i);
+        if (i == 50) {
+            assert_int_equal(gonio_samples_set_group(s, 50, 2, NULL), GONIO_OK);
+        } else if (i == 150) {
+            assert_int_equal(gonio_samples_set_group(s, 150, 3, NULL), GONIO_OK);
+        }
+        keep[i] = i % 7 == 3;
+    }
+    assert_int_equal(gonio_samples_select(s, keep, &part, NULL), GONIO_OK);
+    assert_int_equal(gonio_samples_channel(s, 1, &channel, NULL), GONIO_OK);
+    for (size_t i = 0, k = 0; i < 200; i++) {
+        const uint16_t group = i < 50 ? 1 : i < 150 ? 2 : 3;
+        assert_int_equal(s->group[i], group);
+        assert_int_equal(channel->group[i], group);
+        if (keep[i]) {
+            assert_int_equal(part->group[k++], group);
+        }
+    }
+    gonio_samples_free(s);
+    gonio_samples_free(part);
+    gonio_samples_free(channel);
+}
+
 static void unusable_samples_are_named(void **state) {
     (void)state;
     const double right = GONIO_PI / 2;
@@ -226,6 +255,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names_tell_wavelengths),
         cmocka_unit_test(what_is_added_is_there),
+        cmocka_unit_test(groups_stay_with_their_samples),
         cmocka_unit_test(unusable_samples_are_named),
         cmocka_unit_test(impossible_sets),
         cmocka_unit_test(folds_keep_equal_geometries_together),

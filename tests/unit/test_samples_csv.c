@@ -48,6 +48,10 @@ static void same_sets(const gonio_samples *a, const gonio_samples *b) {
         assert_memory_equal(a->sigma_random, b->sigma_random, a->n * c * sizeof(double));
         assert_memory_equal(a->sigma_systematic, b->sigma_systematic, a->n * c * sizeof(double));
     }
+    assert_int_equal(a->group != NULL, b->group != NULL);
+    if (a->group != NULL) {
+        assert_memory_equal(a->group, b->group, a->n * sizeof *a->group);
+    }
 }
 
 static gonio_samples *read_back(const char *path) {
@@ -88,6 +92,9 @@ static void every_double_comes_back(void **state) {
     for (int k = 0; k < 6; k++) {
         gonio_samples *s = random_set(1 + k, k % 3 != 0, k % 3 == 2, 500);
         s->isotropic = k % 2 == 0;
+        for (size_t i = 0; i < s->n && k == 5; i++) { // as of several sessions
+            assert_int_equal(gonio_samples_set_group(s, i, (uint16_t)(i < 3 ? 1 : UINT16_MAX), NULL), GONIO_OK);
+        }
         char path[64], again[64];
         scratch_file(path, "", 0);
         scratch_file(again, "", 0);
@@ -281,6 +288,14 @@ static void bad_samples(void **state) {
     refused(HEADER "r\n-1,2,3,4,5\n", 2, "theta_i: expected 0 to 90");
     refused(HEADER "r\n1,400,3,4,5\n", 2, "phi_i: expected -360 to 360");
     refused(HEADER "r,sigma_r\n1,2,3,4,5,-1\n", 2, "sigma: expected 0 or more");
+    static const char *const groups[] = {"0", "-1", "65536", "1.5", "", "x", "1e99"};
+    for (size_t k = 0; k < sizeof groups / sizeof *groups; k++) {
+        char text[160];
+        snprintf(text, sizeof text, HEADER "r,sigma_random_r,sigma_systematic_r,systematic_group\n1,2,3,4,5,1,1,%s\n",
+                 groups[k]);
+        refused(text, 2, "systematic_group: expected 1 to 65535");
+    }
+    refused(HEADER "r,sigma_r,systematic_group\n1,2,3,4,5,1,1\n", 1, "expected sigma_<channel>");
 }
 
 static void bad_files_of_other_formats(void **state) {

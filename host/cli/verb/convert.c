@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio convert: what can be read, a session, a model or an analytic BRDF -> any format that has a writer, or a model
-// file.
+// file; a whole session -> HDF5 and back.
+#include <hdf5.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "gonio/plan.h"
+#include "gonio/session.h"
 #include "host/cli/input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
 #define MODEL_EXTENSION ".gonio"
+// Whole sessions: what --to calls them.
+#define TO_HDF5 "hdf5"
+#define TO_SESSION "session"
 
 typedef struct convert_arguments {
     const char *to, *plan;
@@ -79,9 +84,60 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     return status;
 }
 
+// ---- a whole session ----
+
+static bool is_hdf5_name(const char *name) {
+    return ends_with(name, ".h5") || ends_with(name, ".hdf5") || ends_with(name, ".nxs");
+}
+
+static bool on_progress(void *context, double fraction, const char *what, double error_now) {
+    cli_progress_update(context, fraction, what, error_now);
+    return !cli_interrupted();
+}
+
+static gonio_status whole(const char *in, const char *out, const convert_arguments *a, gonio_error *error) {
+    if (a->plan != NULL) {
+        return gonio_fail(error, GONIO_E_USAGE, "plan: a session is converted as it is");
+    }
+    cli_progress progress;
+    gonio_session *session;
+    gonio_status status = cli_input_refuse(&a->input, "a session", error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
+    cli_catch_interrupts();
+    cli_progress_start(&progress, "converting", 1);
+    if (gonio_session_is_hdf5(in)) {
+        status = gonio_session_import(in, out, on_progress, &progress, error);
+    } else if ((status = gonio_session_open(in, false, &session, error)) == GONIO_OK) {
+        status = gonio_session_export(session, out, on_progress, &progress, error);
+        gonio_session_close(session);
+    }
+    cli_progress_end(&progress);
+    return status;
+}
+
+// What a whole session becomes: NULL where that is not what is asked for.
+static const char *whole_format(const char *const *names, const convert_arguments *a) {
+    if (gonio_session_is_hdf5(names[0])) {
+        gonio_format_facts facts;
+        return a->to != NULL ? (strcmp(a->to, TO_SESSION) == 0 ? TO_SESSION : NULL)
+               : ends_with(names[1], MODEL_EXTENSION) || gonio_format_writer(NULL, names[1], &facts, NULL) == GONIO_OK
+                   ? NULL
+                   : TO_SESSION;
+    }
+    return a->to != NULL ? (strcmp(a->to, TO_HDF5) == 0 ? TO_HDF5 : NULL) : is_hdf5_name(names[1]) ? TO_HDF5 : NULL;
+}
+
 static gonio_status convert(const char *const *names, const convert_arguments *a, const cli_common *common,
                             json_t *result, gonio_error *error) {
     gonio_format_facts facts;
+    const char *session_format = whole_format(names, a);
+    if (session_format != NULL) {
+        json_object_set_new(result, "format", json_string(session_format));
+        return whole(names[0], names[1], a, error);
+    }
     if (a->to != NULL ? strcmp(a->to, "model") == 0 : ends_with(names[1], MODEL_EXTENSION)) {
         json_object_set_new(result, "format", json_string("model"));
         return to_table(names[0], names[1], NULL, a, common->threads, error);
@@ -89,8 +145,8 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
     const gonio_status status = gonio_format_writer(a->to, names[1], &facts, error);
     if (status != GONIO_OK) {
         const size_t used = strlen(error->message);
-        snprintf(error->message + used, sizeof error->message - used, ", model (%s); choose one with --to",
-                 MODEL_EXTENSION);
+        snprintf(error->message + used, sizeof error->message - used,
+                 ", model (%s), hdf5 (.h5 .hdf5 .nxs, of a session); choose one with --to", MODEL_EXTENSION);
         return status;
     }
     json_object_set_new(result, "format", json_string(facts.name));
@@ -108,13 +164,15 @@ static void list_writers(char *text, size_t size) {
         }
     }
     if (used < size) {
-        snprintf(text + used, size - used, "model (" MODEL_EXTENSION "); without it OUT's ending chooses");
+        snprintf(text + used, size - used,
+                 "model (" MODEL_EXTENSION "), hdf5 (.h5 .hdf5 .nxs) of a whole session, session from that; without it "
+                 "OUT's ending chooses");
     }
 }
 
 static int run(int argc, char **argv) {
     convert_arguments a = {0};
-    char writers[300];
+    char writers[400];
     list_writers(writers, sizeof writers);
     const cli_option options[] = {
         {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT", writers},
@@ -143,5 +201,6 @@ static int run(int argc, char **argv) {
 }
 
 const cli_verb cmd_convert = {"convert", "IN OUT [options]",
-                              "any readable BRDF, session or model to any format that is written, or to a model file",
+                              "any readable BRDF, session or model to any format that is written, or to a model file; "
+                              "sessions to HDF5 and back",
                               run};

@@ -24,6 +24,41 @@ static void print_agreement(const gonio_agreement *a, bool rounding) {
     }
 }
 
+static json_t *stages_json(const gonio_replay_report *r) {
+    json_t *list = json_array();
+    for (int k = 0; k < GONIO_STAGES; k++) {
+        const gonio_stage_report *s = &r->stages[k];
+        json_array_append_new(list,
+                              json_pack("{s:s,s:o,s:o,s:o,s:I,s:o,s:o}", "stage", gonio_stage_names[k], "journalled",
+                                        cli_json_text(s->journalled), "again", cli_json_text(s->again), "equal",
+                                        s->known ? json_boolean(s->equal) : json_null(), "steps_differing",
+                                        (json_int_t)s->steps_differing, "first_step",
+                                        s->first_step >= 0 ? json_integer(s->first_step) : json_null(),
+                                        "largest_relative", cli_json_real(s->largest)));
+    }
+    return list;
+}
+
+static void print_stages(const gonio_replay_report *r) {
+    for (int k = 0; k < GONIO_STAGES; k++) {
+        const gonio_stage_report *s = &r->stages[k];
+        printf("stage      %-9s %s", gonio_stage_names[k],
+               !s->known  ? "not journalled, nothing to compare with"
+               : s->equal ? "equal"
+                          : "DIFFERENT");
+        if (s->known && !s->equal && s->steps_differing > 0) {
+            printf(" in %zu steps, the first is step %lld", s->steps_differing, s->first_step);
+        }
+        if (s->known && !s->equal && s->largest > 0) {
+            printf(", by up to %.2g relative", s->largest);
+        }
+        putchar('\n');
+    }
+    if (r->first_stage >= 0) {
+        printf("the first stage that differs is %s; what comes after it follows\n", gonio_stage_names[r->first_stage]);
+    }
+}
+
 static int report(const cli_common *common, const char *path, const gonio_outcome *outcome,
                   const gonio_replay_report *r) {
     if (common->json) {
@@ -38,6 +73,9 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
                                         : r->rounding ? "rounding"
                                                       : "changed"));
         json_object_set_new(object, "shares_of_bounds", cli_json_figures(shares, &r->agreement));
+        json_object_set_new(object, "stages", stages_json(r));
+        json_object_set_new(object, "first_stage_differing",
+                            r->first_stage >= 0 ? json_string(gonio_stage_names[r->first_stage]) : json_null());
         if (outcome->model_path != NULL) {
             json_object_set_new(object, "model", json_string(outcome->model_path));
         }
@@ -50,6 +88,7 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
         } else {
             printf("the session is not finished, so there is no result to compare with; `gonio resume` goes on\n");
         }
+        print_stages(r);
     }
     if (!common->json && !r->equal) {
         print_agreement(&r->agreement, r->rounding);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "host/acquire/identity.h"
 #include "host/cli/rig/actions.h"
 #include "host/cli/steering.h"
 #include "host/drivers/controller_map.h"
@@ -16,41 +17,6 @@ const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] --rig RIG.ini|sim",
                           run};
 
 #define STOP_TIMEOUT_S 30
-
-static const char *const patterns[] = {"mono", "rggb", "bggr", "grbg", "gbrg"};
-
-static const char *or_none(const char *name) { return name != NULL ? name : "none"; }
-
-static gonio_status identify(const cli_rig *rig, json_t **out, gonio_error *error) {
-    gonio_camera_info camera;
-    const gonio_rig *r = &rig->rig;
-    const gonio_status status = r->camera->info(r->camera_device, &camera, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    *out = json_pack("{s:s,s:s,s:s,s:s,s:s,s:s,s:s,s:s}", "driver", rig->driver, "stage", r->stage->name, "lamp",
-                     r->lamp->name, "camera", r->camera->name, "meter", or_none(r->meter ? r->meter->name : NULL),
-                     "interlock", or_none(r->interlock ? r->interlock->name : NULL), "mount",
-                     or_none(r->mount ? r->mount->name : NULL), "serials", r->facts.serials);
-    json_object_set_new(*out, "sensor",
-                        json_pack("{s:s,s:s,s:i,s:i,s:i,s:s,s:f,s:f}", "name", camera.name, "serial", camera.serial,
-                                  "width", camera.width, "height", camera.height, "bits", camera.bits, "pattern",
-                                  patterns[camera.pattern], "exposure_min_s", camera.exposure_min_s, "exposure_max_s",
-                                  camera.exposure_max_s));
-    const gonio_controller *controller = gonio_hardware_controller(rig->hardware);
-    if (controller != NULL) {
-        const gonio_controller_identity *c = gonio_controller_identify(controller);
-        char version[32];
-        snprintf(version, sizeof version, "%u.%u.%u", c->version >> 16 & 255, c->version >> 8 & 255, c->version & 255);
-        json_object_set_new(*out, "controller",
-                            json_pack("{s:s,s:i,s:i,s:i}", "firmware", version, "protocol", c->protocol, "board",
-                                      c->board, "axes", c->axes));
-    }
-    if (gonio_hardware_meter(rig->hardware) != NULL) {
-        json_object_set_new(*out, "meter_identity", json_string(gonio_hardware_meter(rig->hardware)));
-    }
-    return GONIO_OK;
-}
 
 static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *error) {
     const gonio_rig *r = &rig->rig;
@@ -201,7 +167,7 @@ static gonio_status with_rig(const char *name, const rig_request *request, const
     }
     status = cli_rig_open(options, &rig, error);
     if (status == GONIO_OK && strcmp(name, "identify") == 0) {
-        status = identify(&rig, out, error);
+        status = gonio_rig_describe(&rig, out, error);
     } else if (status == GONIO_OK && strcmp(name, "status") == 0) {
         status = read_status(&rig, out, error);
     } else if (status == GONIO_OK) {
