@@ -12,7 +12,17 @@
 #include "gonio/status.h"
 #include "host/control/control.h"
 
-typedef enum cli_kind { CLI_FLAG, CLI_INT, CLI_U64, CLI_SIZE, CLI_DOUBLE, CLI_TEXT, CLI_LIST, CLI_TABLE } cli_kind;
+typedef enum cli_kind {
+    CLI_FLAG,
+    CLI_INT,
+    CLI_U64,
+    CLI_SIZE,
+    CLI_DOUBLE,
+    CLI_TEXT,
+    CLI_OUTPUT,
+    CLI_LIST,
+    CLI_TABLE
+} cli_kind;
 
 // The texts of an option that may be repeated, in their order; borrowed from argv.
 typedef struct cli_list {
@@ -22,8 +32,9 @@ typedef struct cli_list {
 
 // One option: where its value goes and what --help says. A table ends with {0}. CLI_FLAG: bool *, CLI_INT: int *,
 // CLI_U64: uint64_t *, CLI_SIZE: size_t * (suffixes k, M, G), CLI_DOUBLE: double *, CLI_TEXT: const char **,
-// CLI_LIST: cli_list *, one item each time the option is given. CLI_TABLE: const cli_option *, the rows of another
-// table, which stand here; only value counts, and name is not NULL.
+// CLI_OUTPUT: const char **, a file that the verb writes, which is none of its inputs (apart.h), CLI_LIST: cli_list *,
+// one item each time the option is given. CLI_TABLE: const cli_option *, the rows of another table, which stand here;
+// only value counts, and name is not NULL.
 typedef struct cli_option {
     const char *name; // "hold-out"
     char letter;      // 'o', or 0
@@ -39,6 +50,12 @@ typedef struct cli_common {
     bool json;
     uint64_t seed; // 1 by default
     int threads;   // 0: all
+    // For apart.h: what was given, and which of it are files to be written.
+    int argc;
+    char *const *argv;
+    cli_list written;
+    const char *folder;              // in which the verb writes the files; NULL: none
+    const char *const *folder_files; // NULL ends them
 } cli_common;
 
 typedef struct cli_verb {

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/keys.h"
+#include "host/cli/apart.h"
 
 static void help_rows(const cli_option *options) {
     for (const cli_option *o = options; o != NULL && o->name != NULL; o++) {
@@ -63,6 +64,7 @@ static bool store(const cli_option *option, const char *text) {
     case CLI_DOUBLE:
         return gonio_key_parse(&numbers[option->kind], option->value, text, NULL) == GONIO_OK;
     case CLI_TEXT:
+    case CLI_OUTPUT:
         *(const char **)option->value = text;
         return true;
     case CLI_LIST:
@@ -79,7 +81,7 @@ static bool store(const cli_option *option, const char *text) {
 
 // One argument that begins with '-'; *i moves on when the value is a word of its own.
 static bool parse_one(const cli_verb *verb, const cli_option *options, int argc, char **argv, int *i,
-                      const cli_common *common) {
+                      cli_common *common) {
     const char *argument = argv[*i];
     const bool is_long = argument[1] == '-';
     const char *equals = is_long ? strchr(argument, '=') : NULL;
@@ -111,6 +113,9 @@ static bool parse_one(const cli_verb *verb, const cli_option *options, int argc,
     if (option->given != NULL) {
         *option->given = true;
     }
+    if (option->kind == CLI_OUTPUT && common->written.n < (int)(sizeof common->written.items / sizeof(char *))) {
+        common->written.items[common->written.n++] = text;
+    }
     return true;
 }
 
@@ -125,7 +130,7 @@ static bool wants_json(int argc, char **argv) {
 
 bool cli_parse(const cli_verb *verb, const cli_option *options, int argc, char **argv, const char **positionals,
                int minimum, int maximum, int *count, cli_common *common) {
-    *common = (cli_common){.json = wants_json(argc, argv), .seed = 1, .threads = 0};
+    *common = (cli_common){.json = wants_json(argc, argv), .seed = 1, .argc = argc, .argv = argv};
     const cli_option own[] = {{"json", 0, CLI_FLAG, &common->json, NULL, NULL, ""},
                               {"seed", 0, CLI_U64, &common->seed, NULL, "N", ""},
                               {"threads", 0, CLI_INT, &common->threads, NULL, "N", ""},
@@ -163,5 +168,5 @@ bool cli_parse(const cli_verb *verb, const cli_option *options, int argc, char *
         return false;
     }
     *count = found;
-    return true;
+    return cli_apart_all(common);
 }

@@ -5,6 +5,7 @@
 
 #include "base/text.h"
 #include "gonio/characterise.h"
+#include "host/cli/apart.h"
 #include "host/cli/cli.h"
 #include "host/cli/rig_file.h"
 
@@ -38,6 +39,7 @@ gonio_status calibrate_camera_read(const char *path, gonio_camera_info *camera, 
 
 // Take the frames that show a rig's axes; views' corners point into *corners. The caller frees both.
 typedef struct calibrate_rig_request {
+    const cli_common *common;
     cli_rig_options rig;
     gonio_board board;
     int half_window;
@@ -62,9 +64,9 @@ gonio_status calibrate_rig_look(const calibrate_rig_request *request, const goni
 
 // A list of files to be read line by line, and the folder that it lies in; the caller frees *data and *folder.
 gonio_status calibrate_list_read(const char *path, char **data, char **folder, gonio_text *text, gonio_error *error);
-// The path of a file that the list names.
-gonio_status calibrate_list_path(const gonio_text *text, const char *folder, const char *file, char path[1024],
-                                 gonio_error *error);
+// The path of a file that the list names, which is none that will be written.
+gonio_status calibrate_list_path(const cli_common *common, const gonio_text *text, const char *folder, const char *file,
+                                 char path[1024], gonio_error *error);
 
 // One row of a frame list: CSV with the header "file,exposure_s" and optionally ",light" (1: lit, 0: dark). Paths are
 // relative to the list's folder.
@@ -75,7 +77,8 @@ typedef struct frame_row {
     long long line;
 } frame_row;
 // The caller frees *rows.
-gonio_status frame_list_read(const char *path, frame_row **rows, size_t *n, gonio_error *error);
+gonio_status frame_list_read(const cli_common *common, const char *path, frame_row **rows, size_t *n,
+                             gonio_error *error);
 
 // What stands in the lists of views for each gonio_rig_object.
 extern const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS + 1]; // NULL ends them

@@ -120,7 +120,7 @@ static gonio_status calibrate(work *w, const settings *s, gonio_error *error) {
 int calibrate_camera(int argc, char **argv) {
     settings s = {.board = {.chessboard = "9x6", .square_mm = 25, .dictionary = 5, .half_window = 5}};
     const cli_option options[] = {CALIBRATE_BOARD_OPTIONS(s.board, "25"),
-                                  {"out", 'o', CLI_TEXT, &s.out, NULL, "INI", "write a rig file's [camera] section"},
+                                  {"out", 'o', CLI_OUTPUT, &s.out, NULL, "INI", "write a rig file's [camera] section"},
                                   {0}};
     static const cli_verb verb = {"calibrate camera", "IMAGE ... [-o INI]",
                                   "intrinsics and distortion from photographs of a board", NULL};

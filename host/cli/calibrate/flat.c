@@ -12,6 +12,7 @@
 #include "host/cli/rig_file.h"
 
 typedef struct settings {
+    const cli_common *common;
     const char *list, *out, *maps;
     int bits, frames;
     cli_rig_options rig;
@@ -73,7 +74,7 @@ static void name_file(const frame_row *rows, size_t n, gonio_error *error) {
 static gonio_status from_files(const settings *s, gonio_calib **calib, gonio_error *error) {
     frame_row *rows;
     size_t n;
-    gonio_status status = frame_list_read(s->list, &rows, &n, error);
+    gonio_status status = frame_list_read(s->common, s->list, &rows, &n, error);
     for (int lit = 0; lit < 2; lit++) {
         for (size_t i = 0; status == GONIO_OK && i < n; i++) {
             if (rows[i].lit == (lit == 1)) {
@@ -180,6 +181,9 @@ static void summarise(const gonio_calib *calib, size_t pixels, summary *out) {
     out->high /= sum / (double)out->sound;
 }
 
+#define MAP_FLAT "flat.tiff"
+#define MAP_SIGMA "sigma.tiff"
+
 static gonio_status write_maps(const settings *s, const gonio_calib *calib, const gonio_window *w, gonio_error *error) {
     const size_t n = (size_t)w->width * (size_t)w->height;
     float *map = malloc(n * sizeof *map);
@@ -196,7 +200,7 @@ static gonio_status write_maps(const settings *s, const gonio_calib *calib, cons
         for (size_t p = 0; p < n; p++) {
             map[p] = gonio_calib_defects(calib)[p] ? NAN : k == 0 ? from[p] : sqrtf(from[p]);
         }
-        snprintf(path, sizeof path, "%s/%s.tiff", s->maps, k == 0 ? "flat" : "sigma");
+        snprintf(path, sizeof path, "%s/%s", s->maps, k == 0 ? MAP_FLAT : MAP_SIGMA);
         status = gonio_map_write(path, w->width, w->height, map, error);
     }
     free(map);
@@ -231,20 +235,22 @@ static gonio_status calibrate(const settings *s, gonio_window *window, summary *
 }
 
 int calibrate_flat(int argc, char **argv) {
-    settings s = {.frames = 32};
+    cli_common common;
+    settings s = {.common = &common, .frames = 32};
     const cli_option options[] = {
         CLI_RIG_OPTIONS(s.rig),
         {"frames", 0, CLI_INT, &s.frames, NULL, "N", "rig: frames of the reference (32)"},
         {"bits", 0, CLI_INT, &s.bits, NULL, "N", "list: bits that carry information (the files' 8 or 16)"},
         {"maps", 0, CLI_TEXT, &s.maps, NULL, "FOLDER", "write flat.tiff (DN/s a unit) and sigma.tiff there"},
-        {"out", 'o', CLI_TEXT, &s.out, NULL, "FLAT", "write the flat field, for [camera] flat of a rig file"},
+        {"out", 'o', CLI_OUTPUT, &s.out, NULL, "FLAT", "write the flat field, for [camera] flat of a rig file"},
         {0}};
     static const cli_verb verb = {"calibrate flat", "[LIST.csv | --rig sim|RIG.ini] [-o FLAT]",
                                   "flat field and vignetting; LIST.csv: file,exposure_s,light of an evenly lit field",
                                   NULL};
-    cli_common common;
+    static const char *const files[] = {MAP_FLAT, MAP_SIGMA, NULL};
     int count;
-    if (!cli_parse(&verb, options, argc, argv, &s.list, 0, 1, &count, &common)) {
+    if (!cli_parse(&verb, options, argc, argv, &s.list, 0, 1, &count, &common) ||
+        !cli_apart_folder(&common, s.maps, files)) {
         return 2;
     }
     if (s.frames < 2 || s.frames > 48 || (s.bits != 0 && (s.bits < 8 || s.bits > 16))) {

@@ -27,16 +27,16 @@ gonio_status calibrate_list_read(const char *path, char **data, char **folder, g
     return status;
 }
 
-gonio_status calibrate_list_path(const gonio_text *text, const char *folder, const char *file, char path[1024],
-                                 gonio_error *error) {
+gonio_status calibrate_list_path(const cli_common *common, const gonio_text *text, const char *folder, const char *file,
+                                 char path[1024], gonio_error *error) {
     const bool absolute = file[0] == '/';
     return snprintf(path, 1024, "%s%s%s", absolute ? "" : folder, absolute ? "" : "/", file) < 1024
-               ? GONIO_OK
+               ? cli_apart_input(common, path, error)
                : gonio_text_fail(text, error, "the file's name is too long");
 }
 
-static gonio_status parse_row(const gonio_text *text, const char *folder, char *line, bool has_light, frame_row *row,
-                              gonio_error *error) {
+static gonio_status parse_row(const cli_common *common, const gonio_text *text, const char *folder, char *line,
+                              bool has_light, frame_row *row, gonio_error *error) {
     char *fields[3];
     const int columns = has_light ? 3 : 2;
     if (gonio_text_split(line, ',', fields, 3) != columns || fields[0][0] == '\0') {
@@ -54,10 +54,11 @@ static gonio_status parse_row(const gonio_text *text, const char *folder, char *
     }
     row->lit = !has_light || fields[2][0] == '1';
     row->line = text->line;
-    return calibrate_list_path(text, folder, fields[0], row->path, error);
+    return calibrate_list_path(common, text, folder, fields[0], row->path, error);
 }
 
-static gonio_status read_rows(gonio_text *text, const char *folder, frame_row **rows, size_t *n, gonio_error *error) {
+static gonio_status read_rows(const cli_common *common, gonio_text *text, const char *folder, frame_row **rows,
+                              size_t *n, gonio_error *error) {
     char *line = gonio_text_line(text);
     const bool has_light = line != NULL && strcmp(line, HEADER ",light") == 0;
     if (line == NULL || (!has_light && strcmp(line, HEADER) != 0)) {
@@ -71,13 +72,14 @@ static gonio_status read_rows(gonio_text *text, const char *folder, frame_row **
             return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu frames", *n);
         }
         *rows = larger;
-        status = parse_row(text, folder, line, has_light, &larger[(*n)++], error);
+        status = parse_row(common, text, folder, line, has_light, &larger[(*n)++], error);
     }
     return status == GONIO_OK && *n == 0 ? gonio_fail_line(error, GONIO_E_INPUT, text->path, -1, "no frames listed")
                                          : status;
 }
 
-gonio_status frame_list_read(const char *path, frame_row **rows, size_t *n, gonio_error *error) {
+gonio_status frame_list_read(const cli_common *common, const char *path, frame_row **rows, size_t *n,
+                             gonio_error *error) {
     *rows = NULL;
     *n = 0;
     char *data, *folder;
@@ -86,7 +88,7 @@ gonio_status frame_list_read(const char *path, frame_row **rows, size_t *n, goni
     if (status != GONIO_OK) {
         return status;
     }
-    status = read_rows(&text, folder, rows, n, error);
+    status = read_rows(common, &text, folder, rows, n, error);
     free(data);
     free(folder);
     if (status != GONIO_OK) {

@@ -14,6 +14,7 @@
 #define LONG_DARK_S 5.0 // the lit exposures are too short to show the dark current
 
 typedef struct settings {
+    const cli_common *common;
     const char *list, *out;
     int bits, steps, frames;
     cli_rig_options rig;
@@ -45,7 +46,7 @@ static gonio_status add_file(gonio_noise **noise, const settings *s, const frame
 static gonio_status from_files(const settings *s, gonio_noise **noise, int *width, int *height, gonio_error *error) {
     frame_row *rows;
     size_t n;
-    gonio_status status = frame_list_read(s->list, &rows, &n, error);
+    gonio_status status = frame_list_read(s->common, s->list, &rows, &n, error);
     for (size_t i = 0; status == GONIO_OK && i < n; i++) {
         status = add_file(noise, s, &rows[i], width, height, error);
     }
@@ -202,20 +203,22 @@ static gonio_status write_defects(const char *path, const gonio_noise *noise, in
     return gonio_output_commit(output, error);
 }
 
+static const char *const files[] = {"dsnu.tiff", "prnu.tiff", "defects.csv", NULL};
+
 static gonio_status write_maps(const settings *s, const gonio_noise *noise, int width, int height, gonio_error *error) {
     char path[1100];
     struct stat found;
     if (mkdir(s->out, 0777) != 0 && (stat(s->out, &found) != 0 || !S_ISDIR(found.st_mode))) {
         return gonio_fail_line(error, GONIO_E_IO, s->out, -1, "cannot make this folder");
     }
-    snprintf(path, sizeof path, "%s/dsnu.tiff", s->out);
+    snprintf(path, sizeof path, "%s/%s", s->out, files[0]);
     gonio_status status = gonio_map_write(path, width, height, gonio_noise_dsnu_map(noise), error);
     if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/prnu.tiff", s->out);
+        snprintf(path, sizeof path, "%s/%s", s->out, files[1]);
         status = gonio_map_write(path, width, height, gonio_noise_prnu_map(noise), error);
     }
     if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/defects.csv", s->out);
+        snprintf(path, sizeof path, "%s/%s", s->out, files[2]);
         status = write_defects(path, noise, width, height, error);
     }
     return status;
@@ -278,7 +281,8 @@ static gonio_status calibrate(const settings *s, gonio_noise_report *report, gon
 }
 
 int calibrate_noise(int argc, char **argv) {
-    settings s = {.steps = 12, .frames = 4};
+    cli_common common;
+    settings s = {.common = &common, .steps = 12, .frames = 4};
     const cli_option options[] = {
         CLI_RIG_OPTIONS(s.rig),
         {"steps", 0, CLI_INT, &s.steps, NULL, "N", "rig: exposures, from dark to saturation (12)"},
@@ -288,9 +292,9 @@ int calibrate_noise(int argc, char **argv) {
         {0}};
     static const cli_verb verb = {"calibrate noise", "[LIST.csv | --rig sim|RIG.ini] [-o FOLDER]",
                                   "EMVA 1288 style photon transfer; LIST.csv: file,exposure_s,light", NULL};
-    cli_common common;
     int count;
-    if (!cli_parse(&verb, options, argc, argv, &s.list, 0, 1, &count, &common)) {
+    if (!cli_parse(&verb, options, argc, argv, &s.list, 0, 1, &count, &common) ||
+        !cli_apart_folder(&common, s.out, files)) {
         return 2;
     }
     if (s.steps < 4 || s.steps > 30 || s.frames < 2 || s.frames > 1000) {

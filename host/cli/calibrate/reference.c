@@ -144,7 +144,7 @@ int calibrate_reference(int argc, char **argv) {
          "the standard's own BRDF: its shape corrects each pixel's angles"},
         {"shape-sigma", 0, CLI_DOUBLE, &s.shape_sigma_percent, NULL, "PERCENT",
          "uncertainty of the conversion from 8/h by that shape (0.5)"},
-        {"out", 'o', CLI_TEXT, &s.out, NULL, "INI", "write the [reference] section, for --with"},
+        {"out", 'o', CLI_OUTPUT, &s.out, NULL, "INI", "write the [reference] section, for --with"},
         {0}};
     static const cli_verb verb = {"calibrate reference", "TABLE.csv [--brdf MODEL] [-o INI]",
                                   "white reference from its certificate; TABLE.csv: nm,reflectance,sigma", NULL};

@@ -8,6 +8,7 @@
 #include "host/cli/calibrate/calibrate.h"
 
 typedef struct settings {
+    const cli_common *common;
     const char *list, *method, *out;
     int channel, bits;
     bool align;
@@ -36,7 +37,7 @@ static bool parse_method(const char *name, gonio_response_method *method) {
 }
 
 static gonio_status read_images(const settings *s, work *w, gonio_error *error) {
-    gonio_status status = frame_list_read(s->list, &w->rows, &w->n, error);
+    gonio_status status = frame_list_read(s->common, s->list, &w->rows, &w->n, error);
     if (status == GONIO_OK && w->n > GONIO_RESPONSE_FRAMES) {
         status = gonio_fail_line(error, GONIO_E_INPUT, s->list, -1, "%zu images; at most %d are used", w->n,
                                  GONIO_RESPONSE_FRAMES);
@@ -93,7 +94,8 @@ static void print(const work *w) {
 }
 
 int calibrate_response(int argc, char **argv) {
-    settings s = {.method = "spline", .channel = 0};
+    cli_common common;
+    settings s = {.common = &common, .method = "spline", .channel = 0};
     gonio_response_options_default(&s.fit);
     const cli_option options[] = {
         {"method", 0, CLI_TEXT, &s.method, NULL, "NAME", "spline (default), emor, debevec or robertson (8 bits)"},
@@ -104,11 +106,10 @@ int calibrate_response(int argc, char **argv) {
         {"channel", 0, CLI_INT, &s.channel, NULL, "N", "channel of colour images: 0 r, 1 g, 2 b (0)"},
         {"bits", 0, CLI_INT, &s.bits, NULL, "N", "bits that carry information (the files' 8 or 16)"},
         {"align", 0, CLI_FLAG, &s.align, NULL, NULL, "shift the images onto each other first"},
-        {"out", 'o', CLI_TEXT, &s.out, NULL, "CSV", "write the curve, for the rig's response_path"},
+        {"out", 'o', CLI_OUTPUT, &s.out, NULL, "CSV", "write the curve, for the rig's response_path"},
         {0}};
     static const cli_verb verb = {"calibrate response", "LIST.csv [-o CSV]",
                                   "response curve from an exposure series; LIST.csv: file,exposure_s", NULL};
-    cli_common common;
     int count;
     if (!cli_parse(&verb, options, argc, argv, &s.list, 1, 1, &count, &common)) {
         return 2;

@@ -46,7 +46,7 @@ static gonio_status look_at_file(const calibrate_rig_request *request, calibrate
                                  const gonio_text *text, const char *folder, const char *file, gonio_error *error) {
     char path[1024];
     gonio_image image;
-    gonio_status status = calibrate_list_path(text, folder, file, path, error);
+    gonio_status status = calibrate_list_path(request->common, text, folder, file, path, error);
     status = status == GONIO_OK ? gonio_image_read(path, true, &image, error) : status;
     if (status != GONIO_OK) {
         return status;
@@ -168,19 +168,21 @@ int calibrate_rig(int argc, char **argv) {
         {"camera-mm", 0, CLI_DOUBLE, &o->camera_distance_mm, NULL, "MM", "with a LIST: the camera's distance (1000)"},
         {"pointing-deg", 0, CLI_DOUBLE, &o->pointing_random_deg, NULL, "DEG", "with a LIST: repeatability (0.01)"},
         {"save", 0, CLI_TEXT, &request.save, NULL, "FOLDER", "keep the frames and their LIST there"},
-        {"out", 'o', CLI_TEXT, &out, NULL, "CSV", "write the alignment: [rig] alignment = CSV"},
+        {"out", 'o', CLI_OUTPUT, &out, NULL, "CSV", "write the alignment: [rig] alignment = CSV"},
         {"yes", 'y', CLI_FLAG, &request.yes, NULL, NULL, "do not wait for hands: the targets lie where they must"},
         {0}};
     static const cli_verb verb = {"calibrate rig", "[LIST.csv --camera INI | --rig sim|RIG.ini] [-o CSV]",
                                   "the true axes of the arms, from frames of a board, a ball and a mirror", NULL};
     int count;
     cli_common common;
-    if (!cli_parse(&verb, options, argc, argv, &list, 0, 1, &count, &common)) {
+    if (!cli_parse(&verb, options, argc, argv, &list, 0, 1, &count, &common) ||
+        !cli_apart_folder(&common, request.save, (const char *const[]){"frames.csv", NULL})) {
         return 2;
     }
     if (board.charuco == NULL && board.chessboard == NULL) {
         board.charuco = "8x6";
     }
+    request.common = &common;
     list = count > 0 ? list : NULL;
     cli_rig_any_sample(&request.rig, &common);
     request.half_window = board.half_window;

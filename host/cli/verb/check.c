@@ -105,7 +105,7 @@ static int run(int argc, char **argv) {
     const cli_option options[] = {
         {"apply", 0, CLI_TEXT, &a.apply, NULL, "LIST",
          "mirror,reciprocity,isotropy,clamp,energy: write changed samples"},
-        {"output", 'o', CLI_TEXT, &a.output, NULL, "CSV", "where --apply writes"},
+        {"output", 'o', CLI_OUTPUT, &a.output, NULL, "CSV", "where --apply writes"},
         {"max-energy", 0, CLI_DOUBLE, &a.max_energy, NULL, "X", "fail (status 1) above it"},
         {"max-reciprocity", 0, CLI_DOUBLE, &a.max_reciprocity, NULL, "X", "fail (status 1) above it"},
         CLI_INPUT_OPTIONS(a.input),

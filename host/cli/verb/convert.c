@@ -7,6 +7,7 @@
 
 #include "gonio/plan.h"
 #include "gonio/session.h"
+#include "host/cli/apart.h"
 #include "host/cli/input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
@@ -183,7 +184,7 @@ static int run(int argc, char **argv) {
     const char *names[2];
     int count;
     cli_common common;
-    if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common)) {
+    if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common) || !cli_apart(&common, names[1])) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};

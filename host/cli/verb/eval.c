@@ -144,7 +144,7 @@ static int run(int argc, char **argv) {
     const char *output = NULL, *names[2] = {NULL, "-"};
     bool sigma = false;
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "where to write (standard output)"},
+        {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "where to write (standard output)"},
         {"sigma", 0, CLI_FLAG, &sigma, NULL, NULL, "add sigma_<channel>, the standard uncertainty"},
         {0}};
     extern const cli_verb cmd_eval;

@@ -69,7 +69,7 @@ static int run(int argc, char **argv) {
     cli_fit_arguments arguments = {0};
     const cli_option input_rows[] = {CLI_INPUT_OPTIONS(a.input), {0}};
     cli_option options[1 + GONIO_FIT_KEYS + sizeof input_rows / sizeof *input_rows] = {
-        {"output", 'o', CLI_TEXT, &a.output, NULL, "MODEL", "the model file to write"}};
+        {"output", 'o', CLI_OUTPUT, &a.output, NULL, "MODEL", "the model file to write"}};
     const int n = 1 + cli_fit_rows(&arguments, options + 1);
     memcpy(options + n, input_rows, sizeof input_rows);
     extern const cli_verb cmd_fit;

@@ -2,6 +2,7 @@
 // gonio measure: a plan on a rig, into a session.
 #include <string.h>
 
+#include "host/cli/apart.h"
 #include "host/cli/fit_arguments.h"
 #include "host/cli/measuring.h"
 
@@ -55,7 +56,8 @@ static int run(int argc, char **argv) {
     const char *session;
     int count;
     if (!cli_parse(&cmd_measure, options, argc, argv, &session, 1, 1, &count, &common) ||
-        !cli_fit_read(&arguments, "measure", &common, &r.measure.fit)) {
+        !cli_fit_read(&arguments, "measure", &common, &r.measure.fit) || !cli_apart_session(&common, session) ||
+        !cli_apart_model(&common, r.measuring.model, session)) {
         return 2;
     }
     r.measure.seed = r.rig.seed = common.seed;

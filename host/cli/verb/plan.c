@@ -128,7 +128,7 @@ static int run(int argc, char **argv) {
     const char *output = NULL, *check = NULL, *text;
     const cli_option options[] = {
         CLI_RIG_OPTIONS(rig_options),
-        {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "write the poses there (standard output)"},
+        {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "write the poses there (standard output)"},
         {"check", 0, CLI_TEXT, &check, NULL, "RIG.ini", "the same as --rig, and hold every move against its limits"},
         {0},
     };

@@ -82,7 +82,7 @@ static int run(int argc, char **argv) {
     bool ev_given = false;
     gonio_render_options_default(&r.options);
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &r.image, NULL, "IMAGE.png", "where the picture goes"},
+        {"output", 'o', CLI_OUTPUT, &r.image, NULL, "IMAGE.png", "where the picture goes"},
         {"mesh", 0, CLI_TEXT, &r.options.mesh, NULL, "FILE", "a PLY or OBJ mesh instead of the sphere"},
         {"up", 0, CLI_TEXT, &r.up, NULL, "y|z", "the mesh's upward axis (y)"},
         {"light-theta", 0, CLI_DOUBLE, &r.options.light_theta_deg, NULL, "DEG", "light from the view axis (40)"},

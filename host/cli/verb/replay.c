@@ -104,7 +104,7 @@ static int run(int argc, char **argv) {
     cli_common common;
     cli_measuring measuring = {.common = &common};
     const cli_option options[] = {
-        {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "save the model there too"},
+        {"model", 0, CLI_OUTPUT, &measuring.model, NULL, "OUT", "save the model there too"},
         {0},
     };
     const char *path;

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "host/cli/apart.h"
 #include "host/cli/measuring.h"
 
 static int run(int argc, char **argv);
@@ -79,7 +80,8 @@ static int run(int argc, char **argv) {
         {0}};
     const char *path;
     int count;
-    if (!cli_parse(&cmd_resume, options, argc, argv, &path, 1, 1, &count, &common)) {
+    if (!cli_parse(&cmd_resume, options, argc, argv, &path, 1, 1, &count, &common) ||
+        !cli_apart_model(&common, measuring.model, path)) {
         return 2;
     }
     if (measuring.model == NULL && set.n == 0 && is_finished(&common, path)) {

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "host/acquire/identity.h"
+#include "host/cli/apart.h"
 #include "host/cli/rig/actions.h"
 #include "host/cli/steering.h"
 #include "host/drivers/controller_map.h"
@@ -232,7 +233,7 @@ static int run(int argc, char **argv) {
         {"dial", 0, CLI_FLAG, &request.dial, NULL, NULL, "move: positions as the controller counts them"},
         {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S",
          "capture, burst: exposure in seconds (the shortest)"},
-        {"output", 'o', CLI_TEXT, &request.output, NULL, "PGM", "capture: the frame's file"},
+        {"output", 'o', CLI_OUTPUT, &request.output, NULL, "PGM", "capture: the frame's file"},
         {0}};
     const char *words[1 + RIG_ARGUMENTS];
     int count;
@@ -241,7 +242,8 @@ static int run(int argc, char **argv) {
     }
     request.n = count - 1;
     memcpy(request.arguments, words + 1, (size_t)request.n * sizeof *words);
-    if (!check_request(&common, words[0], request.n) || !check_named(&common, words[0], &rig_options)) {
+    if (!check_request(&common, words[0], request.n) || !check_named(&common, words[0], &rig_options) ||
+        (strcmp(words[0], "burst") == 0 && !cli_apart_session(&common, words[2]))) {
         return 2;
     }
     cli_rig_any_sample(&rig_options, &common);

@@ -302,7 +302,7 @@ static int run(int argc, char **argv) {
     cli_common common;
     request r = {.common = &common};
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &r.output, NULL, "CSV", "write the samples there (standard output)"},
+        {"output", 'o', CLI_OUTPUT, &r.output, NULL, "CSV", "write the samples there (standard output)"},
         {"budget", 0, CLI_TEXT, &r.budget, NULL, "TI,PI,TO,PO",
          "instead: every term of the uncertainty of the sample nearest to this direction (deg)"},
         {"edges", 0, CLI_FLAG, &r.edges, NULL, NULL, "instead: the poses that reach over the sample's edge, and how"},

@@ -9,6 +9,7 @@
 
 #include "fit/tradeoff.h"
 #include "gonio/output.h"
+#include "host/cli/apart.h"
 #include "host/cli/input.h"
 #include "host/cli/tradeoff_plot.h"
 
@@ -72,16 +73,18 @@ static gonio_status write_csv(const table *t, const char *path, gonio_error *err
     return gonio_output_commit(output, error);
 }
 
+static const char *const files[] = {"tradeoff.csv", "error_bytes.png", "error_ns.png", NULL};
+
 static gonio_status write_all(const table *t, const char *folder, gonio_error *error) {
     char path[4096];
-    snprintf(path, sizeof path, "%s/tradeoff.csv", folder);
+    snprintf(path, sizeof path, "%s/%s", folder, files[0]);
     gonio_status status = write_csv(t, path, error);
     if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/error_bytes.png", folder);
+        snprintf(path, sizeof path, "%s/%s", folder, files[1]);
         status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_BYTES, path, error);
     }
     if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/error_ns.png", folder);
+        snprintf(path, sizeof path, "%s/%s", folder, files[2]);
         status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_NS, path, error);
     }
     return status;
@@ -186,6 +189,9 @@ static int run(int argc, char **argv) {
     }
     if (folder == NULL) {
         return cli_usage(&common, "tradeoff: where to? -o DIR");
+    }
+    if (!cli_apart_folder(&common, folder, files)) {
+        return 2;
     }
     cli_catch_interrupts();
     fit.seed = common.seed;
