@@ -258,7 +258,7 @@ static size_t count_lines(const char *data, size_t size) {
 
 static gonio_status read_poses(gonio_text *text, gonio_plan *plan, gonio_error *error) {
     char *fields[4];
-    char *line = gonio_text_content(text);
+    char *line = gonio_text_row(text);
     if (line == NULL) {
         return gonio_text_fail(text, error, "nothing in it; expected the header %s", GONIO_PAIR_HEADER);
     }
@@ -267,7 +267,7 @@ static gonio_status read_poses(gonio_text *text, gonio_plan *plan, gonio_error *
         return gonio_text_fail(text, error, "expected the header %s, found %d columns that begin with '%.40s'",
                                GONIO_PAIR_HEADER, columns, fields[0]);
     }
-    while ((line = gonio_text_content(text)) != NULL) {
+    while ((line = gonio_text_row(text)) != NULL) {
         const int n = gonio_text_split(line, ',', fields, 4);
         if (n != 4) {
             return gonio_text_fail(text, error, "expected 4 columns, found %d", n);
@@ -282,18 +282,14 @@ static gonio_status read_poses(gonio_text *text, gonio_plan *plan, gonio_error *
 }
 
 static gonio_status read_plan(const char *path, gonio_plan **out, gonio_error *error) {
-    char *data;
-    size_t size;
-    gonio_status status = gonio_file_read(path, 0, &data, &size, error);
+    gonio_text text;
+    gonio_status status = gonio_text_open(path, 0, &text, error);
     if (status != GONIO_OK) {
         return status;
     }
-    status = allocate(count_lines(data, size), out, error);
-    if (status == GONIO_OK) {
-        gonio_text text = gonio_text_begin(path, data, size);
-        status = read_poses(&text, *out, error);
-    }
-    free(data);
+    status = allocate(count_lines(text.next, (size_t)(text.end - text.next)), out, error);
+    status = status == GONIO_OK ? read_poses(&text, *out, error) : status;
+    gonio_text_free(&text);
     return status;
 }
 

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -96,11 +97,76 @@ gonio_status gonio_file_read(const char *path, size_t limit, char **data, size_t
     return status;
 }
 
+// ---- kinds of text ----
+
+// ASCII in 16-bit words without a mark: every other byte is 0.
+static bool is_wide(const char *data, size_t size) {
+    const size_t n = size < 64 ? size & ~(size_t)1 : 64;
+    size_t zeros[2] = {0};
+    for (size_t i = 0; i < n; i++) {
+        zeros[i % 2] += data[i] == 0;
+    }
+    return n >= 8 && zeros[0] + zeros[1] == n / 2 && (zeros[0] == 0 || zeros[1] == 0);
+}
+
+static const char *wide_kind(const char *data, size_t size) {
+    static const struct {
+        const char *mark;
+        size_t size;
+        const char *name;
+    } marks[] = {{"\xff\xfe\0\0", 4, "UTF-32"},
+                 {"\0\0\xfe\xff", 4, "UTF-32"},
+                 {"\xff\xfe", 2, "UTF-16"},
+                 {"\xfe\xff", 2, "UTF-16"}};
+    for (size_t k = 0; k < sizeof marks / sizeof *marks; k++) {
+        if (size >= marks[k].size && memcmp(data, marks[k].mark, marks[k].size) == 0) {
+            return marks[k].name;
+        }
+    }
+    return is_wide(data, size) ? "UTF-16" : NULL;
+}
+
+gonio_status gonio_text_check(const char *path, const char *data, size_t size, gonio_error *error) {
+    const char *wide = wide_kind(data, size);
+    if (wide != NULL) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "it is %s text; expected UTF-8: save it so", wide);
+    }
+    const char *cr = memchr(data, '\r', size);
+    if (cr != NULL && cr + 1 < data + size && memchr(data, '\n', size) == NULL && memchr(data, 0, size) == NULL) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, cr - data,
+                               "its lines end with CR alone; expected LF or CRLF: save it so");
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_text_open(const char *path, size_t limit, gonio_text *text, gonio_error *error) {
+    char *data;
+    size_t size;
+    *text = (gonio_text){.path = path};
+    gonio_status status = gonio_file_read(path, limit, &data, &size, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_text_check(path, data, size, error);
+    if (status != GONIO_OK) {
+        free(data);
+        return status;
+    }
+    *text = gonio_text_begin(path, data, size);
+    text->data = data;
+    return GONIO_OK;
+}
+
+void gonio_text_free(gonio_text *text) {
+    free(text->data);
+    text->data = NULL;
+}
+
 // ---- lines ----
 
 gonio_text gonio_text_begin(const char *path, char *data, size_t size) {
     const bool marked = size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0;
-    return (gonio_text){path, data + (marked ? 3 : 0), data + size, 0};
+    return (gonio_text){.path = path, .next = data + (marked ? 3 : 0), .end = data + size};
 }
 
 static bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
@@ -115,6 +181,16 @@ static char *trimmed(char *first, char *last) {
     }
     *last = 0;
     return first;
+}
+
+// The same, of a text in which U+00A0, as spreadsheets and web pages write it, is a blank.
+static char *unbroken(char *first, char *last) {
+    for (char *wide = first; (wide = memchr(wide, '\xc2', (size_t)(last - wide))) != NULL; wide++) {
+        if (wide + 1 < last && wide[1] == '\xa0') {
+            wide[0] = wide[1] = ' ';
+        }
+    }
+    return trimmed(first, last);
 }
 
 char *gonio_text_line(gonio_text *text) {
@@ -132,8 +208,10 @@ char *gonio_text_line(gonio_text *text) {
     for (char *zero = first; (zero = memchr(zero, 0, (size_t)(last - zero))) != NULL;) {
         *zero = '?';
     }
-    return trimmed(first, last);
+    return unbroken(first, last);
 }
+
+char *gonio_text_trim(char *text) { return unbroken(text, text + strlen(text)); }
 
 char *gonio_text_content(gonio_text *text) {
     char *line;
@@ -141,6 +219,52 @@ char *gonio_text_content(gonio_text *text) {
         line = gonio_text_line(text);
     } while (line != NULL && (line[0] == 0 || line[0] == '#'));
     return line;
+}
+
+char *gonio_text_commas(char *line) {
+    if (line == NULL || strchr(line, ',') != NULL) {
+        return line;
+    }
+    char *to = line;
+    for (const char *from = line; *from != 0;) {
+        const size_t blanks = strspn(from, " \t\r");
+        *to++ = blanks > 0 ? ',' : *from;
+        from += blanks > 0 ? blanks : 1;
+    }
+    *to = 0;
+    return line;
+}
+
+char *gonio_text_row(gonio_text *text) { return gonio_text_commas(gonio_text_content(text)); }
+
+char *gonio_text_setting(gonio_text *text, char **value, char **comment) {
+    char *line;
+    do {
+        line = gonio_text_content(text);
+    } while (line != NULL && line[0] == ';');
+    *value = *comment = NULL;
+    char *equals = line != NULL ? strchr(line, '=') : NULL;
+    if (equals == NULL) {
+        return line;
+    }
+    trimmed(line, equals);
+    *value = equals + 1 + strspn(equals + 1, " \t");
+    for (char *mark = *value; (mark = strpbrk(mark, ";#")) != NULL; mark++) {
+        if (mark == *value || blank(mark[-1])) {
+            *comment = mark + 1 + strspn(mark + 1, " \t");
+            trimmed(*value, mark);
+            break;
+        }
+    }
+    return line;
+}
+
+bool gonio_text_is_header(char *const *fields, int n, const char *const *names) {
+    int k = 0;
+    while (k < n && names[k] != NULL && strcmp(fields[k], names[k]) == 0) {
+        k++;
+    }
+    return k == n && names[k] == NULL;
 }
 
 int gonio_text_split(char *line, char separator, char **fields, int maximum) {
@@ -186,9 +310,24 @@ gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const c
 // Only what a decimal number holds: strtod alone would take "0x1p3", "nan(3)" and "infinity" too.
 static bool decimal_characters(const char *field) { return field[strspn(field, "0123456789+-.eE")] == 0; }
 
+// How programs write that there is no value.
+static bool names_nothing(const char *field) {
+    static const char *const names[] = {"nan", "-nan", "na", "n/a", "null", "none", "#n/a", "-", "--", NULL};
+    for (int k = 0; names[k] != NULL; k++) {
+        if (strcasecmp(field, names[k]) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
                                gonio_error *error) {
     char *end = NULL;
+    if (names_nothing(field)) {
+        return gonio_text_fail(
+            text, error, "%s: expected a finite number, found '%.80s', which stands for a missing one", what, field);
+    }
     if (field[0] == 0 || !decimal_characters(field)) {
         return gonio_text_fail(text, error, "%s: expected a finite number, found '%.80s'", what, field);
     }

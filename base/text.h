@@ -18,16 +18,34 @@ typedef struct gonio_text {
     const char *path; // for messages
     char *next, *end;
     long long line; // number of the line that gonio_text_line gave last
+    char *data;     // of gonio_text_open, which gonio_text_free releases; else NULL
 } gonio_text;
 
-gonio_text gonio_text_begin(const char *path, char *data, size_t size); // skips a UTF-8 byte order mark
+// Every list, certificate, curve, plan and rig file is read through these: a UTF-8 byte order mark, CRLF, tabs and
+// blanks around fields count for nothing.
+gonio_status gonio_text_open(const char *path, size_t limit, gonio_text *text, gonio_error *error);
+void gonio_text_free(gonio_text *text);
+// GONIO_E_INPUT, which names it, for a text of another kind: UTF-16, UTF-32, lines that end with CR alone.
+gonio_status gonio_text_check(const char *path, const char *data, size_t size, gonio_error *error);
+
+gonio_text gonio_text_begin(const char *path, char *data, size_t size); // skips the byte order mark
 // The next line, without its end and the blanks around it; NULL after the last one.
 char *gonio_text_line(gonio_text *text);
+// The text without the blanks around it, those that do not break (U+00A0) among them. In place.
+char *gonio_text_trim(char *text);
 // The next line that is neither empty nor a # comment.
 char *gonio_text_content(gonio_text *text);
+// A line of a table: where it has no comma, each run of blanks and tabs becomes one.
+char *gonio_text_commas(char *line);
+char *gonio_text_row(gonio_text *text); // the next content line, so
+// Of an INI file, by its rules: the next "key = value" without the comment behind the value (; or # after a blank),
+// which goes to *comment (NULL: none); *value NULL: a line of another kind. NULL after the last one.
+char *gonio_text_setting(gonio_text *text, char **value, char **comment);
 // Cut a line at separators (a blank separator: at runs of blanks), trim each field; returns how many there are, also
 // where that is more than maximum; fields past it are not stored.
 int gonio_text_split(char *line, char separator, char **fields, int maximum);
+// Are the fields of the line these, up to NULL?
+bool gonio_text_is_header(char *const *fields, int n, const char *const *names);
 // A finite decimal number that fills the field. Failing names `what`, the field and the line.
 gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
                                gonio_error *error);

@@ -10,8 +10,9 @@
 #define MARK "#PARAM_IN ISOTROPIC_TL_TV_PROJ_DPHI"
 
 static bool recognise(const gonio_source *source) {
+    const char *at = source->data + (strncmp(source->data, "\xef\xbb\xbf", 3) == 0 ? 3 : 0);
     char head[4097];
-    snprintf(head, sizeof head, "%.4096s", source->data);
+    snprintf(head, sizeof head, "%.4096s", at + strspn(at, " \t\r\n"));
     return head[0] == '#' && strstr(head, MARK) != NULL;
 }
 

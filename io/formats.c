@@ -2,6 +2,7 @@
 // The list of formats: by number, by name, by extension; the values of their options; writing.
 #include <errno.h>
 #include <string.h>
+#include <strings.h>
 
 #include "gonio/output.h"
 #include "io/format.h"
@@ -138,7 +139,7 @@ static bool has_extension(const gonio_format *f, const char *path) {
     const size_t length = strlen(path);
     for (const char *e = f->extensions; *e != 0; e += strcspn(e, " "), e += *e == ' ') {
         const size_t n = strcspn(e, " ");
-        if (length > n && strncmp(path + length - n, e, n) == 0) {
+        if (length > n && strncasecmp(path + length - n, e, n) == 0) {
             return true;
         }
     }

@@ -8,6 +8,7 @@
 //
 // Values are taken to stand at the centres of their cells (the published reader returns the cell's value anywhere in
 // it). The model interpolates between centres, linearly in the three indices, over the valid ones.
+#include <byteswap.h>
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -34,10 +35,19 @@ static int32_t dimension(const gonio_source *source, int k) {
     return (int32_t)le32toh(raw);
 }
 
+static int32_t swapped(const gonio_source *source, int k) { return (int32_t)bswap_32((uint32_t)dimension(source, k)); }
+
+static bool is_big_endian(const gonio_source *source) {
+    return swapped(source, 0) == N_H && swapped(source, 1) == N_D && swapped(source, 2) == N_P;
+}
+
 // Three plausible counts and a zero byte among them, so no text: then it is meant to be such a table.
 static bool recognise(const gonio_source *source) {
     if (source->size < HEADER || memchr(source->data, 0, HEADER) == NULL) {
         return false;
+    }
+    if (is_big_endian(source)) {
+        return true; // check says so
     }
     for (int k = 0; k < 3; k++) {
         if (dimension(source, k) < 1) {
@@ -57,6 +67,10 @@ static double number_at(const gonio_source *source, size_t index) {
 }
 
 static gonio_status check(const gonio_source *source, gonio_error *error) {
+    if (is_big_endian(source)) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0,
+                               "its numbers are big-endian; a MERL table is little-endian");
+    }
     const int32_t d[3] = {dimension(source, 0), dimension(source, 1), dimension(source, 2)};
     if (d[0] != N_H || d[1] != N_D || d[2] != N_P) {
         return gonio_fail_byte(error, GONIO_E_INPUT, source->path, 0,
@@ -70,7 +84,8 @@ static gonio_status check(const gonio_source *source, gonio_error *error) {
     for (size_t i = 0; i < 3 * CELLS; i++) {
         if (!isfinite(number_at(source, i))) {
             return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)(HEADER + 8 * i),
-                                   "expected a finite number, found %g", number_at(source, i));
+                                   "expected a finite number, found %g: not measured is written as a negative one",
+                                   number_at(source, i));
         }
     }
     return GONIO_OK;

@@ -30,8 +30,9 @@ typedef struct nist_rows {
 
 static bool recognise(const gonio_source *source) {
     long long number;
-    char line[64];
-    return strncmp(gonio_source_first_line(source, line, sizeof line, &number), "lambda,", 7) == 0;
+    char line[64], *fields[1];
+    gonio_source_first_line(source, line, sizeof line, &number);
+    return gonio_text_split(line, ',', fields, 1) > 1 && strcmp(fields[0], "lambda") == 0;
 }
 
 // "f_r23" -> 6; -1: no such element.

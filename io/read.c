@@ -69,6 +69,9 @@ static gonio_status open_source(const char *path, bool (*wanted)(const gonio_for
     if (source->size == 0) {
         status = gonio_fail_byte(error, GONIO_E_INPUT, path, 0, "the file is empty; expected%s", expected);
     } else {
+        status = gonio_text_check(path, source->data, source->size, error);
+    }
+    if (status == GONIO_OK) {
         for (int i = 0; (*format = gonio_format_at(i)) != NULL; i++) {
             if ((*format)->recognise(source)) {
                 return GONIO_OK;

@@ -12,6 +12,7 @@
 // Up to two phi_i are an isotropic file, whose half vector's azimuth counts from the light's. With more it is
 // anisotropic and counts from the mark; a file over half or a quarter of a turn, [-pi, 0] or [-pi, -pi/2], stands for
 // the rest by a half turn or by two mirror planes (Mitsuba 3's `measured` reads it so).
+#include <byteswap.h>
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -117,6 +118,9 @@ static gonio_status parse_container(const gonio_source *source, tensor_file *fil
         return bad(file, 12, error, "an unknown version of the tensor file; expected 1.x");
     }
     const uint64_t count = little(source->data + 14, 4);
+    if (bswap_32((uint32_t)count) <= FIELDS_MAX && count > FIELDS_MAX) {
+        return bad(file, 14, error, "its numbers are big-endian; a tensor file is little-endian");
+    }
     if (count > FIELDS_MAX) {
         return bad(file, 14, error, "more than 64 fields");
     }
@@ -329,7 +333,7 @@ static gonio_status copy_stack(const tensor_file *file, const field *f, stack *s
         if (!isfinite(s->values[i])) {
             return gonio_fail_byte(error, GONIO_E_INPUT, file->source->path,
                                    f->data - file->source->data + (long long)(4 * i),
-                                   "field '%s': expected finite numbers", f->name);
+                                   "field '%s': expected finite numbers, found %g", f->name, (double)s->values[i]);
         }
     }
     return GONIO_OK;

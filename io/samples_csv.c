@@ -170,7 +170,7 @@ static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, 
     }
     double *random = numbers + l->channels, *systematic = random + l->channels;
     gonio_status status = GONIO_OK;
-    for (char *line; status == GONIO_OK && (line = gonio_text_content(text)) != NULL;) {
+    for (char *line; status == GONIO_OK && (line = gonio_text_row(text)) != NULL;) {
         const int n = gonio_text_split(line, ',', fields, COLUMNS_MAX);
         gonio_pair pair;
         if (n != l->columns) {
@@ -199,7 +199,7 @@ static char *find_header(gonio_text *text, bool *anisotropic) {
     while ((line = gonio_text_line(text)) != NULL && (line[0] == 0 || line[0] == '#')) {
         *anisotropic = *anisotropic || strcmp(line, ANISOTROPIC) == 0;
     }
-    return line;
+    return gonio_text_commas(line);
 }
 
 static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_row_collector *collector,

@@ -24,7 +24,7 @@ const char *gonio_source_first_line(const gonio_source *source, char *buffer, si
         if (*at != '#' && *at != 0) {
             *number = line;
             snprintf(buffer, size, "%.*s", (int)strcspn(at, "\r\n"), at);
-            return buffer;
+            return gonio_text_trim(buffer);
         }
         at += strcspn(at, "\n");
     }

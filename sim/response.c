@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/response.h"
 
-#include <errno.h>
+#include <ctype.h>
 #include <math.h>
 #include <stdbool.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/number.h"
+#include "base/text.h"
 
 struct sim_response {
     double (*knots)[2]; // NULL: linear or gamma
@@ -20,34 +20,29 @@ struct sim_response {
 // infinite.
 #define TOE 1e-3
 
-static gonio_status parse_row(char *line, const char *path, long long number, bool *is_row, double row[2],
-                              gonio_error *error) {
-    char *text = line + strspn(line, " \t"), *end;
-    *is_row = false;
-    if (*text == '#' || *text == '\r' || *text == '\n' || *text == 0) {
-        return GONIO_OK;
+static gonio_status parse_row(const gonio_text *text, char *line, double row[2], gonio_error *error) {
+    static const char *const names[2] = {"relative exposure", "relative value"};
+    char *fields[2];
+    if (gonio_text_split(line, ',', fields, 2) != 2) {
+        return gonio_text_fail(text, error, "expected relative exposure,relative value, both from 0 to 1");
     }
     for (int k = 0; k < 2; k++) {
-        row[k] = gonio_number_parse(text, &end);
-        const bool ends = k == 0 ? *end == ',' : end[strspn(end, " \t\r\n")] == 0;
-        if (end == text || !ends || !(row[k] >= 0 && row[k] <= 1)) {
-            return gonio_fail_line(error, GONIO_E_INPUT, path, number,
-                                   "expected relative exposure,relative value, both from 0 to 1, found '%.*s'",
-                                   (int)strcspn(line, "\r\n"), line);
+        const gonio_status status = gonio_text_number(text, fields[k], names[k], &row[k], error);
+        if (status != GONIO_OK) {
+            return status;
         }
-        text = end + 1;
+        if (!(row[k] >= 0 && row[k] <= 1)) {
+            return gonio_text_fail(text, error, "%s: expected 0 to 1, found %s", names[k], fields[k]);
+        }
     }
-    *is_row = true;
     return GONIO_OK;
 }
 
-static gonio_status add_row(sim_response *response, const double row[2], const char *path, long long number,
-                            gonio_error *error) {
+static gonio_status add_row(sim_response *response, const double row[2], const gonio_text *text, gonio_error *error) {
     const size_t n = response->n;
     const double *last = n > 0 ? response->knots[n - 1] : NULL;
     if (last == NULL ? row[0] != 0 || row[1] != 0 : !(row[0] > last[0] && row[1] >= last[1])) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, number,
-                               "a response curve begins with 0,0 and rises; found %g,%g", row[0], row[1]);
+        return gonio_text_fail(text, error, "a response curve begins with 0,0 and rises; found %g,%g", row[0], row[1]);
     }
     void *larger = realloc(response->knots, (n + 1) * sizeof *response->knots);
     if (larger == NULL) {
@@ -59,26 +54,19 @@ static gonio_status add_row(sim_response *response, const double row[2], const c
     return GONIO_OK;
 }
 
-static gonio_status read_rows(sim_response *response, FILE *file, const char *path, gonio_error *error) {
-    char line[512];
-    bool seen = false;
+static gonio_status read_rows(sim_response *response, gonio_text *text, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    for (long long number = 1; status == GONIO_OK && fgets(line, sizeof line, file) != NULL; number++) {
+    bool seen = false;
+    for (char *line; status == GONIO_OK && (line = gonio_text_row(text)) != NULL; seen = true) {
         double row[2];
-        bool is_row;
-        const char first = line[strspn(line, " \t")];
-        if (!seen && ((first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z'))) {
-            seen = true; // the header
+        if (!seen && isalpha((unsigned char)*line)) { // the header
             continue;
         }
-        status = parse_row(line, path, number, &is_row, row, error);
-        if (status == GONIO_OK && is_row) {
-            seen = true;
-            status = add_row(response, row, path, number, error);
-        }
+        status = parse_row(text, line, row, error);
+        status = status == GONIO_OK ? add_row(response, row, text, error) : status;
     }
     if (status == GONIO_OK && (response->n < 2 || response->knots[response->n - 1][0] != 1)) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "a response curve ends at relative exposure 1");
+        status = gonio_fail_line(error, GONIO_E_INPUT, text->path, -1, "a response curve ends at relative exposure 1");
     }
     return status;
 }
@@ -98,13 +86,11 @@ gonio_status gonio_sim_response_new(const char *text, sim_response **out, gonio_
             status = gonio_fail(error, GONIO_E_INPUT, "response '%s': gamma must be from 0.2 to 5", text);
         }
     } else if (strcmp(text, "linear") != 0) {
-        FILE *file = fopen(text, "r");
-        if (file == NULL) {
-            status =
-                gonio_fail_line(error, GONIO_E_INPUT, text, -1, "cannot read the response curve: %s", strerror(errno));
-        } else {
-            status = read_rows(response, file, text, error);
-            fclose(file);
+        gonio_text curve;
+        status = gonio_text_open(text, 0, &curve, error);
+        if (status == GONIO_OK) {
+            status = read_rows(response, &curve, error);
+            gonio_text_free(&curve);
         }
     }
     if (status != GONIO_OK) {

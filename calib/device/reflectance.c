@@ -9,43 +9,41 @@
 // rho(8 deg) = integral of f_r cos(theta_o) over the outgoing hemisphere; the radiance factor at the reference geometry
 // is pi f_r(45/0), and the ratio of both is a property of the BRDF's shape alone.
 #include <ctype.h>
-#include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/number.h"
+#include "base/text.h"
 #include "gonio/characterise.h"
 #include "gonio/session_calibration.h"
 
 #define ROWS_MAX 100000
 
-static gonio_status add_row(gonio_reflectance *r, const char *path, long long line, const char *text,
-                            gonio_error *error) {
+static gonio_status add_row(gonio_reflectance *r, const gonio_text *text, char *line, gonio_error *error) {
+    static const char *const names[3] = {"wavelength in nm", "reflectance", "sigma"};
+    char *fields[3];
     double v[3];
-    bool good = true;
-    const char *at = text;
-    for (int k = 0; k < 3 && good; k++) {
-        char *end;
-        v[k] = gonio_number_parse(at, &end);
-        good = end != at && (k == 2 || *end == ',');
-        at = k < 2 ? end + 1 : end;
+    const int n = gonio_text_split(line, ',', fields, 3);
+    if (n != 3) {
+        return gonio_text_fail(text, error, "expected nm,reflectance,sigma, found %d columns", n);
     }
-    if (!good || at[strspn(at, " \t\r\n")] != '\0') {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected nm,reflectance,sigma");
+    for (int k = 0; k < 3; k++) {
+        const gonio_status status = gonio_text_number(text, fields[k], names[k], &v[k], error);
+        if (status != GONIO_OK) {
+            return status;
+        }
     }
     if (!(v[0] > 0 && v[0] < 1e5 && v[1] > 0 && v[1] <= 2 && v[2] >= 0 && v[2] <= v[1])) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line,
+        return gonio_text_fail(text, error,
                                "%g,%g,%g: expected a wavelength in nm, a reflectance of 0 to 2 and an uncertainty no "
                                "larger than it",
                                v[0], v[1], v[2]);
     }
     if (r->n > 0 && v[0] <= r->row[r->n - 1][0]) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%g nm does not rise above the row before", v[0]);
+        return gonio_text_fail(text, error, "%g nm does not rise above the row before", v[0]);
     }
     if (r->n == ROWS_MAX) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d rows", ROWS_MAX);
+        return gonio_text_fail(text, error, "more than %d rows", ROWS_MAX);
     }
     if ((r->n & (r->n - 1)) == 0) { // full at every power of two
         double(*larger)[3] = realloc(r->row, (size_t)(r->n > 0 ? 2 * r->n : 1) * sizeof *larger);
@@ -60,23 +58,16 @@ static gonio_status add_row(gonio_reflectance *r, const char *path, long long li
 
 gonio_status gonio_reflectance_read(const char *path, gonio_reflectance *out, gonio_error *error) {
     *out = (gonio_reflectance){0};
-    FILE *stream = fopen(path, "r");
-    if (stream == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
+    gonio_text text;
+    gonio_status status = gonio_text_open(path, 0, &text, error);
+    if (status != GONIO_OK) {
+        return status;
     }
-    char text[256];
-    gonio_status status = GONIO_OK;
-    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
-        const char *start = text + strspn(text, " \t\r\n");
-        const bool header = out->n == 0 && isalpha((unsigned char)*start);
-        if (*start != '\0' && *start != '#' && !header) {
-            status = add_row(out, path, line, start, error);
-        }
+    for (char *line; status == GONIO_OK && (line = gonio_text_row(&text)) != NULL;) {
+        const bool header = out->n == 0 && isalpha((unsigned char)*line);
+        status = header ? GONIO_OK : add_row(out, &text, line, error);
     }
-    if (status == GONIO_OK && ferror(stream)) {
-        status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
-    }
-    fclose(stream);
+    gonio_text_free(&text);
     if (status == GONIO_OK && out->n == 0) {
         status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "no rows; expected nm,reflectance,sigma");
     }

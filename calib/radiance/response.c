@@ -3,31 +3,32 @@
 #include "calib/internal.h"
 
 #include <ctype.h>
-#include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "base/number.h"
+#include "base/text.h"
 
 #define POINTS_MAX 65536
 
-static gonio_status add_row(response *c, const char *path, long long line, const char *text, gonio_error *error) {
-    char *end, *last;
-    const double exposure = gonio_number_parse(text, &end);
-    const double value = *end == ',' ? gonio_number_parse(end + 1, &last) : 0;
-    if (end == text || *end != ',' || last == end + 1 || last[strspn(last, " \t\r\n")] != '\0') {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected relative exposure,relative value");
+static gonio_status add_row(response *c, const gonio_text *text, char *line, gonio_error *error) {
+    char *fields[2];
+    double exposure, value;
+    if (gonio_text_split(line, ',', fields, 2) != 2) {
+        return gonio_text_fail(text, error, "expected relative exposure,relative value");
+    }
+    gonio_status status = gonio_text_number(text, fields[0], "relative exposure", &exposure, error);
+    status = status == GONIO_OK ? gonio_text_number(text, fields[1], "relative value", &value, error) : status;
+    if (status != GONIO_OK) {
+        return status;
     }
     if (!(exposure >= 0 && exposure <= 1 && value >= 0 && value <= 1)) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%g,%g: both must lie in 0..1", exposure, value);
+        return gonio_text_fail(text, error, "%g,%g: both must lie in 0..1", exposure, value);
     }
     const int n = c->points;
     if (n > 0 && (exposure <= c->exposure[n - 1] || value < c->value[n - 1])) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%g,%g falls below the row before", exposure, value);
+        return gonio_text_fail(text, error, "%g,%g falls below the row before", exposure, value);
     }
     if (n == POINTS_MAX) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d rows", POINTS_MAX);
+        return gonio_text_fail(text, error, "more than %d rows", POINTS_MAX);
     }
     // Where the curve stands still it has no inverse; the first of equal values stands for them.
     if (n == 0 || value > c->value[n - 1]) {
@@ -38,40 +39,34 @@ static gonio_status add_row(response *c, const char *path, long long line, const
     return GONIO_OK;
 }
 
-static gonio_status read_rows(response *c, FILE *stream, const char *path, gonio_error *error) {
-    char text[256];
+static gonio_status read_rows(response *c, gonio_text *text, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
-        const char *start = text + strspn(text, " \t\r\n");
-        const bool header = c->points == 0 && isalpha((unsigned char)*start);
-        if (*start != '\0' && *start != '#' && !header) {
-            status = add_row(c, path, line, start, error);
-        }
-    }
-    if (status == GONIO_OK && ferror(stream)) {
-        status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot read it: %s", strerror(errno));
+    for (char *line; status == GONIO_OK && (line = gonio_text_row(text)) != NULL;) {
+        const bool header = c->points == 0 && isalpha((unsigned char)*line);
+        status = header ? GONIO_OK : add_row(c, text, line, error);
     }
     if (status == GONIO_OK && c->points < 2) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%d rising rows; a curve has at least 2", c->points);
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, text->path, -1, "%d rising rows; a curve has at least 2", c->points);
     }
     return status;
 }
 
 gonio_status gonio_response_load(const char *path, int bits, response *out, gonio_error *error) {
     *out = (response){.levels = 1 << bits};
-    FILE *stream = fopen(path, "r");
-    if (stream == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read it: %s", strerror(errno));
+    gonio_text text;
+    gonio_status status = gonio_text_open(path, 0, &text, error);
+    if (status != GONIO_OK) {
+        return status;
     }
     out->exposure = malloc(POINTS_MAX * sizeof *out->exposure);
     out->value = malloc(POINTS_MAX * sizeof *out->value);
-    gonio_status status = GONIO_OK;
     if (out->exposure == NULL || out->value == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for a response curve");
     } else {
-        status = read_rows(out, stream, path, error);
+        status = read_rows(out, &text, error);
     }
-    fclose(stream);
+    gonio_text_free(&text);
     if (status != GONIO_OK) {
         gonio_response_free(out);
     }

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The file of an alignment: CSV, one row a parameter with its value and its row of the covariance.
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/number.h"
+#include "base/text.h"
 #include "gonio/alignment.h"
 #include "gonio/output.h"
 
 #define P GONIO_ALIGNMENT_PARAMETERS
 #define HEADER "parameter,value,covariance"
-#define LINE_MAX_BYTES 2048
 
 const char *gonio_alignment_parameter_name(int index) {
     static const char *const names[P] = {"camera azimuth axis a",
@@ -60,29 +59,42 @@ gonio_status gonio_alignment_write(const gonio_alignment *alignment, const char 
     return gonio_output_commit(output, error);
 }
 
-static gonio_status parse_row(const char *path, long long line, int k, const char *text, gonio_alignment *out,
-                              gonio_error *error) {
+static gonio_status parse_row(const gonio_text *text, int k, char *line, gonio_alignment *out, gonio_error *error) {
     const char *name = gonio_alignment_parameter_name(k);
-    const size_t length = strlen(name);
-    if (strncmp(text, name, length) != 0 || text[length] != ',') {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "found '%.*s', expected the row of '%s'",
-                               (int)strcspn(text, ",\r\n"), text, name);
+    char *fields[P + 2];
+    const int n = gonio_text_split(line, ',', fields, P + 2);
+    if (strcmp(fields[0], name) != 0) {
+        return gonio_text_fail(text, error, "found '%.60s', expected the row of '%s'", fields[0], name);
     }
-    const char *at = text + length;
+    if (n != P + 2) {
+        return gonio_text_fail(text, error, "%d numbers behind '%s' expected, found %d", P + 1, name, n - 1);
+    }
     for (int column = 0; column <= P; column++) {
-        char *end = NULL;
         double *to = column == 0 ? &out->value[k] : &out->covariance[k * P + column - 1];
-        *to = *at == ',' ? gonio_number_parse(at + 1, &end) : NAN;
-        if (*at != ',' || end == at + 1 || !isfinite(*to)) {
-            return gonio_fail_line(error, GONIO_E_INPUT, path, line, "%d numbers behind '%s' expected, found %d", P + 1,
-                                   name, column);
+        const gonio_status status = gonio_text_number(text, fields[column + 1], name, to, error);
+        if (status != GONIO_OK) {
+            return status;
         }
-        at = end;
-    }
-    if (at[strspn(at, " \t\r\n")] != '\0') {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d numbers behind '%s'", P + 1, name);
     }
     return GONIO_OK;
+}
+
+static gonio_status read_rows(gonio_text *text, gonio_alignment *out, gonio_error *error) {
+    char *fields[3], *line = gonio_text_content(text);
+    const int n = line != NULL ? gonio_text_split(line, ',', fields, 3) : 0;
+    if (!gonio_text_is_header(fields, n, (const char *const[]){"parameter", "value", "covariance", NULL})) {
+        return gonio_text_fail(text, error, "found '%.40s', expected the header " HEADER, n > 0 ? fields[0] : "");
+    }
+    int rows = 0;
+    gonio_status status = GONIO_OK;
+    while (status == GONIO_OK && (line = gonio_text_content(text)) != NULL) {
+        status = rows < P ? parse_row(text, rows, line, out, error)
+                          : gonio_text_fail(text, error, "more than %d parameters", P);
+        rows++;
+    }
+    return status != GONIO_OK || rows == P
+               ? status
+               : gonio_fail_line(error, GONIO_E_INPUT, text->path, -1, "%d parameters, expected %d", rows, P);
 }
 
 // A covariance is symmetric and no variance is negative; half of the file from elsewhere would not be.
@@ -105,32 +117,13 @@ static gonio_status check(const gonio_alignment *a, const char *path, gonio_erro
 
 gonio_status gonio_alignment_read(const char *path, gonio_alignment *out, gonio_error *error) {
     *out = (gonio_alignment){.known = false};
-    FILE *stream = fopen(path, "r");
-    if (stream == NULL) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot read the alignment: %s", strerror(errno));
+    gonio_text text;
+    gonio_status status = gonio_text_open(path, 0, &text, error);
+    if (status != GONIO_OK) {
+        return status;
     }
-    char text[LINE_MAX_BYTES];
-    int rows = -1; // the header is yet to come
-    gonio_status status = GONIO_OK;
-    for (long long line = 1; status == GONIO_OK && fgets(text, sizeof text, stream) != NULL; line++) {
-        if (text[0] == '#' || text[strspn(text, " \t\r\n")] == '\0') {
-            continue;
-        }
-        if (rows < 0) {
-            status = strncmp(text, HEADER, strlen(HEADER)) == 0
-                         ? GONIO_OK
-                         : gonio_fail_line(error, GONIO_E_INPUT, path, line,
-                                           "found '%.40s', expected the header " HEADER, text);
-        } else {
-            status = rows < P ? parse_row(path, line, rows, text, out, error)
-                              : gonio_fail_line(error, GONIO_E_INPUT, path, line, "more than %d parameters", P);
-        }
-        rows++;
-    }
-    fclose(stream);
-    if (status == GONIO_OK && rows < P) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%d parameters, expected %d", rows < 0 ? 0 : rows, P);
-    }
+    status = read_rows(&text, out, error);
+    gonio_text_free(&text);
     status = status == GONIO_OK ? check(out, path, error) : status;
     if (status == GONIO_OK) {
         out->sigma_rad = gonio_alignment_sigma(out);

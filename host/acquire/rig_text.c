@@ -26,13 +26,39 @@ gonio_status gonio_rig_text_check(const char *text, const char *name, gonio_erro
     return GONIO_OK;
 }
 
+// The comment behind a value begins with ; or # after a blank; inih knows the ; alone. And to inih an indented line
+// goes on with the value before, which no rig file means.
+static void plain_lines(char *text) {
+    char *to = text;
+    for (const char *from = text; *from != 0;) {
+        from += strspn(from, " \t");
+        const size_t length = strcspn(from, "\n") + (strchr(from, '\n') != NULL);
+        memmove(to, from, length);
+        from += length;
+        to += length;
+    }
+    *to = 0;
+    for (char *mark = text; (mark = strchr(mark, '#')) != NULL; mark++) {
+        if (mark > text && (mark[-1] == ' ' || mark[-1] == '\t')) {
+            *mark = ';';
+        }
+    }
+}
+
 gonio_status gonio_rig_text_read(const char *path, char **text, gonio_error *error) {
-    size_t size;
-    const gonio_status status = gonio_file_read(path, FILE_MAX_BYTES, text, &size, error);
-    if (status == GONIO_OK && strlen(*text) != size) {
-        free(*text);
-        *text = NULL;
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a rig file: a text without zero bytes is expected");
+    gonio_text file;
+    gonio_status status = gonio_text_open(path, FILE_MAX_BYTES, &file, error);
+    if (status == GONIO_OK && memchr(file.next, 0, (size_t)(file.end - file.next)) != NULL) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, path, -1, "not a rig file: a text without zero bytes is expected");
+    }
+    *text = status == GONIO_OK ? strdup(file.next) : NULL;
+    gonio_text_free(&file);
+    if (status == GONIO_OK && *text == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
+    }
+    if (status == GONIO_OK) {
+        plain_lines(*text);
     }
     return status;
 }

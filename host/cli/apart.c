@@ -181,6 +181,9 @@ bool cli_apart_all(const cli_common *common) {
                 return false;
             }
         }
+        if (!cli_ending(common, output, common->written_as.items[i])) {
+            return false;
+        }
     }
     return true;
 }

@@ -16,6 +16,9 @@ bool cli_apart_session(const cli_common *common, const char *session);
 bool cli_apart_model(const cli_common *common, const char *output, const char *session);
 // The same of every CLI_OUTPUT that was given; and no two are one file.
 bool cli_apart_all(const cli_common *common);
+// Does the file's ending belong to another kind of file than the one that is written? what: "CSV", "MODEL", "PNG" ...,
+// or a format's name. False after having reported wrong usage.
+bool cli_ending(const cli_common *common, const char *output, const char *what);
 // GONIO_E_USAGE where this input, which another one names, would be written over.
 gonio_status cli_apart_input(const cli_common *common, const char *path, gonio_error *error);
 

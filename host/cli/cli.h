@@ -53,7 +53,7 @@ typedef struct cli_common {
     // For apart.h: what was given, and which of it are files to be written.
     int argc;
     char *const *argv;
-    cli_list written;
+    cli_list written, written_as;    // paths, and the options' arguments, which say what is written
     const char *folder;              // in which the verb writes the files; NULL: none
     const char *const *folder_files; // NULL ends them
 } cli_common;

@@ -115,6 +115,7 @@ static bool parse_one(const cli_verb *verb, const cli_option *options, int argc,
     }
     if (option->kind == CLI_OUTPUT && common->written.n < (int)(sizeof common->written.items / sizeof(char *))) {
         common->written.items[common->written.n++] = text;
+        common->written_as.items[common->written_as.n++] = option->argument;
     }
     return true;
 }

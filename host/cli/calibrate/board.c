@@ -28,29 +28,35 @@ static const char *const keys[] = {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2
 #define FILE_MAX_BYTES ((size_t)1 << 20)
 #define KEYS (sizeof keys / sizeof *keys)
 
-// The standard uncertainty stands in the comment behind a value, where no other reader of the file minds it.
-static gonio_status parse_line(const gonio_text *text, const char *line, double value[KEYS], double sigma[KEYS],
-                               gonio_error *error) {
-    char key[32];
-    double v, s = 0;
-    const int got = sscanf(line, "%31[a-z0-9_] = %lf ; +- %lf", key, &v, &s);
-    for (size_t k = 0; got >= 2 && k < KEYS; k++) {
-        if (strcmp(key, keys[k]) == 0 && isfinite(v) && s >= 0) {
-            value[k] = v;
-            sigma[k] = s;
-            return GONIO_OK;
+// The standard uncertainty stands in the comment behind a value, "+- NUMBER", where no other reader of the file minds
+// it.
+static gonio_status parse_sigma(const gonio_text *text, char *comment, double *sigma, gonio_error *error) {
+    if (comment == NULL || strncmp(comment, "+-", 2) != 0) {
+        return GONIO_OK;
+    }
+    const gonio_status status =
+        gonio_text_number(text, comment + 2 + strspn(comment + 2, " \t"), "uncertainty", sigma, error);
+    return status == GONIO_OK && *sigma < 0 ? gonio_text_fail(text, error, "uncertainty: expected 0 or more") : status;
+}
+
+static gonio_status parse_line(const gonio_text *text, const char *key, char *found, char *comment, double value[KEYS],
+                               double sigma[KEYS], gonio_error *error) {
+    for (size_t k = 0; found != NULL && k < KEYS; k++) {
+        if (strcmp(key, keys[k]) == 0) {
+            const gonio_status status = gonio_text_number(text, found, key, &value[k], error);
+            return status == GONIO_OK ? parse_sigma(text, comment, &sigma[k], error) : status;
         }
     }
-    return line[0] == ';' || line[0] == '['
+    return found == NULL && key[0] == '['
                ? GONIO_OK
                : gonio_text_fail(text, error, "found '%.60s', expected fx_px = NUMBER, fy_px ... k3, width or height",
-                                 line);
+                                 key);
 }
 
 gonio_status calibrate_camera_read(const char *path, gonio_camera_info *camera, double sigma[9], gonio_error *error) {
-    char *data, *line;
-    size_t size;
-    gonio_status status = gonio_file_read(path, FILE_MAX_BYTES, &data, &size, error);
+    gonio_text text;
+    char *key, *found, *comment;
+    gonio_status status = gonio_text_open(path, FILE_MAX_BYTES, &text, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -58,11 +64,10 @@ gonio_status calibrate_camera_read(const char *path, gonio_camera_info *camera, 
     for (size_t k = 0; k < KEYS; k++) {
         value[k] = k < 4 || k >= 9 ? NAN : 0;
     }
-    gonio_text text = gonio_text_begin(path, data, size);
-    while (status == GONIO_OK && (line = gonio_text_content(&text)) != NULL) {
-        status = parse_line(&text, line, value, spread, error);
+    while (status == GONIO_OK && (key = gonio_text_setting(&text, &found, &comment)) != NULL) {
+        status = parse_line(&text, key, found, comment, value, spread, error);
     }
-    free(data);
+    gonio_text_free(&text);
     for (size_t k = 0; status == GONIO_OK && k < KEYS; k++) {
         const bool positive = k < 2 || k >= 9;
         if (!isfinite(value[k]) || (positive && !(value[k] > 0))) {

@@ -62,8 +62,8 @@ void calibrate_rig_free(calibrate_rig_views *views);
 gonio_status calibrate_rig_look(const calibrate_rig_request *request, const gonio_image *image, gonio_rig_view *view,
                                 gonio_corners *corners, gonio_error *error);
 
-// A list of files to be read line by line, and the folder that it lies in; the caller frees *data and *folder.
-gonio_status calibrate_list_read(const char *path, char **data, char **folder, gonio_text *text, gonio_error *error);
+// A list of files to be read line by line, and the folder that it lies in; the caller frees *text and *folder.
+gonio_status calibrate_list_read(const char *path, char **folder, gonio_text *text, gonio_error *error);
 // The path of a file that the list names, which is none that will be written.
 gonio_status calibrate_list_path(const cli_common *common, const gonio_text *text, const char *folder, const char *file,
                                  char path[1024], gonio_error *error);

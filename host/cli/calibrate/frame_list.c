@@ -11,19 +11,15 @@
 #define HEADER "file,exposure_s"
 #define LIST_MAX_BYTES ((size_t)64 << 20)
 
-gonio_status calibrate_list_read(const char *path, char **data, char **folder, gonio_text *text, gonio_error *error) {
-    size_t size;
+gonio_status calibrate_list_read(const char *path, char **folder, gonio_text *text, gonio_error *error) {
     char *copy = strdup(path);
-    gonio_status status = copy != NULL ? gonio_file_read(path, LIST_MAX_BYTES, data, &size, error)
+    gonio_status status = copy != NULL ? gonio_text_open(path, LIST_MAX_BYTES, text, error)
                                        : gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
     if (status == GONIO_OK && (*folder = strdup(dirname(copy))) == NULL) {
-        free(*data);
+        gonio_text_free(text);
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
     }
     free(copy);
-    if (status == GONIO_OK) {
-        *text = gonio_text_begin(path, *data, size);
-    }
     return status;
 }
 
@@ -59,14 +55,18 @@ static gonio_status parse_row(const cli_common *common, const gonio_text *text, 
 
 static gonio_status read_rows(const cli_common *common, gonio_text *text, const char *folder, frame_row **rows,
                               size_t *n, gonio_error *error) {
-    char *line = gonio_text_line(text);
-    const bool has_light = line != NULL && strcmp(line, HEADER ",light") == 0;
-    if (line == NULL || (!has_light && strcmp(line, HEADER) != 0)) {
-        return gonio_text_fail(text, error, "found '%.60s', expected the header " HEADER " or " HEADER ",light",
-                               line != NULL ? line : "");
+    static const char *const header[] = {"file", "exposure_s", NULL}, *const lit[] = {"file", "exposure_s", "light",
+                                                                                      NULL};
+    char *line = gonio_text_row(text), *fields[3];
+    const int columns = line != NULL ? gonio_text_split(line, ',', fields, 3) : 0;
+    const bool has_light = gonio_text_is_header(fields, columns, lit);
+    if (!has_light && !gonio_text_is_header(fields, columns, header)) {
+        return gonio_text_fail(
+            text, error, "found %d columns, '%.60s' the first; expected the header " HEADER " or " HEADER ",light",
+            columns, columns > 0 ? fields[0] : "");
     }
     gonio_status status = GONIO_OK;
-    while (status == GONIO_OK && (line = gonio_text_content(text)) != NULL) {
+    while (status == GONIO_OK && (line = gonio_text_row(text)) != NULL) {
         frame_row *larger = realloc(*rows, (*n + 1) * sizeof *larger);
         if (larger == NULL) {
             return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu frames", *n);
@@ -82,14 +82,14 @@ gonio_status frame_list_read(const cli_common *common, const char *path, frame_r
                              gonio_error *error) {
     *rows = NULL;
     *n = 0;
-    char *data, *folder;
+    char *folder;
     gonio_text text;
-    gonio_status status = calibrate_list_read(path, &data, &folder, &text, error);
+    gonio_status status = calibrate_list_read(path, &folder, &text, error);
     if (status != GONIO_OK) {
         return status;
     }
     status = read_rows(common, &text, folder, rows, n, error);
-    free(data);
+    gonio_text_free(&text);
     free(folder);
     if (status != GONIO_OK) {
         free(*rows);

@@ -65,12 +65,16 @@ static gonio_status look_at_file(const calibrate_rig_request *request, calibrate
 
 static gonio_status read_rows(gonio_text *text, const char *folder, const calibrate_rig_request *request,
                               calibrate_rig_views *views, gonio_error *error) {
-    char *line = gonio_text_line(text), *file = NULL;
-    if (line == NULL || strcmp(line, HEADER) != 0) {
-        return gonio_text_fail(text, error, "found '%.60s', expected the header " HEADER, line != NULL ? line : "");
+    static const char *const header[] = {"file",         "object",     "light_theta", "light_phi",
+                                         "camera_theta", "camera_phi", NULL};
+    char *line = gonio_text_row(text), *file = NULL, *fields[6];
+    const int columns = line != NULL ? gonio_text_split(line, ',', fields, 6) : 0;
+    if (!gonio_text_is_header(fields, columns, header)) {
+        return gonio_text_fail(text, error, "found %d columns, '%.60s' the first; expected the header " HEADER, columns,
+                               columns > 0 ? fields[0] : "");
     }
     gonio_status status = GONIO_OK;
-    while (status == GONIO_OK && (line = gonio_text_content(text)) != NULL) {
+    while (status == GONIO_OK && (line = gonio_text_row(text)) != NULL) {
         status = views->n < VIEWS_MAX ? parse_row(text, line, &file, &views->items[views->n], error)
                                       : gonio_text_fail(text, error, "more than %d frames", VIEWS_MAX);
         status = status == GONIO_OK ? look_at_file(request, views, text, folder, file, error) : status;
@@ -84,14 +88,14 @@ static gonio_status from_list(const char *path, calibrate_rig_request *request, 
         return gonio_fail(error, GONIO_E_USAGE,
                           "--camera: the camera's intrinsics (gonio calibrate camera -o) are needed");
     }
-    char *data, *folder;
+    char *folder;
     gonio_text text;
     gonio_status status = calibrate_camera_read(request->camera, &views->camera, request->options.camera_sigma, error);
     status = status == GONIO_OK ? calibrate_rig_room(views, VIEWS_MAX, error) : status;
-    status = status == GONIO_OK ? calibrate_list_read(path, &data, &folder, &text, error) : status;
+    status = status == GONIO_OK ? calibrate_list_read(path, &folder, &text, error) : status;
     if (status == GONIO_OK) {
         status = read_rows(&text, folder, request, views, error);
-        free(data);
+        gonio_text_free(&text);
         free(folder);
     }
     return status;

@@ -171,6 +171,12 @@ static void list_writers(char *text, size_t size) {
     }
 }
 
+static bool is_written(const char *format) {
+    gonio_format_facts facts;
+    return format != NULL &&
+           (strcmp(format, "model") == 0 || gonio_format_writer(format, "", &facts, NULL) == GONIO_OK);
+}
+
 static int run(int argc, char **argv) {
     convert_arguments a = {0};
     char writers[400];
@@ -184,7 +190,8 @@ static int run(int argc, char **argv) {
     const char *names[2];
     int count;
     cli_common common;
-    if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common) || !cli_apart(&common, names[1])) {
+    if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common) || !cli_apart(&common, names[1]) ||
+        (is_written(a.to) && !cli_ending(&common, names[1], a.to))) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};

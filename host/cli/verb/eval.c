@@ -11,14 +11,14 @@
 
 // The rows as they were written, for echoing, and as angles.
 typedef struct directions {
-    char *data;
+    gonio_text text;
     char **lines;
     gonio_pair *pairs;
     size_t n, capacity;
 } directions;
 
 static void release(directions *d) {
-    free(d->data);
+    gonio_text_free(&d->text);
     free(d->lines);
     free(d->pairs);
 }
@@ -53,25 +53,23 @@ static gonio_status parse_row(const gonio_text *text, const char *line, char *co
 }
 
 static gonio_status read_directions(const char *path, directions *d, gonio_error *error) {
-    size_t size;
-    gonio_status status = gonio_file_read(path, 0, &d->data, &size, error);
+    gonio_status status = gonio_text_open(path, 0, &d->text, error);
     if (status != GONIO_OK) {
         return status;
     }
-    gonio_text text = gonio_text_begin(path, d->data, size);
     char copy[1024], *fields[4];
-    char *line = gonio_text_content(&text);
+    char *line = gonio_text_row(&d->text);
     if (line == NULL) {
-        return gonio_text_fail(&text, error, "nothing in it; expected the header " GONIO_PAIR_HEADER);
+        return gonio_text_fail(&d->text, error, "nothing in it; expected the header " GONIO_PAIR_HEADER);
     }
-    status = parse_row(&text, line, copy, sizeof copy, fields, error);
+    status = parse_row(&d->text, line, copy, sizeof copy, fields, error);
     if (status == GONIO_OK && !gonio_text_is_pair_header(fields, 4)) {
-        status = gonio_text_fail(&text, error, "expected the header " GONIO_PAIR_HEADER ", found '%.80s'", line);
+        status = gonio_text_fail(&d->text, error, "expected the header " GONIO_PAIR_HEADER ", found '%.80s'", line);
     }
-    while (status == GONIO_OK && (line = gonio_text_content(&text)) != NULL) {
+    while (status == GONIO_OK && (line = gonio_text_row(&d->text)) != NULL) {
         gonio_pair pair;
-        status = parse_row(&text, line, copy, sizeof copy, fields, error);
-        status = status == GONIO_OK ? gonio_text_pair(&text, fields, &pair, error) : status;
+        status = parse_row(&d->text, line, copy, sizeof copy, fields, error);
+        status = status == GONIO_OK ? gonio_text_pair(&d->text, fields, &pair, error) : status;
         status = status == GONIO_OK ? append(d, line, &pair, error) : status;
     }
     return status;

@@ -57,7 +57,7 @@ static int run(int argc, char **argv) {
     int count;
     if (!cli_parse(&cmd_measure, options, argc, argv, &session, 1, 1, &count, &common) ||
         !cli_fit_read(&arguments, "measure", &common, &r.measure.fit) || !cli_apart_session(&common, session) ||
-        !cli_apart_model(&common, r.measuring.model, session)) {
+        !cli_apart_model(&common, r.measuring.model, session) || !cli_ending(&common, r.measuring.model, "MODEL")) {
         return 2;
     }
     r.measure.seed = r.rig.seed = common.seed;

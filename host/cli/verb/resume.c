@@ -81,7 +81,7 @@ static int run(int argc, char **argv) {
     const char *path;
     int count;
     if (!cli_parse(&cmd_resume, options, argc, argv, &path, 1, 1, &count, &common) ||
-        !cli_apart_model(&common, measuring.model, path)) {
+        !cli_apart_model(&common, measuring.model, path) || !cli_ending(&common, measuring.model, "MODEL")) {
         return 2;
     }
     if (measuring.model == NULL && set.n == 0 && is_finished(&common, path)) {
