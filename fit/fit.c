@@ -271,11 +271,30 @@ static gonio_status fit_groups(const gonio_samples *samples, const gonio_fit_opt
     return status;
 }
 
+// A sigma that every sample of a channel has tells no sample from another: most often it is a default or a placeholder,
+// and its size must change no answer. The set without it borrows the samples' arrays.
+static gonio_samples without_common_sigma(const gonio_samples *samples) {
+    gonio_samples plain = *samples;
+    const size_t c = (size_t)samples->channels;
+    bool common = samples->sigma_random != NULL;
+    for (size_t i = 1; i < samples->n && common; i++) {
+        common = memcmp(samples->sigma_random, samples->sigma_random + i * c, c * sizeof(double)) == 0;
+    }
+    if (common) {
+        plain.sigma_random = plain.sigma_systematic = NULL;
+    }
+    return plain;
+}
+
 gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                        gonio_fit_report *report, gonio_error *error) {
     *out = NULL;
     gonio_fit_report own;
     report = report != NULL ? report : &own;
     *report = (gonio_fit_report){0};
-    return (several_groups(samples) ? fit_groups : fit_set)(samples, options, out, report, error);
+    if (several_groups(samples)) {
+        return fit_groups(samples, options, out, report, error);
+    }
+    const gonio_samples plain = without_common_sigma(samples);
+    return fit_set(&plain, options, out, report, error);
 }

@@ -23,7 +23,8 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     gonio_pair pair = {0};
     gonio_status status = GONIO_OK;
     for (int k = 0; k < 4 && status == GONIO_OK; k++) {
-        status = gonio_text_number(text, fields[k], names[k], &numbers[k], error);
+        status = k < 3 ? gonio_text_number(text, fields[k], names[k], &numbers[k], error)
+                       : gonio_row_collector_number(collector, fields[k], names[k], &numbers[k], error);
     }
     status = status == GONIO_OK ? gonio_polar_rad(text, "theta_l", numbers[0], &pair.theta_i, error) : status;
     if (status == GONIO_OK) {
@@ -36,11 +37,25 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     return gonio_row_collector_add(collector, &pair, &numbers[3], NULL, NULL, error);
 }
 
+// The files' own: #KEY VALUE. VS: columns of uncertainty behind the values, of which none is read.
+static const gonio_declaration declarations[] = {{"PARAM_IN", "ISOTROPIC_TL_TV_PROJ_DPHI", GONIO_DECLARED_NOTHING},
+                                                 {"PARAM_OUT", "INV_STERADIAN", GONIO_DECLARED_NOTHING},
+                                                 {"PARAM_OUT", "INV_STERADIAN_COSINE_FACTOR", GONIO_DECLARED_COSINE},
+                                                 {"DIM", "3 1", GONIO_DECLARED_NOTHING},
+                                                 {"VS", "0", GONIO_DECLARED_NOTHING},
+                                                 {"radian", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"angle_units", "radian|radians|rad", GONIO_DECLARED_NOTHING},
+                                                 {0}};
+
 static gonio_status read_retro(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "retro");
-    gonio_status status = gonio_samples_new(1, false, &collector.samples, error);
+    gonio_row_collector collector;
+    gonio_status status = gonio_row_collector_begin(&collector, &text, source, values, declarations, "retro", error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_row_collector_room(&collector, 1, false, error);
     if (status == GONIO_OK) {
         strcpy(collector.samples->channel_names[0], "value");
     }
@@ -53,7 +68,7 @@ static gonio_status read_retro(const gonio_source *source, const gonio_format_va
     return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
 
 const gonio_format gonio_format_retro = {.name = "retro",
                                          .summary = "CEA retro-reflection text",

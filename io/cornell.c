@@ -41,8 +41,8 @@ static gonio_status read_wavelengths(gonio_text *text, char **fields, gonio_samp
             if (status != GONIO_OK) {
                 return status;
             }
-            if (!(nm >= 1 && nm <= 1e6)) {
-                return gonio_text_fail(text, error, "wavelength: expected 1 to 1e6 nm, found %s", fields[k]);
+            if (!(nm >= 20 && nm <= 1e6)) {
+                return gonio_text_fail(text, error, "wavelength: expected 20 to 1e6 nm, found %s", fields[k]);
             }
             gonio_number_format(samples->channel_names[found++], GONIO_CHANNEL_NAME_MAX, "%.10gnm", nm);
         }
@@ -56,8 +56,9 @@ static gonio_status read_row(const gonio_text *text, char **fields, gonio_row_co
     const int channels = collector->samples->channels;
     gonio_status status = GONIO_OK;
     for (int k = 0; k < 4 + channels && status == GONIO_OK; k++) {
-        status = gonio_text_number(text, fields[k], k < 4 ? names[k] : collector->samples->channel_names[k - 4],
-                                   &numbers[k], error);
+        status = k < 4 ? gonio_text_number(text, fields[k], names[k], &numbers[k], error)
+                       : gonio_row_collector_number(collector, fields[k], collector->samples->channel_names[k - 4],
+                                                    &numbers[k], error);
     }
     gonio_pair pair = {0};
     status = status == GONIO_OK ? gonio_polar_rad(text, names[0], numbers[0], &pair.theta_i, error) : status;
@@ -91,25 +92,31 @@ static gonio_status read_rows(gonio_text *text, char **fields, gonio_row_collect
     return status;
 }
 
+static const gonio_declaration declarations[] = {
+    {"radian", NULL, GONIO_DECLARED_NOTHING}, {"angle_units", "radian|radians|rad", GONIO_DECLARED_NOTHING}, {0}};
+
 static gonio_status read_cornell(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                  gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "cornell");
+    gonio_row_collector collector;
+    gonio_status status = gonio_row_collector_begin(&collector, &text, source, values, declarations, "cornell", error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     char *fields[4 + GONIO_CHANNELS_MAX];
     const char *first = gonio_text_content(&text);
     const long channels = strtol(first, NULL, 10);
-    gonio_status status = GONIO_OK;
     if (channels > GONIO_CHANNELS_MAX) {
         status = gonio_text_fail(&text, error, "%ld wavelengths; 1 to %d are possible", channels, GONIO_CHANNELS_MAX);
     } else {
-        status = gonio_samples_new((int)channels, false, &collector.samples, error);
+        status = gonio_row_collector_room(&collector, (int)channels, false, error);
     }
     status = status == GONIO_OK ? read_wavelengths(&text, fields, collector.samples, error) : status;
     status = status == GONIO_OK ? read_rows(&text, fields, &collector, error) : status;
     return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
 
 const gonio_format gonio_format_cornell = {.name = "cornell",
                                            .summary = "Cornell gonioreflectometer text",

@@ -5,13 +5,14 @@
 
 #include "base/text.h"
 #include "gonio/io.h"
+#include "io/declaration.h"
 
 // A file in memory. data ends with a 0 byte that size does not count; text readers cut it up.
-typedef struct gonio_source {
+struct gonio_source {
     const char *path;
     char *data;
     size_t size;
-} gonio_source;
+};
 
 // The values of a format's options, in the order of its table.
 typedef struct gonio_format_value {
@@ -72,11 +73,39 @@ typedef enum gonio_negatives {
     GONIO_NEGATIVES_CLAMP,  // raised to 0, counted
     GONIO_NEGATIVES_KEEP,
 } gonio_negatives;
+// "none", "auto", or the number or word that stands for a missing value.
+#define GONIO_OPTION_MISSING                                                                                           \
+    {                                                                                                                  \
+        "missing", GONIO_FORMAT_TEXT, "VALUE|auto|none", "auto",                                                       \
+            "what stands for missing values; rows with it are left out (auto: what stands out as such)"                \
+    }
+#define GONIO_OPTION_DECLARED                                                                                          \
+    { "declared", GONIO_FORMAT_CHOICE, "heed|ignore", "heed", "what the comments declare of the values" }
+// The options of every text format stand first, in this order.
+#define GONIO_TEXT_OPTIONS                                                                                             \
+    [GONIO_TEXT_NEGATIVES] = GONIO_OPTION_NEGATIVES, [GONIO_TEXT_MISSING] = GONIO_OPTION_MISSING,                      \
+    [GONIO_TEXT_DECLARED] = GONIO_OPTION_DECLARED
+enum { GONIO_TEXT_NEGATIVES, GONIO_TEXT_MISSING, GONIO_TEXT_DECLARED, GONIO_TEXT_OPTIONS_N };
 #define GONIO_OPTION_NEGATIVES                                                                                         \
     {                                                                                                                  \
         "negatives", GONIO_FORMAT_CHOICE, "noise|reject|clamp|keep", "noise",                                          \
             "negative values (noise: kept within 5 sigma of 0, else refused)"                                          \
     }
+
+// What stands for a missing value.
+typedef struct gonio_missing {
+    bool automatic, has_number;
+    double number;
+    const char *word; // "NaN"; NULL: none
+    struct {          // of the numbers that programs write for it and this file holds
+        double number;
+        size_t count;
+        long long line; // of the first
+        int channel;    // and where it stood
+        double sigma;
+    } found[8];
+    int n_found;
+} gonio_missing;
 
 // Rows of a text file on their way into a set: the policy on negative values, and the counts.
 typedef struct gonio_row_collector {
@@ -89,10 +118,24 @@ typedef struct gonio_row_collector {
     long long refused_line;
     int refused_channel;
     double refused_value, refused_sigma;
+    gonio_declared declared;
+    gonio_missing missing;
+    long long *lines; // of the samples' rows
+    size_t lines_capacity;
+    double *sigmas; // scratch of a row
+    size_t horizon; // rows left out there
 } gonio_row_collector;
 
-// Before the text's first line is read.
-gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format);
+// Before the text's first line is read: reads what its comments declare. own: what the format knows of that, or NULL.
+gonio_status gonio_row_collector_begin(gonio_row_collector *collector, const gonio_text *text,
+                                       const gonio_source *source, const gonio_format_values *values,
+                                       const gonio_declaration *own, const char *format, gonio_error *error);
+// A value of the row; NaN where the user said that this stands for a missing one.
+gonio_status gonio_row_collector_number(const gonio_row_collector *collector, const char *field, const char *what,
+                                        double *value, gonio_error *error);
+// Make the empty set, of which the rows then are; once, before the first row.
+gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channels, bool with_sigma,
+                                      gonio_error *error);
 // values may be changed (clamped). sigma_random and sigma_systematic: both NULL where the file states none. The line is
 // the text's current one.
 gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio_pair *pair, double *values,
@@ -100,6 +143,15 @@ gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio
 // Give the set out, or the error that the policy asks for (the set is freed then). status: how reading went so far.
 gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error);
+
+// Look for missing values that are written as exact zeros, and for a ceiling; left out (the set is then another one)
+// where `leave_out`, and told in notes. lines: of the set's rows.
+gonio_status gonio_missing_look(gonio_samples **samples, const long long *lines, bool leave_out, char *notes,
+                                size_t size, gonio_error *error);
+
+// Tell in notes of equal geometries whose values differ by more than they may.
+gonio_status gonio_repeats_look(const gonio_samples *samples, const long long *lines, char *notes, size_t size,
+                                gonio_error *error);
 
 // Angles of files in radians: a polar angle at most rounding beyond the horizon is taken back to it.
 gonio_status gonio_polar_rad(const gonio_text *text, const char *what, double rad, double *theta, gonio_error *error);

@@ -109,6 +109,24 @@ static gonio_status parse_field(const tensor_file *file, size_t *at, field *f, g
     return GONIO_OK;
 }
 
+// A field beside the published ones that speaks of units, factors or the like declares what nobody here would heed.
+static gonio_status check_names(const tensor_file *file, gonio_error *error) {
+    static const char *const known[] = {"phi_i", "theta_i", "sigma",       "ndf",      "vndf",        "luminance",
+                                        "rgb",   "spectra", "wavelengths", "jacobian", "description", NULL};
+    for (int k = 0; k < file->n; k++) {
+        const char *name = file->fields[k].name;
+        int at = 0;
+        while (known[at] != NULL && strcmp(known[at], name) != 0) {
+            at++;
+        }
+        if (known[at] == NULL && gonio_declaration_weight(name) != NULL) {
+            return gonio_fail_byte(error, GONIO_E_INPUT, file->source->path, HEADER,
+                                   "a field '%s', which could change the values and is not known here", name);
+        }
+    }
+    return GONIO_OK;
+}
+
 static gonio_status parse_container(const gonio_source *source, tensor_file *file, gonio_error *error) {
     *file = (tensor_file){.source = source};
     if (source->size < HEADER) {
@@ -132,7 +150,7 @@ static gonio_status parse_container(const gonio_source *source, tensor_file *fil
         }
         file->n++;
     }
-    return GONIO_OK;
+    return check_names(file, error);
 }
 
 static const field *find(const tensor_file *file, const char *name) {

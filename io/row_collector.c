@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
+#include "base/number.h"
 #include "io/format.h"
 
 static bool name_is_sound(const char *name) {
@@ -35,36 +38,150 @@ gonio_status gonio_channel_names_check(const char *path, const char (*names)[GON
     return GONIO_OK;
 }
 
-gonio_row_collector gonio_row_collector_begin(const gonio_text *text, gonio_negatives policy, const char *format) {
-    gonio_row_collector collector = {.text = text, .policy = policy};
-    collector.report.first_negative_line = -1;
-    collector.report.open_end = text->next < text->end && text->end[-1] != '\n';
-    snprintf(collector.report.format, sizeof collector.report.format, "%s", format);
-    return collector;
+static void parse_missing(const gonio_format_values *values, const gonio_declared *declared, gonio_missing *missing) {
+    const char *text = values->at[GONIO_TEXT_MISSING].text;
+    char *end;
+    *missing = (gonio_missing){.automatic = strcmp(text, "auto") == 0};
+    if (missing->automatic && declared->has_missing) {
+        *missing = (gonio_missing){.has_number = true, .number = declared->missing};
+    } else if (!missing->automatic && strcmp(text, "none") != 0) {
+        missing->number = gonio_number_parse(text, &end);
+        missing->has_number = end != text && *end == 0 && isfinite(missing->number);
+        missing->word = missing->has_number ? NULL : text;
+    }
 }
 
-static void note_negative(gonio_row_collector *collector, int channel, double value, double sigma) {
-    const bool noise = -value <= GONIO_NOISE_SIGMAS * sigma;
-    if (collector->report.negatives++ == 0) {
-        collector->report.first_negative_line = collector->text->line;
+gonio_status gonio_row_collector_begin(gonio_row_collector *collector, const gonio_text *text,
+                                       const gonio_source *source, const gonio_format_values *values,
+                                       const gonio_declaration *own, const char *format, gonio_error *error) {
+    *collector = (gonio_row_collector){
+        .text = text, .policy = (gonio_negatives)values->at[GONIO_TEXT_NEGATIVES].choice, .declared = {.factor = 1}};
+    collector->report.first_negative_line = -1;
+    collector->report.open_end = text->next < text->end && text->end[-1] != '\n';
+    snprintf(collector->report.format, sizeof collector->report.format, "%s", format);
+    const gonio_status status = values->at[GONIO_TEXT_DECLARED].choice == 0
+                                    ? gonio_declarations_read(source, own, &collector->declared, error)
+                                    : GONIO_OK;
+    parse_missing(values, &collector->declared, &collector->missing);
+    return status;
+}
+
+gonio_status gonio_row_collector_number(const gonio_row_collector *collector, const char *field, const char *what,
+                                        double *value, gonio_error *error) {
+    if (collector->missing.word != NULL && strcasecmp(field, collector->missing.word) == 0) {
+        *value = NAN;
+        return GONIO_OK;
     }
-    collector->report.noise += noise;
-    const bool accepted = collector->policy == GONIO_NEGATIVES_CLAMP || collector->policy == GONIO_NEGATIVES_KEEP ||
-                          (collector->policy == GONIO_NEGATIVES_NOISE && noise);
-    if (!accepted && collector->refused++ == 0) {
-        collector->refused_line = collector->text->line;
+    return gonio_text_number(collector->text, field, what, value, error);
+}
+
+static bool accepts(const gonio_row_collector *collector, double value, double sigma) {
+    return collector->policy == GONIO_NEGATIVES_CLAMP || collector->policy == GONIO_NEGATIVES_KEEP ||
+           (collector->policy == GONIO_NEGATIVES_NOISE && -value <= GONIO_NOISE_SIGMAS * sigma);
+}
+
+static void refuse_value(gonio_row_collector *collector, long long line, int channel, double value, double sigma,
+                         size_t count) {
+    if (collector->refused == 0 || line < collector->refused_line) {
+        collector->refused_line = line;
         collector->refused_channel = channel;
         collector->refused_value = value;
         collector->refused_sigma = sigma;
     }
+    collector->refused += count;
 }
+
+static void note_negative(gonio_row_collector *collector, int channel, double value, double sigma) {
+    if (collector->report.negatives++ == 0) {
+        collector->report.first_negative_line = collector->text->line;
+    }
+    collector->report.noise += -value <= GONIO_NOISE_SIGMAS * sigma;
+    if (!accepts(collector, value, sigma)) {
+        refuse_value(collector, collector->text->line, channel, value, sigma, 1);
+    }
+}
+
+// Is it a number that instruments and programs write where they have none: SCPI's 9.9e37, -99, -9999 ...?
+static bool is_sentinel(const gonio_row_collector *collector, double value, double sigma) {
+    static const double numbers[] = {-1, -9, -99, -999, -9999, -99999, -32768};
+    if (!collector->missing.automatic || fabs(value) >= 1e30) {
+        return collector->missing.automatic && fabs(value) >= 1e30;
+    }
+    bool is = false;
+    for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++) {
+        is = is || value == numbers[k];
+    }
+    return is && collector->policy == GONIO_NEGATIVES_NOISE && !accepts(collector, value, sigma);
+}
+
+static void note_missing(gonio_row_collector *collector, double number, int channel, double sigma) {
+    gonio_missing *m = &collector->missing;
+    int k = 0;
+    while (k < m->n_found && m->found[k].number != number && !(isnan(number) && isnan(m->found[k].number))) {
+        k++;
+    }
+    if (k == m->n_found && k + 1 < (int)(sizeof m->found / sizeof *m->found)) {
+        m->found[m->n_found++].number = number;
+        m->found[k].line = collector->text->line;
+        m->found[k].channel = channel;
+        m->found[k].sigma = sigma;
+    }
+    m->found[k < m->n_found ? k : m->n_found - 1].count++;
+}
+
+// Does the row hold a value that is none? Then it is counted and left out.
+static bool leaves_out(gonio_row_collector *collector, const double *values, const double *random,
+                       const double *systematic) {
+    const gonio_missing *m = &collector->missing;
+    for (int c = 0; c < collector->samples->channels; c++) {
+        const double sigma = random != NULL ? hypot(random[c], systematic[c]) : (double)NAN;
+        if (isnan(values[c]) || (m->has_number && values[c] == m->number) || is_sentinel(collector, values[c], sigma)) {
+            note_missing(collector, values[c], c, sigma);
+            return true;
+        }
+    }
+    return false;
+}
+
+static gonio_status note_line(gonio_row_collector *collector, gonio_error *error) {
+    const size_t n = collector->samples->n;
+    if (n == collector->lines_capacity) {
+        const size_t larger = 2 * n + 256;
+        long long *lines = realloc(collector->lines, larger * sizeof *lines);
+        if (lines == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu rows", larger);
+        }
+        collector->lines = lines;
+        collector->lines_capacity = larger;
+    }
+    collector->lines[n] = collector->text->line;
+    return GONIO_OK;
+}
+
+// At the horizon f_r cos(theta_o) says nothing of f_r.
+#define COSINE_MIN 1e-6
 
 gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio_pair *pair, double *values,
                                      const double *sigma_random, const double *sigma_systematic, gonio_error *error) {
-    for (int c = 0; c < collector->samples->channels; c++) {
+    const int channels = collector->samples->channels;
+    if (leaves_out(collector, values, sigma_random, sigma_systematic)) {
+        return GONIO_OK;
+    }
+    const double divisor = (collector->declared.cosine ? cos(pair->theta_o) : 1) * collector->declared.factor;
+    if (divisor < COSINE_MIN) {
+        collector->horizon++;
+        return GONIO_OK;
+    }
+    double *sigmas = collector->sigmas;
+    for (int c = 0; c < channels; c++) {
+        values[c] /= divisor;
+        if (sigma_random != NULL) {
+            sigmas[c] = sigma_random[c] / divisor;
+            sigmas[channels + c] = sigma_systematic[c] / divisor;
+        }
         if (values[c] < 0) {
             note_negative(collector, c, values[c],
-                          sigma_random != NULL ? hypot(sigma_random[c], sigma_systematic[c]) : (double)NAN);
+                          sigma_random != NULL ? hypot(sigmas[c], sigmas[channels + c]) : (double)NAN);
             if (collector->policy == GONIO_NEGATIVES_CLAMP) {
                 values[c] = 0;
                 collector->report.clamped++;
@@ -72,7 +189,11 @@ gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio
         }
     }
     collector->report.rows++;
-    return gonio_samples_add(collector->samples, pair, values, sigma_random, sigma_systematic, error);
+    const gonio_status status = note_line(collector, error);
+    const bool with = sigma_random != NULL;
+    return status == GONIO_OK ? gonio_samples_add(collector->samples, pair, values, with ? sigmas : NULL,
+                                                  with ? sigmas + channels : NULL, error)
+                              : status;
 }
 
 static gonio_status refuse(const gonio_row_collector *collector, gonio_error *error) {
@@ -88,12 +209,75 @@ static gonio_status refuse(const gonio_row_collector *collector, gonio_error *er
                            collector->refused_value, sigma);
 }
 
+// A single -1 is a negative value like any other; said twice it stands for something.
+static void settle_missing(gonio_row_collector *collector) {
+    gonio_missing *m = &collector->missing;
+    int kept = 0;
+    for (int k = 0; k < m->n_found; k++) {
+        if (m->automatic && m->found[k].count == 1 && fabs(m->found[k].number) < 10) {
+            refuse_value(collector, m->found[k].line, m->found[k].channel, m->found[k].number, m->found[k].sigma, 1);
+        } else {
+            m->found[kept++] = m->found[k];
+        }
+    }
+    m->n_found = kept;
+}
+
+static void tell(gonio_row_collector *collector) {
+    char *notes = collector->report.notes;
+    const size_t size = sizeof collector->report.notes;
+    for (int k = 0; k < collector->missing.n_found; k++) {
+        char number[32] = "NaN";
+        if (!isnan(collector->missing.found[k].number)) {
+            gonio_text_shortest(collector->missing.found[k].number, number);
+        }
+        gonio_text_append(notes, size,
+                          "%zu rows with %s, which stands for a missing value, are left out (the first at "
+                          "line %lld)\n",
+                          collector->missing.found[k].count,
+                          isnan(collector->missing.found[k].number) ? collector->missing.word : number,
+                          collector->missing.found[k].line);
+    }
+    if (collector->declared.cosine) {
+        gonio_text_append(notes, size,
+                          "its values are declared to hold cos(theta_o) and were divided by it; %zu rows at "
+                          "the horizon are left out\n",
+                          collector->horizon);
+    }
+    if (collector->declared.factor != 1) {
+        gonio_text_append(notes, size, "its values are declared as reflectance factors and were divided by pi\n");
+    }
+}
+
+gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channels, bool with_sigma,
+                                      gonio_error *error) {
+    collector->sigmas = malloc(2 * (size_t)channels * sizeof *collector->sigmas);
+    const gonio_status status = gonio_samples_new(channels, with_sigma, &collector->samples, error);
+    if (status == GONIO_OK && collector->sigmas == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a row");
+    }
+    if (status == GONIO_OK) {
+        collector->samples->isotropic = !collector->declared.anisotropic;
+    }
+    return status;
+}
+
 gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error) {
-    if (status == GONIO_OK && collector->report.rows == 0) {
+    settle_missing(collector);
+    if (status == GONIO_OK && collector->report.rows == 0 && collector->refused == 0) {
         status = gonio_text_fail(collector->text, error, "no samples in it");
     }
     status = status == GONIO_OK && collector->refused > 0 ? refuse(collector, error) : status;
+    if (status == GONIO_OK) {
+        tell(collector);
+        status = gonio_repeats_look(collector->samples, collector->lines, collector->report.notes,
+                                    sizeof collector->report.notes, error);
+    }
+    if (status == GONIO_OK) {
+        status = gonio_missing_look(&collector->samples, collector->lines, collector->missing.automatic,
+                                    collector->report.notes, sizeof collector->report.notes, error);
+    }
     if (report != NULL) {
         *report = collector->report;
     }
@@ -101,6 +285,8 @@ gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_statu
         gonio_samples_free(collector->samples);
         collector->samples = NULL;
     }
+    free(collector->lines);
+    free(collector->sigmas);
     *out = collector->samples;
     return status;
 }

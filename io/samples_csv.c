@@ -8,22 +8,16 @@
 // systematic one is not zero throughout; a reader takes them then and the combined one only where they are missing. The
 // systematic part is common to the rows of one systematic_group: sets of several sessions have several. The comment
 // "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
-#include "io/format.h"
+#include "io/columns.h"
+#include "io/long_rows.h"
 
-#define COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX + 1)
 #define GROUP "systematic_group"
 #define ANISOTROPIC "# anisotropic"
-
-// Where each channel's columns stand; -1: absent.
-typedef struct layout {
-    int columns, channels;
-    int sigma[GONIO_CHANNELS_MAX], random[GONIO_CHANNELS_MAX], systematic[GONIO_CHANNELS_MAX];
-    bool with_sigma, with_parts, with_group; // the group is the last column
-} layout;
 
 // A header that holds one of the angles: what else is wrong with it, this reader says best.
 static bool recognise(const gonio_source *source) {
@@ -44,89 +38,6 @@ static bool recognise(const gonio_source *source) {
 
 // ---- reading ----
 
-static int find_channel(char *const *fields, int channels, const char *name) {
-    for (int c = 0; c < channels; c++) {
-        if (strcmp(fields[4 + c], name) == 0) {
-            return c;
-        }
-    }
-    return -1;
-}
-
-static const char *after(const char *field, const char *prefix) {
-    const size_t length = strlen(prefix);
-    return strncmp(field, prefix, length) == 0 ? field + length : NULL;
-}
-
-static gonio_status check_channels(const gonio_text *text, char *const *fields, int channels, gonio_error *error) {
-    if (channels < 1 || channels > GONIO_CHANNELS_MAX) {
-        return gonio_text_fail(text, error, "%d value columns after phi_o; expected 1 to %d", channels,
-                               GONIO_CHANNELS_MAX);
-    }
-    for (int c = 0; c < channels; c++) {
-        const char *name = fields[4 + c];
-        if (name[0] == 0 || strlen(name) >= GONIO_CHANNEL_NAME_MAX) {
-            return gonio_text_fail(text, error,
-                                   "column %d: expected a channel name of 1 to %d characters, found '%.60s'", 5 + c,
-                                   GONIO_CHANNEL_NAME_MAX - 1, name);
-        }
-        if (find_channel(fields, c, name) >= 0) {
-            return gonio_text_fail(text, error, "channel '%s' stands twice in the header", name);
-        }
-    }
-    return GONIO_OK;
-}
-
-// The header's fields -> the layout.
-static gonio_status parse_header(const gonio_text *text, char **fields, int columns, layout *l, gonio_error *error) {
-    if (!gonio_text_is_pair_header(fields, columns)) {
-        return gonio_text_fail(
-            text, error, "expected a header that begins with " GONIO_PAIR_HEADER ", found '%.60s' first", fields[0]);
-    }
-    *l = (layout){.columns = columns};
-    while (4 + l->channels < columns && after(fields[4 + l->channels], "sigma_") == NULL) {
-        l->channels++;
-    }
-    gonio_status status = check_channels(text, fields, l->channels, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    int *const lists[3] = {l->random, l->systematic, l->sigma};
-    static const char *const prefixes[3] = {"sigma_random_", "sigma_systematic_", "sigma_"};
-    int found[3] = {0};
-    memset(l->sigma, -1, sizeof l->sigma);
-    memset(l->random, -1, sizeof l->random);
-    memset(l->systematic, -1, sizeof l->systematic);
-    l->with_group = columns > 4 + 3 * l->channels && strcmp(fields[columns - 1], GROUP) == 0;
-    for (int k = 4 + l->channels; k < columns - l->with_group; k++) {
-        int list = 0, channel = -1;
-        for (; list < 3 && channel < 0; list++) {
-            const char *name = after(fields[k], prefixes[list]);
-            channel = name != NULL ? find_channel(fields, l->channels, name) : -1;
-        }
-        if (channel < 0 || lists[list - 1][channel] >= 0) {
-            return gonio_text_fail(text, error, "column %d: expected sigma_<channel> of a channel once, found '%.60s'",
-                                   k + 1, fields[k]);
-        }
-        lists[list - 1][channel] = k;
-        found[list - 1]++;
-    }
-    for (int list = 0; list < 3; list++) {
-        if (found[list] != 0 && found[list] != l->channels) {
-            return gonio_text_fail(text, error, "%s columns for %d of %d channels; expected all or none",
-                                   prefixes[list], found[list], l->channels);
-        }
-    }
-    l->with_parts = found[0] > 0 && found[1] > 0;
-    l->with_sigma = l->with_parts || found[2] > 0;
-    if (!l->with_sigma && found[0] + found[1] > 0) {
-        return gonio_text_fail(text, error, "sigma_random_ and sigma_systematic_ columns must stand together");
-    }
-    return l->with_group && !l->with_parts
-               ? gonio_text_fail(text, error, GROUP ": of what is common to a group sigma_systematic_ columns tell")
-               : GONIO_OK;
-}
-
 // The group of the sample that was read last.
 static gonio_status parse_group(const gonio_text *text, const char *field, gonio_samples *samples, gonio_error *error) {
     size_t group;
@@ -136,110 +47,175 @@ static gonio_status parse_group(const gonio_text *text, const char *field, gonio
     return gonio_samples_set_group(samples, samples->n - 1, (uint16_t)group, error);
 }
 
-static gonio_status parse_sigma(const gonio_text *text, const char *field, double *sigma, gonio_error *error) {
-    const gonio_status status = gonio_text_number(text, field, "sigma", sigma, error);
+static gonio_status parse_sigma(const gonio_row_collector *collector, const char *field, double *sigma,
+                                gonio_error *error) {
+    const gonio_status status = gonio_row_collector_number(collector, field, "sigma", sigma, error);
     if (status == GONIO_OK && *sigma < 0) {
-        return gonio_text_fail(text, error, "sigma: expected 0 or more, found %s", field);
+        return gonio_text_fail(collector->text, error, "sigma: expected 0 or more, found %s", field);
     }
     return status;
 }
 
 // One row's numbers; values, random, systematic have room for every channel.
-static gonio_status parse_row(const gonio_text *text, char **fields, const layout *l, char (*names)[32],
-                              gonio_pair *pair, double *values, double *random, double *systematic,
+static gonio_status parse_row(const gonio_row_collector *collector, char **fields, const gonio_columns *l,
+                              char *const *names, gonio_pair *pair, double *values, double *random, double *systematic,
                               gonio_error *error) {
+    const gonio_text *text = collector->text;
     gonio_status status = gonio_text_pair(text, fields, pair, error);
     for (int c = 0; c < l->channels && status == GONIO_OK; c++) {
-        status = gonio_text_number(text, fields[4 + c], names[c], &values[c], error);
+        status = gonio_row_collector_number(collector, fields[l->value[c]], names[c], &values[c], error);
         if (status == GONIO_OK && l->with_sigma) {
             systematic[c] = 0;
-            status = parse_sigma(text, fields[l->with_parts ? l->random[c] : l->sigma[c]], &random[c], error);
+            status = parse_sigma(collector, fields[l->with_parts ? l->random[c] : l->sigma[c]], &random[c], error);
         }
         if (status == GONIO_OK && l->with_parts) {
-            status = parse_sigma(text, fields[l->systematic[c]], &systematic[c], error);
+            status = parse_sigma(collector, fields[l->systematic[c]], &systematic[c], error);
         }
     }
     return status;
 }
 
-static gonio_status read_rows(gonio_text *text, char **fields, const layout *l, gonio_row_collector *collector,
-                              gonio_error *error) {
-    double *numbers = malloc(3 * (size_t)l->channels * sizeof *numbers);
-    if (numbers == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a row");
+// A wavelength of a table with a row for each: nobody measures below 20 nm or beyond 100 um.
+static gonio_status parse_wavelength(const gonio_text *text, const char *field, const gonio_columns *l, double *um,
+                                     gonio_error *error) {
+    double number;
+    const gonio_status status = gonio_text_number(text, field, "wavelength", &number, error);
+    if (status == GONIO_OK) {
+        *um = number * (l->to_um > 0 ? l->to_um : number < 20 ? 1 : 1e-3);
     }
-    double *random = numbers + l->channels, *systematic = random + l->channels;
+    return status == GONIO_OK && !(*um >= 0.02 && *um <= 100)
+               ? gonio_text_fail(text, error, "wavelength: expected 20 nm to 100 um, found %s", field)
+               : status;
+}
+
+// What the rows need beside the columns.
+typedef struct rows {
+    gonio_text *text;
+    char **fields, **names; // the row's fields; the channels' names
+    const gonio_columns *columns;
+    gonio_long_rows *tall; // NULL: a row is a sample
+    double *numbers;       // values, random and systematic sigmas of a row
+} rows;
+
+static gonio_status add_row(const rows *r, const gonio_pair *pair, gonio_row_collector *collector, gonio_error *error) {
+    const gonio_columns *l = r->columns;
+    double *random = r->numbers + l->channels, *systematic = random + l->channels;
+    if (r->tall == NULL) {
+        const size_t before = collector->samples->n;
+        const gonio_status status = gonio_row_collector_add(collector, pair, r->numbers, l->with_sigma ? random : NULL,
+                                                            l->with_sigma ? systematic : NULL, error);
+        return status == GONIO_OK && l->group >= 0 && collector->samples->n > before
+                   ? parse_group(r->text, r->fields[l->group], collector->samples, error)
+                   : status;
+    }
+    gonio_long_row row = {*pair, 0, r->numbers[0], l->with_sigma ? hypot(random[0], systematic[0]) : 0, r->text->line};
+    const gonio_status status = parse_wavelength(r->text, r->fields[l->wavelength], l, &row.lambda_um, error);
+    return status == GONIO_OK ? gonio_long_rows_add(r->text, r->tall, &row, error) : status;
+}
+
+static gonio_status read_rows(const rows *r, gonio_row_collector *collector, gonio_error *error) {
+    const gonio_columns *l = r->columns;
     gonio_status status = GONIO_OK;
-    for (char *line; status == GONIO_OK && (line = gonio_text_row(text)) != NULL;) {
-        const int n = gonio_text_split(line, ',', fields, COLUMNS_MAX);
+    for (char *line; status == GONIO_OK && (line = gonio_text_row(r->text)) != NULL;) {
+        const int n = gonio_text_split(line, ',', r->fields, GONIO_COLUMNS_MAX);
         gonio_pair pair;
         if (n != l->columns) {
-            status = gonio_text_fail(text, error, "expected %d columns as in the header, found %d", l->columns, n);
+            status = gonio_text_fail(r->text, error, "expected %d columns as in the header, found %d", l->columns, n);
         } else {
-            status = parse_row(text, fields, l, collector->samples->channel_names, &pair, numbers, random, systematic,
-                               error);
+            status = parse_row(collector, r->fields, l, r->names, &pair, r->numbers, r->numbers + l->channels,
+                               r->numbers + 2 * l->channels, error);
         }
-        if (status == GONIO_OK) {
-            const bool sigma = l->with_sigma;
-            status = gonio_row_collector_add(collector, &pair, numbers, sigma ? random : NULL,
-                                             sigma ? systematic : NULL, error);
-        }
-        if (status == GONIO_OK && l->with_group) {
-            status = parse_group(text, fields[n - 1], collector->samples, error);
-        }
+        status = status == GONIO_OK ? add_row(r, &pair, collector, error) : status;
     }
-    free(numbers);
     return status;
 }
 
-// Up to the header; *anisotropic tells whether the comment was seen.
-static char *find_header(gonio_text *text, bool *anisotropic) {
-    char *line;
-    *anisotropic = false;
-    while ((line = gonio_text_line(text)) != NULL && (line[0] == 0 || line[0] == '#')) {
-        *anisotropic = *anisotropic || strcmp(line, ANISOTROPIC) == 0;
+static gonio_status read_tall(const rows *r, const gonio_format_values *values, gonio_row_collector *collector,
+                              gonio_error *error) {
+    gonio_status status = read_rows(r, collector, error);
+    if (status == GONIO_OK && values->wavelength_nm > 0) {
+        status = gonio_long_rows_choose(r->text, r->tall, values->wavelength_nm / 1000, error);
     }
-    return gonio_text_commas(line);
+    return status == GONIO_OK ? gonio_long_rows_collect(r->text, r->tall, r->columns->with_sigma, collector, error)
+                              : status;
 }
 
-static gonio_status read_with(gonio_text *text, char **fields, layout *l, gonio_row_collector *collector,
-                              gonio_error *error) {
-    bool anisotropic;
-    char *header = find_header(text, &anisotropic);
-    if (header == NULL) {
-        return gonio_text_fail(text, error, "no header; expected " GONIO_PAIR_HEADER ",...");
-    }
-    const int columns = gonio_text_split(header, ',', fields, COLUMNS_MAX);
-    if (columns > COLUMNS_MAX) {
-        return gonio_text_fail(text, error, "%d columns; at most %d are read", columns, COLUMNS_MAX);
-    }
-    gonio_status status = parse_header(text, fields, columns, l, error);
-    status = status == GONIO_OK ? gonio_samples_new(l->channels, l->with_sigma, &collector->samples, error) : status;
+static gonio_status read_wide(const rows *r, gonio_row_collector *collector, gonio_error *error) {
+    const gonio_columns *l = r->columns;
+    const gonio_status status = gonio_row_collector_room(collector, l->channels, l->with_sigma, error);
     if (status != GONIO_OK) {
         return status;
     }
-    collector->samples->isotropic = !anisotropic;
     for (int c = 0; c < l->channels; c++) {
-        if (!gonio_text_is_printable(fields[4 + c])) {
-            return gonio_text_fail(text, error, "column %d: found a control character in its name", 5 + c);
-        }
-        snprintf(collector->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", fields[4 + c]);
+        snprintf(collector->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", r->names[c]);
     }
-    return read_rows(text, fields, l, collector, error);
+    return read_rows(r, collector, error);
 }
+
+static gonio_status read_header(gonio_text *text, char **fields, gonio_columns *l, gonio_row_collector *collector,
+                                gonio_error *error) {
+    char *header = gonio_text_row(text);
+    if (header == NULL) {
+        return gonio_text_fail(text, error, "no header; expected " GONIO_PAIR_HEADER ",...");
+    }
+    const int columns = gonio_text_split(header, ',', fields, GONIO_COLUMNS_MAX);
+    if (columns > GONIO_COLUMNS_MAX) {
+        return gonio_text_fail(text, error, "%d columns; at most %d are read", columns, GONIO_COLUMNS_MAX);
+    }
+    if (!gonio_text_is_pair_header(fields, columns)) {
+        return gonio_text_fail(
+            text, error, "expected a header that begins with " GONIO_PAIR_HEADER ", found '%.60s' first", fields[0]);
+    }
+    const gonio_status status = gonio_columns_read(text, fields, columns, l, error);
+    if (status == GONIO_OK && l->aside[0] != 0) {
+        gonio_text_append(collector->report.notes, sizeof collector->report.notes,
+                          "columns that are no channels and not read: %s\n", l->aside);
+    }
+    return status;
+}
+
+static gonio_status read_with(gonio_text *text, char **fields, gonio_columns *l, const gonio_format_values *values,
+                              gonio_row_collector *collector, gonio_error *error) {
+    gonio_status status = read_header(text, fields, l, collector, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t channels = (size_t)l->channels;
+    gonio_long_rows tall = {0};
+    rows r = {text,
+              fields,
+              malloc(channels * sizeof(char *)),
+              l,
+              l->wavelength >= 0 ? &tall : NULL,
+              malloc(3 * channels * sizeof(double))};
+    if (r.names == NULL || r.numbers == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for a row");
+    }
+    for (int c = 0; c < l->channels && status == GONIO_OK; c++) {
+        r.names[c] = fields[l->value[c]]; // the header's text stays where it is
+    }
+    if (status == GONIO_OK) {
+        status = r.tall != NULL ? read_tall(&r, values, collector, error) : read_wide(&r, collector, error);
+    }
+    free(r.names);
+    free(r.numbers);
+    free(tall.rows);
+    return status;
+}
+
+static const gonio_declaration declarations[] = {{"angle_units", "deg|degree|degrees", GONIO_DECLARED_NOTHING}, {0}};
 
 static gonio_status read_samples(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                  gonio_read_report *report, gonio_error *error) {
-    char **fields = malloc(COLUMNS_MAX * sizeof *fields);
-    layout *l = malloc(sizeof *l);
+    char **fields = malloc(GONIO_COLUMNS_MAX * sizeof *fields);
+    gonio_columns *l = malloc(sizeof *l);
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    gonio_row_collector collector = gonio_row_collector_begin(&text, (gonio_negatives)values->at[0].choice, "samples");
-    gonio_status status = GONIO_OK;
-    if (fields == NULL || l == NULL) {
+    gonio_row_collector collector;
+    gonio_status status = gonio_row_collector_begin(&collector, &text, source, values, declarations, "samples", error);
+    if (status == GONIO_OK && (fields == NULL || l == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
-    } else {
-        status = read_with(&text, fields, l, &collector, error);
     }
+    status = status == GONIO_OK ? read_with(&text, fields, l, values, &collector, error) : status;
     free(l);
     free(fields);
     return gonio_row_collector_end(&collector, status, out, report, error);
@@ -320,7 +296,7 @@ static gonio_status write_samples(const gonio_samples *samples, FILE *stream, go
     return GONIO_OK;
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
 
 const gonio_format gonio_format_samples = {.name = "samples",
                                            .summary = "samples CSV (header " GONIO_PAIR_HEADER ",...)",

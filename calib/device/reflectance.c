@@ -56,6 +56,26 @@ static gonio_status add_row(gonio_reflectance *r, const gonio_text *text, char *
     return GONIO_OK;
 }
 
+// What a header says that these columns are not: percent, um, twice the standard uncertainty.
+static gonio_status check_header(const gonio_text *text, char *line, gonio_error *error) {
+    static const char *const foreign[] = {"%",       "percent", "pct",    "um",     "\xc2\xb5m", "micro",
+                                          "k=2",     "k2",      "u95",    "2sigma", "2 sigma",   "expanded",
+                                          "density", "absor",   "transm", NULL};
+    char *fields[3];
+    const int n = gonio_text_split(line, ',', fields, 3);
+    for (int k = 0; k < n && k < 3; k++) {
+        for (int f = 0; foreign[f] != NULL; f++) {
+            if (strcasestr(fields[k], foreign[f]) != NULL) {
+                return gonio_text_fail(text, error,
+                                       "column %d is '%.60s'; expected nm, reflectance (1: all) and its standard "
+                                       "uncertainty (k = 1)",
+                                       k + 1, fields[k]);
+            }
+        }
+    }
+    return GONIO_OK;
+}
+
 gonio_status gonio_reflectance_read(const char *path, gonio_reflectance *out, gonio_error *error) {
     *out = (gonio_reflectance){0};
     gonio_text text;
@@ -65,7 +85,7 @@ gonio_status gonio_reflectance_read(const char *path, gonio_reflectance *out, go
     }
     for (char *line; status == GONIO_OK && (line = gonio_text_row(&text)) != NULL;) {
         const bool header = out->n == 0 && isalpha((unsigned char)*line);
-        status = header ? GONIO_OK : add_row(out, &text, line, error);
+        status = header ? check_header(&text, line, error) : add_row(out, &text, line, error);
     }
     gonio_text_free(&text);
     if (status == GONIO_OK && out->n == 0) {

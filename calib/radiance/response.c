@@ -4,6 +4,7 @@
 
 #include <ctype.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/text.h"
 
@@ -39,11 +40,21 @@ static gonio_status add_row(response *c, const gonio_text *text, char *line, gon
     return GONIO_OK;
 }
 
+// The exposure comes first: a header that says otherwise would turn the curve round.
+static gonio_status check_header(const gonio_text *text, char *line, gonio_error *error) {
+    char *fields[2];
+    const int n = gonio_text_split(line, ',', fields, 2);
+    return n >= 2 && strcasestr(fields[1], "exposure") != NULL
+               ? gonio_text_fail(text, error, "the columns are '%.40s' and '%.40s'; expected the exposure first",
+                                 fields[0], fields[1])
+               : GONIO_OK;
+}
+
 static gonio_status read_rows(response *c, gonio_text *text, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (char *line; status == GONIO_OK && (line = gonio_text_row(text)) != NULL;) {
         const bool header = c->points == 0 && isalpha((unsigned char)*line);
-        status = header ? GONIO_OK : add_row(c, text, line, error);
+        status = header ? check_header(text, line, error) : add_row(c, text, line, error);
     }
     if (status == GONIO_OK && c->points < 2) {
         status =

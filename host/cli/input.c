@@ -135,6 +135,9 @@ static void tell(const char *path, const gonio_read_report *report) {
         fprintf(stderr, "gonio: %s: %zu of %zu entries are not valid and left out\n", path, report->invalid,
                 report->rows);
     }
+    for (const char *note = report->notes; *note != 0; note += strcspn(note, "\n"), note += *note == '\n') {
+        fprintf(stderr, "gonio: %s: %.*s\n", path, (int)strcspn(note, "\n"), note);
+    }
     if (report->open_end) {
         fprintf(stderr, "gonio: %s: its last line has no line end; is the file whole?\n", path);
     }

@@ -73,6 +73,8 @@ typedef struct gonio_read_report {
     size_t clamped;                // of the negatives: raised to 0
     long long first_negative_line; // -1: none
     bool open_end;                 // a text whose last line has no line end: it may have been cut short inside a number
+    // What else is worth a line to the reader of the samples; "" where there is nothing. Lines end with a line feed.
+    char notes[1024];
 } gonio_read_report;
 
 void gonio_read_options_default(gonio_read_options *options);

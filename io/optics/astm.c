@@ -43,7 +43,7 @@ static gonio_status read_names(astm *a, char *line, gonio_error *error) {
                                    CHANNELS_MAX);
         }
     }
-    const gonio_status status = gonio_samples_new(n - 4, false, &a->collector.samples, error);
+    const gonio_status status = gonio_row_collector_room(&a->collector, n - 4, false, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -126,16 +126,19 @@ static gonio_status read_rows(astm *a, gonio_error *error) {
                : status;
 }
 
+static const gonio_declaration declarations[] = {
+    {"radian", NULL, GONIO_DECLARED_NOTHING}, {"angle_units", "radian|radians|rad", GONIO_DECLARED_NOTHING}, {0}};
+
 static gonio_status read_astm(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     astm a = {.text = gonio_text_begin(source->path, source->data, source->size), .points = -1};
-    a.collector = gonio_row_collector_begin(&a.text, (gonio_negatives)values->at[0].choice, "astm");
-    gonio_status status = read_header(&a, error);
+    gonio_status status = gonio_row_collector_begin(&a.collector, &a.text, source, values, declarations, "astm", error);
+    status = status == GONIO_OK ? read_header(&a, error) : status;
     status = status == GONIO_OK ? read_rows(&a, error) : status;
     return gonio_row_collector_end(&a.collector, status, out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
 
 const gonio_format gonio_format_astm = {.name = "astm",
                                         .summary = "ASTM E1392/E2387 text",

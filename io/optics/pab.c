@@ -93,7 +93,7 @@ static gonio_status begin_rows(pab *p, gonio_error *error) {
         return gonio_text_fail(&p->text, error,
                                "the rows begin and there is no #format:, or no #intheta of 0 to 180 deg and #inphi");
     }
-    const gonio_status status = gonio_samples_new(p->xyz ? 3 : 1, false, &p->collector.samples, error);
+    const gonio_status status = gonio_row_collector_room(&p->collector, p->xyz ? 3 : 1, false, error);
     if (status == GONIO_OK) {
         p->collector.samples->isotropic = false;
         for (int c = 0; c < p->collector.samples->channels; c++) {
@@ -162,14 +162,20 @@ static gonio_status read_lines(pab *p, gonio_error *error) {
 static gonio_status read_pab(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                              gonio_read_report *report, gonio_error *error) {
     pab p = {.text = gonio_text_begin(source->path, source->data, source->size), .theta_i = NAN, .phi_i = NAN};
-    p.collector = gonio_row_collector_begin(&p.text, (gonio_negatives)values->at[0].choice, "pab");
-    const gonio_status status = read_lines(&p, error);
+    gonio_status status = gonio_row_collector_begin(&p.collector, &p.text, source, values, NULL, "pab", error);
+    status = status == GONIO_OK ? read_lines(&p, error) : status;
     p.collector.report.invalid += p.elsewhere;
     p.collector.report.rows += p.elsewhere;
     return gonio_row_collector_end(&p.collector, status, out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+// The header's lines are the reader's own matter; what else stands there are notes of the instrument.
+static const gonio_format_option options[] = {[GONIO_TEXT_NEGATIVES] = GONIO_OPTION_NEGATIVES,
+                                              [GONIO_TEXT_MISSING] = GONIO_OPTION_MISSING,
+                                              [GONIO_TEXT_DECLARED] = {"declared", GONIO_FORMAT_CHOICE, "heed|ignore",
+                                                                       "ignore",
+                                                                       "what the comments declare of the values"},
+                                              {0}};
 
 const gonio_format gonio_format_pab = {.name = "pab",
                                        .summary = "pab-opto pgII text",

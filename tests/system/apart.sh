@@ -12,13 +12,13 @@ printf '%s\n10,0,20,180\n30,0,30,180\n' $header >d/plan.csv
 printf '[rig]\nlight_distance_mm = 900\n[camera]\nflat = d/m.gonio\n' >d/rig.ini
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n' >d/mesh.obj
 printf 'wavelength_nm,reflectance,sigma\n400,0.98,0.01\n700,0.98,0.01\n' >d/certificate.csv
-printf 'file,exposure_s,light\nframe.png,1,1\n' >d/list.csv
-printf 'file,exposure_s\nframe.png,1\n' >d/series.csv
-printf 'file,object,light_theta,light_phi,camera_theta,camera_phi\nframe.png,board,0,0,0,0\n' >d/views.csv
+printf 'file,exposure_s,light\nframe.raw,1,1\n' >d/list.csv
+printf 'file,exposure_s\nframe.raw,1\n' >d/series.csv
+printf 'file,object,light_theta,light_phi,camera_theta,camera_phi\nframe.raw,board,0,0,0,0\n' >d/views.csv
 printf '[camera]\nwidth = 10\nheight = 10\n' >d/camera.ini
-head -c 100 /dev/urandom >d/frame.png
+head -c 100 /dev/urandom >d/frame.raw
 cp d/data.csv d/tradeoff.csv
-cp d/frame.png d/flat.tiff
+cp d/frame.raw d/flat.tiff
 printf 'file,exposure_s,light\nflat.tiff,1,1\n' >d/flats.csv
 "$GONIO" measure --rig sim --sample lambert:rho=0.5 --plan d/plan.csv s/day.session --method mba --level 2 >"$work/out" 2>&1
 ok $? "a session"
@@ -84,13 +84,13 @@ replay s/day.session --model s/day.session/model.gonio
 replay s/day.session --model s/day.session/session.db
 rig capture --rig d/rig.ini -o d/rig.ini
 rig burst 3 s/day.session/inner --rig d/rig.ini
-calibrate camera d/frame.png -o d/frame.png
+calibrate camera d/frame.raw -o d/frame.raw
 calibrate noise d/list.csv -o s/day.session
 calibrate response d/series.csv -o d/series.csv
-calibrate response d/series.csv -o d/frame.png
+calibrate response d/series.csv -o d/frame.raw
 calibrate response d/series.csv --method emor --emor d/plan.csv -o d/plan.csv
 calibrate flat d/list.csv -o d/list.csv
-calibrate flat d/list.csv -o d/frame.png
+calibrate flat d/list.csv -o d/frame.raw
 calibrate flat d/flats.csv --maps d
 calibrate reference d/certificate.csv -o d/certificate.csv
 calibrate reference d/certificate.csv --brdf d/m.gonio -o d/m.gonio

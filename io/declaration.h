@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What a file's comments declare: heeded where the format's table knows it, refused where it is not known and could
+// change a value.
+#ifndef GONIO_IO_DECLARATION_H
+#define GONIO_IO_DECLARATION_H
+
+#include "base/text.h"
+
+typedef struct gonio_source gonio_source;
+
+typedef enum gonio_declared_effect {
+    GONIO_DECLARED_NOTHING,     // as Gonio takes it anyway
+    GONIO_DECLARED_ISOTROPIC,   //
+    GONIO_DECLARED_ANISOTROPIC, // phi_i matters beyond phi_o - phi_i
+    GONIO_DECLARED_COSINE,      // values are f_r cos(theta_o)
+    GONIO_DECLARED_FACTOR,      // values are pi f_r, the reflectance factor
+    GONIO_DECLARED_MISSING,     // the number that stands for missing values
+} gonio_declared_effect;
+
+// One known declaration; a table ends with {0}. Keys and values are compared without case, blanks, and _ - ^ * .
+typedef struct gonio_declaration {
+    const char *key;    // "quantity"; of a line without key and value a phrase in it
+    const char *values; // words, | between them, for which it holds; NULL: any
+    gonio_declared_effect effect;
+} gonio_declaration;
+
+typedef struct gonio_declared {
+    bool isotropic, anisotropic;
+    bool cosine;   // values are to be divided by cos(theta_o)
+    double factor; // and by this
+    bool has_missing;
+    double missing;
+} gonio_declared;
+
+// What every text format knows besides its own table.
+extern const gonio_declaration gonio_declarations_common[];
+
+// Go through all comment lines of a text. own: NULL, or the format's table, which comes first. Changes nothing in the
+// source.
+gonio_status gonio_declarations_read(const gonio_source *source, const gonio_declaration *own, gonio_declared *declared,
+                                     gonio_error *error);
+// Does a name speak of something that could change values: units, angles, factors ...? The word for messages; NULL: no.
+const char *gonio_declaration_weight(const char *name);
+
+#endif
