@@ -101,17 +101,44 @@ static void note_negative(gonio_row_collector *collector, int channel, double va
     }
 }
 
-// Is it a number that instruments and programs write where they have none: SCPI's 9.9e37, -99, -9999 ...?
+static bool is_in(const double *numbers, double value) {
+    while (*numbers != 0 && *numbers != value) {
+        numbers++;
+    }
+    return *numbers != 0;
+}
+
+// Is it a number that instruments and programs write where they have none?
 static bool is_sentinel(const gonio_row_collector *collector, double value, double sigma) {
-    static const double numbers[] = {-1, -9, -99, -999, -9999, -99999, -32768};
-    if (!collector->missing.automatic || fabs(value) >= 1e30) {
-        return collector->missing.automatic && fabs(value) >= 1e30;
+    // SCPI's not-a-number and infinity, netCDF's and other fills, the largest floats as printed.
+    static const double huge[] = {9.9e37,
+                                  9.91e37,
+                                  1e30,
+                                  1e31,
+                                  1e32,
+                                  1e33,
+                                  1e34,
+                                  1e35,
+                                  1e36,
+                                  1e37,
+                                  1e38,
+                                  9.96921e36,
+                                  9.969209968386869e36,
+                                  3.4e38,
+                                  3.4028e38,
+                                  3.40282e38,
+                                  3.402823e38,
+                                  3.4028235e38,
+                                  3.402823466e38,
+                                  3.4028234663852886e38,
+                                  1.7976931348623157e308,
+                                  0};
+    static const double negative[] = {-1, -9, -99, -999, -9999, -99999, -32768, 0};
+    if (!collector->missing.automatic) {
+        return false;
     }
-    bool is = false;
-    for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++) {
-        is = is || value == numbers[k];
-    }
-    return is && collector->policy == GONIO_NEGATIVES_NOISE && !accepts(collector, value, sigma);
+    return is_in(huge, fabs(value)) ||
+           (is_in(negative, value) && collector->policy == GONIO_NEGATIVES_NOISE && !accepts(collector, value, sigma));
 }
 
 static void note_missing(gonio_row_collector *collector, double number, int channel, double sigma) {

@@ -407,6 +407,45 @@ static gonio_status check_images(int n, const gonio_image *images, int channel, 
                : gonio_fail(error, GONIO_E_USAGE, "channel %d of %d", channel, images[0].channels);
 }
 
+// What the readings cover, whatever the limits allowed.
+static gonio_status find_cover(const problem *q, gonio_response_curve *curve, gonio_error *error) {
+    double *values = malloc((size_t)q->pixels * (size_t)q->frames * sizeof *values);
+    if (values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to sort %d readings", q->pixels * q->frames);
+    }
+    size_t n = 0;
+    for (int i = 0; i < q->pixels; i++) {
+        for (int j = 0; j < q->frames; j++) {
+            if (!isnan(q->value[i][j])) {
+                values[n++] = q->value[i][j];
+            }
+        }
+    }
+    gonio_sort(values, n); // 40 at least: choose_pixels
+    const size_t low = n / 100, high = n - 1 - n / 100;
+    curve->covered_low = values[low];
+    curve->covered_high = values[high];
+    for (size_t k = low + 1; k <= high; k++) {
+        curve->covered_gap = fmax(curve->covered_gap, values[k] - values[k - 1]);
+    }
+    curve->pixels = q->pixels;
+    free(values);
+    return GONIO_OK;
+}
+
+// No monotone curve explains images whose readings are this far from it: photographs that move stay below a tenth.
+#define RMS_STOPS_MAX 0.3
+
+static gonio_status check_residuals(const gonio_response_curve *curve, gonio_error *error) {
+    return curve->rms_stops <= RMS_STOPS_MAX
+               ? GONIO_OK
+               : gonio_fail(
+                     error, GONIO_E_CONVERGENCE,
+                     "residuals of %.2f stop rms, more than %g: no response explains these images; are the bits, "
+                     "the exposure times and the order of the list right, and is the scene still?",
+                     curve->rms_stops, RMS_STOPS_MAX);
+}
+
 static void find_ends(problem *q) {
     for (int j = 0; j < q->frames; j++) {
         q->ends[0] = q->exposure_s[j] < q->exposure_s[q->ends[0]] ? j : q->ends[0];
@@ -440,6 +479,7 @@ gonio_status gonio_response_fit(int n, const gonio_image *images, int channel, c
                  : gonio_fail(error, GONIO_E_INPUT, "all images have one exposure; a response needs different ones");
     if (status == GONIO_OK) {
         status = choose_pixels(q, images, channel, error);
+        status = status == GONIO_OK ? find_cover(q, curve, error) : status;
         curve->low = q->low;
         q->family.low = fmax(q->low, 0.005);
     }
@@ -463,6 +503,7 @@ gonio_status gonio_response_fit(int n, const gonio_image *images, int channel, c
             find_disagreement(q, images, channel, scratch, curve);
         }
         free(scratch);
+        status = status == GONIO_OK ? check_residuals(curve, error) : status;
     }
 done:
     free(basis);
@@ -477,8 +518,8 @@ gonio_status gonio_response_write(const gonio_response_curve *curve, const char 
         return status;
     }
     FILE *stream = gonio_output_stream(output);
-    gonio_number_write(stream, "# camera response; rests on data for relative values %.3f to %.3f\n", curve->low,
-                       curve->high);
+    gonio_number_write(stream, "# camera response; rests on data for relative values %.3f to %.3f\n",
+                       curve->covered_low, curve->covered_high);
     fputs("relative exposure,relative value\n0,0\n", stream);
     double last = 0;
     for (int j = 1; j < CURVE_POINTS; j++) {

@@ -227,7 +227,7 @@ typedef struct gonio_response_options {
 // as fitted. Response and times are known jointly up to a power only: the first and last times are held at nominal.
 typedef struct gonio_response_curve {
     double exposure[GONIO_RESPONSE_POINTS];
-    double low, high; // relative values between which the curve rests on data
+    double low, high; // relative values between which readings are used
     int frames;
     double exposure_s[GONIO_RESPONSE_FRAMES];
     double rms_stops; // residuals, weighted
@@ -235,6 +235,10 @@ typedef struct gonio_response_curve {
     // is shifted, or something moved) that the merge leaves it out.
     double disagreement[GONIO_RESPONSE_FRAMES];
     bool rejected[GONIO_RESPONSE_FRAMES];
+    // The relative values that the readings behind the curve really have: their 1 % and 99 % quantiles, in how many
+    // pixels, and the widest gap between two of them. low and high are limits that were set.
+    double covered_low, covered_high, covered_gap;
+    int pixels;
 } gonio_response_curve;
 
 void gonio_response_options_default(gonio_response_options *options);

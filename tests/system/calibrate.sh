@@ -56,6 +56,49 @@ else
     skip "calibrate response on photographs" "no data in $data"
 fi
 
+# Every verb that reads a list of frames checks their words alike: none beyond --bits, none of 12 bits taken for 16; and a
+# response states what its readings cover, and none that explains nothing.
+python3 - "$folder" <<'PYTHON'
+import struct, sys, zlib
+def png(name, top, scale, exposure):
+    rows = b''
+    for y in range(64):
+        rows += b'\0' + b''.join(struct.pack('>H', min(top, int((1 + (x // 8) + 8 * (y // 8)) * exposure * scale)) * shift) for x in range(64))
+    def chunk(kind, data):
+        body = kind + data
+        return struct.pack('>I', len(data)) + body + struct.pack('>I', zlib.crc32(body))
+    open(f'{sys.argv[1]}/{name}', 'wb').write(b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', struct.pack('>IIBBBBB', 64, 64, 16, 0, 0, 0, 0))
+                                              + chunk(b'IDAT', zlib.compress(rows)) + chunk(b'IEND', b''))
+for list_name, shift in (('low', 1), ('high', 16)):
+    lines = 'file,exposure_s\n'
+    for k in range(6):
+        png(f'{list_name}{k}.png', 4095, 4, 2.0 ** k)
+        lines += f'{list_name}{k}.png,{0.001 * 2 ** k}\n'
+    open(f'{sys.argv[1]}/{list_name}.csv', 'w').write(lines)
+    open(f'{sys.argv[1]}/{list_name}_lit.csv', 'w').write(lines.replace('\n', ',1\n').replace('s,1', 's,light'))
+shift, lines = 1, 'file,exposure_s\n'
+for k in range(4): # nothing beyond half of the range
+    png(f'half{k}.png', 4095, 4, 2.0 ** k)
+    lines += f'half{k}.png,{0.001 * 2 ** k}\n'
+open(f'{sys.argv[1]}/half.csv', 'w').write(lines)
+open(f'{sys.argv[1]}/turned.csv', 'w').write('file,exposure_s\n' + ''.join(f'low{k}.png,{0.001 * 2 ** (5 - k)}\n' for k in range(6)))
+PYTHON
+for verb in response noise flat; do
+    [ $verb = response ] && lit= || lit=_lit
+    exits "$verb: 12 bits in words of 16" 3 "$GONIO" calibrate $verb "$folder/low$lit.csv"
+    says "$verb: 12 bits in words of 16: says so" "none beyond 4095"
+    exits "$verb: words beyond the bits" 3 "$GONIO" calibrate $verb "$folder/high$lit.csv" --bits 12
+    says "$verb: words beyond the bits: says so" "12 bits end at 4095"
+    exits "$verb: bits that do not exist" 2 "$GONIO" calibrate $verb "$folder/low$lit.csv" --bits 40
+done
+exits "a response of frames in the wrong order" 1 "$GONIO" calibrate response "$folder/turned.csv" --bits 12 --times-sigma 0 -o "$folder/none.csv"
+says "a response of frames in the wrong order: says so" "no response explains these images"
+check "a response of frames in the wrong order: no curve" [ ! -e "$folder/none.csv" ]
+exits "a response" 0 "$GONIO" calibrate response "$folder/half.csv" --bits 12 --json
+between "$(value high <"$folder/out")" 0.35 0.55; ok $? "the stated range ends where the readings do"
+between "$(value low <"$folder/out")" 0.02 0.04; ok $? "the stated range begins where the readings do"
+between "$(value gap <"$folder/out")" 0.001 0.1; ok $? "the widest gap is stated"
+
 # The flat field of the simulated sensor: PRNU 1 %, 3 % vignetting at the corners, 32 frames of about 1.2 % noise.
 "$GONIO" calibrate flat --rig sim --seed 3 --json -o "$folder/field.flat" --maps "$folder/maps" >"$folder/flat.json"
 ok $? "calibrate flat on the simulated rig"

@@ -80,6 +80,19 @@ typedef struct frame_row {
 gonio_status frame_list_read(const cli_common *common, const char *path, frame_row **rows, size_t *n,
                              gonio_error *error);
 
+// How high the words of a list's frames go: what tells the sensor's bits apart from the file's.
+typedef struct frame_top {
+    int bits; // that were taken: those given, or the files'
+    bool given;
+    unsigned top; // the largest word
+    size_t count; // how many there are of it
+} frame_top;
+// The image of a row, bits (0: the file's) put into it. GONIO_E_INPUT where a word lies beyond them.
+gonio_status frame_image_read(const frame_row *row, bool grey, int bits, frame_top *top, gonio_image *image,
+                              gonio_error *error);
+// After all of them: GONIO_E_INPUT where the words end as those of fewer bits do, and none were given.
+gonio_status frame_top_check(const char *list, const frame_top *top, gonio_error *error);
+
 // What stands in the lists of views for each gonio_rig_object.
 extern const char *const calibrate_rig_objects[GONIO_RIG_OBJECTS + 1]; // NULL ends them
 

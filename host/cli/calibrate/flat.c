@@ -22,11 +22,11 @@ typedef struct settings {
 
 #define FAR_MM 1e9 // no fall-off over the field
 
-static gonio_status new_even(const settings *s, const gonio_image *image, gonio_calib **calib, gonio_error *error) {
+static gonio_status new_even(const gonio_image *image, gonio_calib **calib, gonio_error *error) {
     const gonio_camera_info camera = {.name = "files",
                                       .width = image->width,
                                       .height = image->height,
-                                      .bits = s->bits > 0 ? s->bits : image->bits,
+                                      .bits = image->bits,
                                       .exposure_min_s = 1e-9,
                                       .exposure_max_s = 1e9,
                                       .fx = FAR_MM,
@@ -38,15 +38,15 @@ static gonio_status new_even(const settings *s, const gonio_image *image, gonio_
     return gonio_calib_new(&camera, &facts, &(gonio_window){0, 0, image->width, image->height}, calib, error);
 }
 
-static gonio_status add_file(const settings *s, const frame_row *row, int index, gonio_calib **calib,
+static gonio_status add_file(const settings *s, const frame_row *row, frame_top *top, int index, gonio_calib **calib,
                              gonio_error *error) {
     gonio_image image;
-    gonio_status status = gonio_image_read(row->path, true, &image, error);
+    gonio_status status = frame_image_read(row, true, s->bits, top, &image, error);
     if (status != GONIO_OK) {
         return status;
     }
     if (*calib == NULL) {
-        status = new_even(s, &image, calib, error);
+        status = new_even(&image, calib, error);
     }
     const gonio_exposure exposure = {.frame = {.window = {0, 0, image.width, image.height},
                                                .exposure_s = row->exposure_s,
@@ -74,14 +74,16 @@ static void name_file(const frame_row *rows, size_t n, gonio_error *error) {
 static gonio_status from_files(const settings *s, gonio_calib **calib, gonio_error *error) {
     frame_row *rows;
     size_t n;
+    frame_top top = {0};
     gonio_status status = frame_list_read(s->common, s->list, &rows, &n, error);
     for (int lit = 0; lit < 2; lit++) {
         for (size_t i = 0; status == GONIO_OK && i < n; i++) {
             if (rows[i].lit == (lit == 1)) {
-                status = add_file(s, &rows[i], (int)i, calib, error);
+                status = add_file(s, &rows[i], &top, (int)i, calib, error);
             }
         }
     }
+    status = status == GONIO_OK ? frame_top_check(s->list, &top, error) : status;
     status = status == GONIO_OK ? gonio_calib_prepare(*calib, error) : status;
     if (status != GONIO_OK) {
         name_file(rows, n, error);

@@ -97,3 +97,51 @@ gonio_status frame_list_read(const cli_common *common, const char *path, frame_r
     }
     return status;
 }
+
+gonio_status frame_image_read(const frame_row *row, bool grey, int bits, frame_top *top, gonio_image *image,
+                              gonio_error *error) {
+    const gonio_status status = gonio_image_read(row->path, grey, image, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    image->bits = bits > 0 ? bits : image->bits;
+    top->bits = image->bits;
+    top->given = bits > 0;
+    const size_t n = (size_t)image->width * (size_t)image->height * (size_t)image->channels;
+    for (size_t p = 0; p < n; p++) {
+        const unsigned word = image->pixels[p];
+        if (word >> image->bits != 0) {
+            const gonio_status refused =
+                gonio_fail_line(error, GONIO_E_INPUT, row->path, -1, "pixel %zu reads %u; %d bits end at %u",
+                                p / (size_t)image->channels, word, image->bits, (1u << image->bits) - 1);
+            gonio_image_free(image);
+            return refused;
+        }
+        if (word > top->top) {
+            top->top = word;
+            top->count = 0;
+        }
+        top->count += word == top->top;
+    }
+    return GONIO_OK;
+}
+
+// Words of 16 bits that clip at 4095 are those of 12: a converter's end stands in many pixels, a scene's brightest
+// point in few.
+#define CLIPPED_PIXELS 8
+
+gonio_status frame_top_check(const char *list, const frame_top *top, gonio_error *error) {
+    int bits = 8;
+    while (bits < top->bits && top->top > (1u << bits) - 1) {
+        bits++;
+    }
+    const bool clips = top->count >= CLIPPED_PIXELS && top->top == (1u << bits) - 1;
+    const bool dark = top->top < 1u << (top->bits - 4); // a sixteenth of the range: nobody exposes so
+    return top->given || bits >= top->bits || (!clips && !dark)
+               ? GONIO_OK
+               : gonio_fail_line(
+                     error, GONIO_E_INPUT, list, -1,
+                     "the frames have words of %d bits, but none beyond %u%s; --bits %d says how many carry "
+                     "information, --bits %d that all do",
+                     top->bits, top->top, clips ? ", where they clip" : "", bits, top->bits);
+}

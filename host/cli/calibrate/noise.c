@@ -22,17 +22,17 @@ typedef struct settings {
 
 // ---- frames from files ----
 
-static gonio_status add_file(gonio_noise **noise, const settings *s, const frame_row *row, int *width, int *height,
-                             gonio_error *error) {
+static gonio_status add_file(gonio_noise **noise, const settings *s, const frame_row *row, frame_top *top, int *width,
+                             int *height, gonio_error *error) {
     gonio_image image;
-    gonio_status status = gonio_image_read(row->path, true, &image, error);
+    gonio_status status = frame_image_read(row, true, s->bits, top, &image, error);
     if (status != GONIO_OK) {
         return status;
     }
     if (*noise == NULL) {
         *width = image.width;
         *height = image.height;
-        status = gonio_noise_new(image.width, image.height, s->bits > 0 ? s->bits : image.bits, noise, error);
+        status = gonio_noise_new(image.width, image.height, image.bits, noise, error);
     } else if (image.width != *width || image.height != *height) {
         status =
             gonio_fail_line(error, GONIO_E_INPUT, s->list, row->line, "%d x %d pixels; the first frame has %d x %d",
@@ -46,12 +46,13 @@ static gonio_status add_file(gonio_noise **noise, const settings *s, const frame
 static gonio_status from_files(const settings *s, gonio_noise **noise, int *width, int *height, gonio_error *error) {
     frame_row *rows;
     size_t n;
+    frame_top top = {0};
     gonio_status status = frame_list_read(s->common, s->list, &rows, &n, error);
     for (size_t i = 0; status == GONIO_OK && i < n; i++) {
-        status = add_file(noise, s, &rows[i], width, height, error);
+        status = add_file(noise, s, &rows[i], &top, width, height, error);
     }
     free(rows);
-    return status;
+    return status == GONIO_OK ? frame_top_check(s->list, &top, error) : status;
 }
 
 // ---- frames from a rig ----
@@ -296,6 +297,9 @@ int calibrate_noise(int argc, char **argv) {
     if (!cli_parse(&verb, options, argc, argv, &s.list, 0, 1, &count, &common) ||
         !cli_apart_folder(&common, s.out, files)) {
         return 2;
+    }
+    if (s.bits != 0 && (s.bits < 8 || s.bits > 16)) {
+        return cli_usage(&common, "8 to 16 bits are possible");
     }
     if (s.steps < 4 || s.steps > 30 || s.frames < 2 || s.frames > 1000) {
         return cli_usage(&common, "4 to 30 steps of 2 to 1000 frames, please");

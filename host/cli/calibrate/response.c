@@ -22,6 +22,7 @@ typedef struct work {
     double exposure_s[GONIO_RESPONSE_FRAMES];
     int shifts[GONIO_RESPONSE_FRAMES][2];
     gonio_response_curve curve;
+    frame_top top;
 } work;
 
 static const char *const methods[] = {[GONIO_RESPONSE_SPLINE] = "spline",
@@ -43,13 +44,10 @@ static gonio_status read_images(const settings *s, work *w, gonio_error *error) 
                                  GONIO_RESPONSE_FRAMES);
     }
     for (size_t i = 0; status == GONIO_OK && i < w->n; i++) {
-        status = gonio_image_read(w->rows[i].path, false, &w->images[i], error);
+        status = frame_image_read(&w->rows[i], false, s->bits, &w->top, &w->images[i], error);
         w->exposure_s[i] = w->rows[i].exposure_s;
-        if (s->bits > 0) {
-            w->images[i].bits = s->bits;
-        }
     }
-    return status;
+    return status == GONIO_OK ? frame_top_check(s->list, &w->top, error) : status;
 }
 
 static gonio_status calibrate(const settings *s, work *w, gonio_error *error) {
@@ -74,9 +72,9 @@ static json_t *as_json(const settings *s, const work *w) {
     for (int j = 0; j < GONIO_RESPONSE_POINTS; j++) {
         json_array_append_new(curve, json_real(w->curve.exposure[j]));
     }
-    return json_pack("{s:s,s:i,s:f,s:f,s:f,s:o,s:o}", "method", methods[s->fit.method], "channel", s->channel, "low",
-                     w->curve.low, "high", w->curve.high, "rms_stops", w->curve.rms_stops, "images", images,
-                     "relative_exposure", curve);
+    return json_pack("{s:s,s:i,s:f,s:f,s:f,s:i,s:f,s:o,s:o}", "method", methods[s->fit.method], "channel", s->channel,
+                     "low", w->curve.covered_low, "high", w->curve.covered_high, "gap", w->curve.covered_gap, "pixels",
+                     w->curve.pixels, "rms_stops", w->curve.rms_stops, "images", images, "relative_exposure", curve);
 }
 
 static void print(const work *w) {
@@ -86,8 +84,10 @@ static void print(const work *w) {
                100 * w->curve.disagreement[i],
                w->curve.rejected[i] ? "  <- stands apart: shifted, or something moved" : "");
     }
-    printf("residuals %.4f stop rms; the curve rests on data for relative values %.3f to %.3f\n", w->curve.rms_stops,
-           w->curve.low, w->curve.high);
+    printf(
+        "residuals %.4f stop rms over %d pixels; the curve rests on readings of relative values %.3f to %.3f, no more "
+        "than %.3f apart\n",
+        w->curve.rms_stops, w->curve.pixels, w->curve.covered_low, w->curve.covered_high, w->curve.covered_gap);
     for (int j = 0; j < GONIO_RESPONSE_POINTS; j += 32) {
         printf("value %.3f  relative exposure %.6g\n", (double)j / (GONIO_RESPONSE_POINTS - 1), w->curve.exposure[j]);
     }
