@@ -19,8 +19,8 @@ gonio_status gonio_motion_between(const gonio_image *first, const gonio_image *s
     double structure;
     const gonio_status status =
         gonio_opencv_translation(first, second, motion->shift_px, &motion->correlation, &structure, error);
-    motion->known = status == GONIO_OK && structure >= STRUCTURE_MIN;
-    motion->moved = motion->known && (motion->correlation < SAME_CORRELATION ||
-                                      hypot(motion->shift_px[0], motion->shift_px[1]) > GONIO_MOTION_MAX_PX);
+    // A shift that does not make the frames alike is no measurement of one.
+    motion->known = status == GONIO_OK && structure >= STRUCTURE_MIN && motion->correlation >= SAME_CORRELATION;
+    motion->moved = motion->known && hypot(motion->shift_px[0], motion->shift_px[1]) > GONIO_MOTION_MAX_PX;
     return status;
 }

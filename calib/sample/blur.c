@@ -156,22 +156,32 @@ static double half_angle(double radius, double distance) { return atan(radius / 
 static void report_bias(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,
                         gonio_blur *blur) {
     const size_t step = samples->n / REPORTED + 1;
-    double *bias = malloc((samples->n / step + 1) * sizeof *bias);
-    size_t n = 0;
-    for (size_t i = 0; bias != NULL && i < samples->n; i += step) {
+    double *bias = malloc((samples->n / step + 1) * sizeof *bias),
+           *taken = malloc((samples->n / step + 1) * sizeof *taken);
+    size_t n = 0, untouched = 0;
+    for (size_t i = 0; bias != NULL && taken != NULL && i < samples->n; i += step) {
         const gonio_pair *p = &samples->pairs[i];
         const double value = gonio_model_eval_channel(model, gonio_direction(p->theta_i, p->phi_i),
                                                       gonio_direction(p->theta_o, p->phi_o), 0);
         if (value > 0) {
             const blur_terms b = gonio_blur_of(facts, model, 0, p, value);
-            bias[n++] = fabs((1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias) - 1);
+            bias[n] = fabs((1 + b.area.bias) * (1 + b.light.bias) * (1 + b.aperture.bias) - 1);
+            slope_terms terms = {.factor = 1};
+            gonio_blur_correct(facts, model, 0, p, value, samples->values[i * (size_t)samples->channels], &terms);
+            taken[n] = fabs(1 / terms.factor - 1);
+            untouched += bias[n] > 0 && taken[n] == 0;
+            n++;
         }
     }
     if (n > 0) {
         blur->bias_median = gonio_upper_median(bias, n);
         blur->bias_max = gonio_order_statistic(bias, n, n - 1);
+        blur->taken_median = gonio_upper_median(taken, n);
+        blur->taken_max = gonio_order_statistic(taken, n, n - 1);
+        blur->untouched = (double)untouched / (double)n;
     }
     free(bias);
+    free(taken);
 }
 
 void gonio_calib_blur(const gonio_rig_facts *facts, const gonio_model *model, const gonio_samples *samples,

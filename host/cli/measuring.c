@@ -87,15 +87,18 @@ void cli_outcome_print(const gonio_outcome *outcome) {
     } else if (outcome->motion.known) {
         printf("motion     (%.3f, %.3f) px between start and end\n", outcome->motion.shift_px[0],
                outcome->motion.shift_px[1]);
+    } else if (outcome->motion.correlation != 0) {
+        printf("motion     not known: the frames before and after have too little in common\n");
     }
     if (isfinite(outcome->drift_ratio)) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
-    printf(
-        "blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; bias %.2g %% (at most %.2g %%), "
-        "corrected\n",
-        outcome->blur.light_deg, outcome->blur.aperture_deg, outcome->blur.region_deg, 100 * outcome->blur.bias_median,
-        100 * outcome->blur.bias_max);
+    const gonio_blur *blur = &outcome->blur;
+    printf("blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; bias %.2g %% (at most %.2g "
+           "%%), of "
+           "which %.2g %% (at most %.2g %%) was taken out; nothing at %.0f %% of the samples, whose sigma holds it\n",
+           blur->light_deg, blur->aperture_deg, blur->region_deg, 100 * blur->bias_median, 100 * blur->bias_max,
+           100 * blur->taken_median, 100 * blur->taken_max, 100 * blur->untouched);
     printf("fit        %s, level %d, %zu bytes, %.3g s\n", outcome->fit.method, outcome->fit.level, outcome->fit.bytes,
            outcome->fit.fit_seconds);
     cli_print_errors("training", &outcome->fit.train);
@@ -118,6 +121,9 @@ json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
     json_t *blur = cli_json_figures(cli_blur_figures, &o->blur);
     json_object_set_new(blur, "bias_median", cli_json_real(o->blur.bias_median));
     json_object_set_new(blur, "bias_max", cli_json_real(o->blur.bias_max));
+    json_object_set_new(blur, "taken_median", cli_json_real(o->blur.taken_median));
+    json_object_set_new(blur, "taken_max", cli_json_real(o->blur.taken_max));
+    json_object_set_new(blur, "untouched", cli_json_real(o->blur.untouched));
     return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
                      "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,

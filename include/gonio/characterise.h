@@ -197,8 +197,8 @@ bool gonio_rig_project(const gonio_camera_info *camera, const gonio_alignment *a
 typedef struct gonio_motion {
     double shift_px[2]; // of the second frame against the first
     double correlation; // of the two once the shift is undone
-    bool known;         // false: too little is seen in the first frame to tell
-    bool moved;         // by more than GONIO_MOTION_MAX_PX, or the second shows something else
+    bool known;         // false: too little is seen in the first frame to tell, or no shift makes the second like it
+    bool moved;         // known, by more than GONIO_MOTION_MAX_PX
 } gonio_motion;
 #define GONIO_MOTION_MAX_PX 0.5
 // Two frames of the same thing from the same pose, grey and equal in size, at whatever brightness.

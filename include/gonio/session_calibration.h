@@ -69,7 +69,9 @@ typedef struct gonio_budget {
 typedef struct gonio_blur {
     double light_deg, aperture_deg, region_deg;
     double light_sr, aperture_sr;
-    double bias_median, bias_max; // |bias| over the samples; 0 without a model
+    double bias_median, bias_max;   // |bias| over the samples; 0 without a model
+    double taken_median, taken_max; // of it, what was taken out
+    double untouched;               // share of the samples of which nothing was: it counts as uncertainty there
 } gonio_blur;
 
 gonio_status gonio_calib_new(const gonio_camera_info *camera, const gonio_rig_facts *facts, const gonio_window *window,
