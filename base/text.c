@@ -348,6 +348,8 @@ bool gonio_text_is_pair_header(char *const *fields, int n) {
     return is;
 }
 
+#define PHI_MAX_DEG 36000.0
+
 gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], gonio_pair *pair, gonio_error *error) {
     double angles[4];
     for (int k = 0; k < 4; k++) {
@@ -356,12 +358,23 @@ gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], goni
         if (status != GONIO_OK) {
             return status;
         }
-        const double low = k % 2 == 0 ? 0 : -360, high = k % 2 == 0 ? 90 : 360;
-        if (!(deg >= low && deg <= high)) {
-            return gonio_text_fail(text, error, "%s: expected %g to %g degrees, found %s", pair_names[k], low, high,
-                                   fields[k]);
+        if (k % 2 == 0 && !(fabs(deg) <= 90)) {
+            return gonio_text_fail(text, error, "%s: expected 0 to 90 degrees, or -90 to 0 on the other side, found %s",
+                                   pair_names[k], fields[k]);
         }
-        angles[k] = gonio_radians(deg);
+        if (k % 2 == 1 && !(fabs(deg) <= PHI_MAX_DEG)) {
+            return gonio_text_fail(text, error, "%s: expected -360 to 360 degrees and up to 100 turns, found %s",
+                                   pair_names[k], fields[k]);
+        }
+        angles[k] = deg;
+    }
+    for (int k = 0; k < 4; k += 2) {
+        double phi = fabs(angles[k + 1]) > 360 ? fmod(angles[k + 1], 360) : angles[k + 1];
+        if (angles[k] < 0) {
+            phi += phi > 0 ? -180 : 180;
+        }
+        angles[k] = gonio_radians(fabs(angles[k]));
+        angles[k + 1] = gonio_radians(phi);
     }
     *pair = (gonio_pair){angles[0], angles[1], angles[2], angles[3]};
     return GONIO_OK;

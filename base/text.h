@@ -51,7 +51,8 @@ gonio_status gonio_text_number(const gonio_text *text, const char *field, const 
                                gonio_error *error);
 // A number of things, 0 or more, as options have it: 5000, 5k, 1.5M, 2G. False where it is none.
 bool gonio_text_count(const char *text, size_t *value);
-// Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad; theta 0 to 90, phi -360 to 360.
+// Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad, theta 0 to 90, phi -360 to 360, of the same directions: a
+// theta of -90 to 0 lies on the side of phi + 180, and any whole turns of phi (up to 100) count for nothing.
 gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], gonio_pair *pair, gonio_error *error);
 // GONIO_E_INPUT at the current line.
 gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const char *format, ...)

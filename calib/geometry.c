@@ -31,9 +31,23 @@ geometry gonio_geometry_of_pose(const gonio_rig_facts *facts, const gonio_pair *
     return g;
 }
 
+static void positive(double *theta, double *phi) {
+    if (*theta < 0) {
+        *theta = -*theta;
+        *phi = gonio_angle_canonical(gonio_radians(gonio_degrees(*phi) + (*phi > 0 ? -180 : 180)));
+    }
+    // A sample's azimuth is within a turn, however far the arm had turned.
+    if (fabs(*phi) > 2 * GONIO_PI) {
+        *phi = gonio_angle_canonical(gonio_radians(fmod(gonio_degrees(*phi), 360)));
+    }
+}
+
 gonio_pair gonio_geometry_pair(const gonio_rig_facts *facts, const gonio_pair *pose) {
-    if (!facts->alignment.known) {
-        return *pose;
+    if (!facts->alignment.known) { // an arm that leaned to the other side looked from phi + 180
+        gonio_pair plain = *pose;
+        positive(&plain.theta_i, &plain.phi_i);
+        positive(&plain.theta_o, &plain.phi_o);
+        return plain;
     }
     gonio_pair p = gonio_alignment_directions(&facts->alignment, pose);
     p.theta_i = gonio_angle_canonical(p.theta_i);

@@ -11,12 +11,43 @@
 // stays linear.
 #define CANDIDATES 2000
 #define CELL_DEG 10.0 // of the serpentine
+#define SPELLINGS 10  // of one direction: five turns of phi on either side of theta = 0
 
 void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]) {
     target_rad[GONIO_LIGHT_THETA] = pose->theta_i;
     target_rad[GONIO_LIGHT_PHI] = pose->phi_i;
     target_rad[GONIO_CAMERA_THETA] = pose->theta_o;
     target_rad[GONIO_CAMERA_PHI] = pose->phi_o;
+}
+
+// Some spelling of one arm's direction: whole turns of phi, or theta on the other side. 0 is the plan's own.
+static void spell(double theta, double phi, int spelling, double *to_theta, double *to_phi) {
+    const bool flipped = spelling >= SPELLINGS / 2;
+    const int k = spelling % (SPELLINGS / 2), turns = k % 2 == 0 ? k / 2 : -(k + 1) / 2; // 0, -1, 1, -2, 2
+    // The half turn leads toward 0, and in whole degrees, so that an arm without azimuth finds its only one.
+    const double half = flipped ? (phi > 0 ? -180 : 180) : 0;
+    *to_theta = flipped ? -theta : theta;
+    *to_phi =
+        flipped || turns != 0 ? gonio_angle_canonical(gonio_radians(gonio_degrees(phi) + half + 360.0 * turns)) : phi;
+}
+
+// The pose by the first of its spellings that the stage can reach; as the plan has it where none is, or nobody knows.
+// Which one does not depend on where the arms stand, so that a resume asks for the same.
+static gonio_pair reachable(const gonio_rig *rig, const gonio_pair *pose) {
+    gonio_pair best = *pose;
+    double target[GONIO_AXES];
+    for (int s = 0; rig->stage->check != NULL && s < SPELLINGS * SPELLINGS; s++) {
+        gonio_pair p;
+        spell(pose->theta_i, pose->phi_i, s % SPELLINGS, &p.theta_i, &p.phi_i);
+        spell(pose->theta_o, pose->phi_o, s / SPELLINGS, &p.theta_o, &p.phi_o);
+        gonio_scan_target(&p, target);
+        gonio_error why;
+        if (rig->stage->check(rig->stage_device, target, target, &why) == GONIO_OK) {
+            best = p;
+            break;
+        }
+    }
+    return best;
 }
 
 static double travel_s(const gonio_rig *rig, const gonio_pair *from, const gonio_pair *to) {
@@ -45,13 +76,14 @@ static int compare(const void *a, const void *b) {
     return x->index < y->index ? -1 : 1;
 }
 
-static keyed *serpentine(const gonio_plan *plan) {
+static keyed *serpentine(const gonio_rig *rig, const gonio_plan *plan) {
     keyed *order = malloc((plan->n + 1) * sizeof *order);
     for (size_t i = 0; order != NULL && i < plan->n; i++) {
         const gonio_pair *p = &plan->poses[i];
         const double angles[4] = {p->theta_i, p->phi_i, p->theta_o, p->phi_o};
-        order[i].pose = (gonio_pair){gonio_angle_canonical(p->theta_i), gonio_angle_canonical(p->phi_i),
-                                     gonio_angle_canonical(p->theta_o), gonio_angle_canonical(p->phi_o)};
+        const gonio_pair own = {gonio_angle_canonical(p->theta_i), gonio_angle_canonical(p->phi_i),
+                                gonio_angle_canonical(p->theta_o), gonio_angle_canonical(p->phi_o)};
+        order[i].pose = reachable(rig, &own);
         order[i].index = i;
         for (int k = 0; k < 4; k++) {
             order[i].cell[k] = lround(floor(gonio_degrees(angles[k]) / CELL_DEG));
@@ -92,14 +124,15 @@ gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *op
     const size_t before = calibration + checks;
     *n = before + plan->n + checks + 1;
     *steps = calloc(*n, sizeof **steps);
-    keyed *order = serpentine(plan);
+    keyed *order = serpentine(rig, plan);
     if (*steps == NULL || order == NULL) {
         free(*steps);
         free(order);
         *steps = NULL;
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu steps", *n);
     }
-    const gonio_pair reference = {gonio_radians(GONIO_REFERENCE_THETA_I_DEG), 0, 0, 0};
+    const gonio_pair nominal = {gonio_radians(GONIO_REFERENCE_THETA_I_DEG), 0, 0, 0},
+                     reference = reachable(rig, &nominal);
     gonio_step *s = *steps;
     s[0] = (gonio_step){.kind = GONIO_STEP_DARK, .pose = reference};
     s[1] = (gonio_step){.kind = GONIO_STEP_TRAP, .pose = reference};

@@ -27,7 +27,7 @@ bad "too many columns" 3 2 "found 6" "$header,r\n1,2,3,4,5,6\n"
 bad "NaN" 3 2 "expected a finite number, found 'NaN'" "$header,r\n1,2,3,4,NaN\n"
 bad "Inf" 3 2 "expected a finite number, found '-inf'" "$header,r\n1,2,3,4,-inf\n"
 bad "theta beyond 90" 3 2 "expected 0 to 90 degrees" "$header,r\n1,2,91,4,1\n"
-bad "negative theta" 3 2 "expected 0 to 90 degrees" "$header,r\n-1,2,9,4,1\n"
+bad "theta beyond -90" 3 2 "expected 0 to 90 degrees" "$header,r\n-91,2,9,4,1\n"
 bad "negative values" 3 3 "2 negative values, the first here: r = -1" "$header,r\n1,2,3,4,5\n1,2,4,4,-1\n1,2,5,4,-2\n"
 bad "negative values beyond noise" 3 4 "1 negative values more than 5 sigma below 0, the first here: r = -1 with sigma 0.1" \
     "$header,r,sigma_r\n1,2,3,4,5,.1\n1,2,4,4,-.4,.1\n1,2,5,4,-1,.1\n"

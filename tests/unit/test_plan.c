@@ -159,7 +159,7 @@ static void bad_files(void **state) {
     with_file("# a plan\ntheta_i,phi_i,theta_o,phi_o\n", GONIO_E_INPUT, 2, "no poses");
     with_file("theta_i,phi_i,theta_o,phi_o\n1,2,3\n", GONIO_E_INPUT, 2, "expected 4 columns, found 3");
     with_file("theta_i,phi_i,theta_o,phi_o\n\n1,2,3,4\n1,2,91,4\n", GONIO_E_INPUT, 4, "theta_o: expected 0 to 90");
-    with_file("theta_i,phi_i,theta_o,phi_o\n-1,2,3,4\n", GONIO_E_INPUT, 2, "theta_i: expected 0 to 90");
+    with_file("theta_i,phi_i,theta_o,phi_o\n-91,2,3,4\n", GONIO_E_INPUT, 2, "theta_i: expected 0 to 90");
     with_file("theta_i,phi_i,theta_o,phi_o\n1,nan,3,4\n", GONIO_E_INPUT, 2, "phi_i: expected a finite number");
     with_file("theta_i,phi_i,theta_o,phi_o\n1,2,3,0x10\n", GONIO_E_INPUT, 2, "phi_o: expected a finite number");
     with_file("theta_i,phi_i,theta_o,phi_o\n1,2,3,4,\n", GONIO_E_INPUT, 2, "found 5");
