@@ -338,6 +338,25 @@ gonio_status gonio_text_number(const gonio_text *text, const char *field, const 
     return GONIO_OK;
 }
 
+gonio_status gonio_text_ratio(const gonio_text *text, char *field, const char *what, double *value,
+                              gonio_error *error) {
+    char *slash = strchr(field, '/');
+    if (slash == NULL || names_nothing(field)) {
+        return gonio_text_number(text, field, what, value, error);
+    }
+    double over;
+    *slash = 0;
+    gonio_status status = gonio_text_number(text, trimmed(field, slash), what, value, error);
+    char *second = slash + 1;
+    status = status == GONIO_OK ? gonio_text_number(text, trimmed(second, second + strlen(second)), what, &over, error)
+                                : status;
+    if (status == GONIO_OK && !(isfinite(*value / over))) {
+        return gonio_text_fail(text, error, "%s: %g over %g is no number", what, *value, over);
+    }
+    *value = status == GONIO_OK ? *value / over : *value;
+    return status;
+}
+
 static const char *const pair_names[4] = {"theta_i", "phi_i", "theta_o", "phi_o"};
 
 bool gonio_text_is_pair_header(char *const *fields, int n) {

@@ -49,6 +49,8 @@ bool gonio_text_is_header(char *const *fields, int n, const char *const *names);
 // A finite decimal number that fills the field. Failing names `what`, the field and the line.
 gonio_status gonio_text_number(const gonio_text *text, const char *field, const char *what, double *value,
                                gonio_error *error);
+// The same, or one over another, as exposures are written: 1/60.
+gonio_status gonio_text_ratio(const gonio_text *text, char *field, const char *what, double *value, gonio_error *error);
 // A number of things, 0 or more, as options have it: 5000, 5k, 1.5M, 2G. False where it is none.
 bool gonio_text_count(const char *text, size_t *value);
 // Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad, theta 0 to 90, phi -360 to 360, of the same directions: a

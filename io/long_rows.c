@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/channel.h"
 #include "base/number.h"
 
 static gonio_status note_wavelength(const gonio_text *text, gonio_long_rows *all, double lambda, gonio_error *error) {
@@ -39,21 +40,21 @@ gonio_status gonio_long_rows_add(const gonio_text *text, gonio_long_rows *all, c
     return note_wavelength(text, all, row->lambda_um, error);
 }
 
-// Keep one wavelength only.
-gonio_status gonio_long_rows_choose(const gonio_text *text, gonio_long_rows *all, double lambda_um,
-                                    gonio_error *error) {
-    char list[200] = "";
-    double nearest = 0;
-    for (int k = 0; k < all->n_lambdas; k++) {
-        const size_t used = strlen(list);
-        snprintf(list + used, sizeof list - used, "%s%g", k > 0 ? ", " : "", all->lambdas_um[k]);
-        if (fabs(all->lambdas_um[k] - lambda_um) <= 1e-6 * lambda_um) {
-            nearest = all->lambdas_um[k];
+gonio_status gonio_long_rows_choose(const gonio_text *text, gonio_long_rows *all, double lambda_um, char *notes,
+                                    size_t size, gonio_error *error) {
+    const int chosen = gonio_wavelength_nearest(all->lambdas_um, all->n_lambdas, lambda_um);
+    if (chosen < 0) {
+        char list[200] = "";
+        for (int k = 0; k < all->n_lambdas; k++) {
+            gonio_text_append(list, sizeof list, "%s%g", k > 0 ? ", " : "", all->lambdas_um[k]);
         }
-    }
-    if (nearest == 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, text->path, -1, "no wavelength %g um; it holds %s", lambda_um,
                                list);
+    }
+    const double nearest = all->lambdas_um[chosen];
+    if (fabs(nearest - lambda_um) > 1e-6 * lambda_um) {
+        gonio_text_append(notes, size, "no wavelength of %g nm: %g nm, the nearest, is taken\n", 1000 * lambda_um,
+                          1000 * nearest);
     }
     size_t kept = 0;
     for (size_t i = 0; i < all->n; i++) {

@@ -21,8 +21,9 @@ typedef struct gonio_long_rows {
 
 gonio_status gonio_long_rows_add(const gonio_text *text, gonio_long_rows *all, const gonio_long_row *row,
                                  gonio_error *error);
-// Keep one wavelength only.
-gonio_status gonio_long_rows_choose(const gonio_text *text, gonio_long_rows *all, double lambda_um, gonio_error *error);
+// Keep one wavelength only, that one or the nearest within half the spacing, which is then told in notes.
+gonio_status gonio_long_rows_choose(const gonio_text *text, gonio_long_rows *all, double lambda_um, char *notes,
+                                    size_t size, gonio_error *error);
 // Every geometry must come once with each wavelength, which then are channels of that name, "550nm".
 gonio_status gonio_long_rows_collect(gonio_text *text, gonio_long_rows *all, bool with_sigma,
                                      gonio_row_collector *collector, gonio_error *error);

@@ -119,7 +119,8 @@ static gonio_status read_nist(const gonio_source *source, const gonio_format_val
     gonio_long_rows all = {0};
     status = status == GONIO_OK ? read_rows(&text, &collector, element, &all, error) : status;
     if (status == GONIO_OK && values->wavelength_nm > 0) {
-        status = gonio_long_rows_choose(&text, &all, values->wavelength_nm / 1000, error);
+        status = gonio_long_rows_choose(&text, &all, values->wavelength_nm / 1000, collector.report.notes,
+                                        sizeof collector.report.notes, error);
     }
     status = status == GONIO_OK ? gonio_long_rows_collect(&text, &all, false, &collector, error) : status;
     free(all.rows);

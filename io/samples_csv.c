@@ -134,7 +134,8 @@ static gonio_status read_tall(const rows *r, const gonio_format_values *values, 
                               gonio_error *error) {
     gonio_status status = read_rows(r, collector, error);
     if (status == GONIO_OK && values->wavelength_nm > 0) {
-        status = gonio_long_rows_choose(r->text, r->tall, values->wavelength_nm / 1000, error);
+        status = gonio_long_rows_choose(r->text, r->tall, values->wavelength_nm / 1000, collector->report.notes,
+                                        sizeof collector->report.notes, error);
     }
     return status == GONIO_OK ? gonio_long_rows_collect(r->text, r->tall, r->columns->with_sigma, collector, error)
                               : status;

@@ -7,9 +7,10 @@
 #include "host/acquire/acquire.h"
 
 // The next pose is the nearest in travel time among this many candidates. Plans up to this size get the full
-// nearest-neighbour tour; larger ones a tour within a window that slides along a serpentine order, so that the cost
-// stays linear.
+// nearest-neighbour tour; larger ones a tour within a window that slides along a serpentine order and narrows as they
+// grow, so that all of them take about as long.
 #define CANDIDATES 2000
+#define CANDIDATES_MIN 8
 #define CELL_DEG 10.0 // of the serpentine
 #define SPELLINGS 10  // of one direction: five turns of phi on either side of theta = 0
 
@@ -98,8 +99,10 @@ static keyed *serpentine(const gonio_rig *rig, const gonio_plan *plan) {
 // Greedy: the candidate that is reached soonest; ties go to the earlier one. Removing keeps the candidates' order.
 static void tour(const gonio_rig *rig, const gonio_pair *start, keyed *order, size_t n, gonio_step *steps) {
     gonio_pair here = *start;
+    const size_t share = n > CANDIDATES ? (size_t)CANDIDATES * CANDIDATES / n : CANDIDATES;
+    const size_t wide = share > CANDIDATES_MIN ? share : CANDIDATES_MIN;
     for (size_t i = 0; i < n; i++) {
-        const size_t end = n - i < CANDIDATES ? n : i + CANDIDATES;
+        const size_t end = n - i < wide ? n : i + wide;
         size_t best = i;
         double best_s = INFINITY;
         for (size_t j = i; j < end; j++) {

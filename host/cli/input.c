@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/channel.h"
 #include "base/keys.h"
 #include "gonio/session.h"
 
@@ -58,7 +59,13 @@ static bool has_row(const cli_option *rows, int n, const char *name) {
 cli_option *cli_input_table(cli_input *in) {
     int n = 0;
     in->rows[n++] = (cli_option){"channel", 0, CLI_TEXT, &in->channel, NULL, "NAME", "only this channel"};
-    in->rows[n++] = (cli_option){"wavelength", 0, CLI_DOUBLE, &in->wavelength, NULL, "NM", "only this wavelength"};
+    in->rows[n++] = (cli_option){"wavelength",
+                                 0,
+                                 CLI_DOUBLE,
+                                 &in->wavelength,
+                                 NULL,
+                                 "NM",
+                                 "only this wavelength, or the nearest within half the spacing"};
     gonio_format_facts f;
     for (int i = 0; gonio_format_get(i, &f); i++) {
         for (const gonio_format_option *o = f.options; o->name != NULL && n + 1 < CLI_INPUT_ROWS; o++) {
@@ -106,9 +113,20 @@ static gonio_status choose_channel(const char *path, const cli_input *in, gonio_
         snprintf(wanted, sizeof wanted, "%.10gnm", wavelength_nm(in->wavelength));
     }
     char list[200] = "";
+    int nearest = -1;
+    if (in->channel == NULL) {
+        double nm[GONIO_CHANNELS_MAX];
+        for (int c = 0; c < (*samples)->channels; c++) {
+            nm[c] = gonio_samples_wavelength_nm(*samples, c);
+        }
+        nearest = gonio_wavelength_nearest(nm, (*samples)->channels, wavelength_nm(in->wavelength));
+    }
     for (int c = 0; c < (*samples)->channels; c++) {
         const char *name = (*samples)->channel_names[c];
-        if (strcmp(name, wanted) == 0) {
+        if (c == nearest || (nearest < 0 && strcmp(name, wanted) == 0)) {
+            if (strcmp(name, wanted) != 0) {
+                fprintf(stderr, "gonio: %s: no channel of %s: %s, the nearest, is taken\n", path, wanted, name);
+            }
             gonio_samples *one;
             const gonio_status status = gonio_samples_channel(*samples, c, &one, error);
             gonio_samples_free(*samples);

@@ -52,16 +52,32 @@ static const gonio_key numbers[] = {
     [CLI_DOUBLE] = {.name = "", .kind = GONIO_KEY_REAL, .size = sizeof(double)},
 };
 
+// A number, or one over another: exposures are 1/60 to photographers.
+static bool store_real(double *value, const char *text) {
+    const char *slash = strchr(text, '/');
+    char first[64];
+    double over = 1, number;
+    snprintf(first, sizeof first, "%.*s", (int)(slash != NULL ? slash - text : (long)strlen(text)), text);
+    const gonio_key *real = &numbers[CLI_DOUBLE];
+    if (gonio_key_parse(real, &number, first, NULL) != GONIO_OK ||
+        (slash != NULL && (gonio_key_parse(real, &over, slash + 1, NULL) != GONIO_OK || over == 0))) {
+        return false;
+    }
+    *value = number / over;
+    return true;
+}
+
 static bool store(const cli_option *option, const char *text) {
     cli_list *list = option->value;
     switch (option->kind) {
     case CLI_FLAG:
         *(bool *)option->value = true;
         return true;
+    case CLI_DOUBLE:
+        return store_real(option->value, text);
     case CLI_INT:
     case CLI_U64:
     case CLI_SIZE:
-    case CLI_DOUBLE:
         return gonio_key_parse(&numbers[option->kind], option->value, text, NULL) == GONIO_OK;
     case CLI_TEXT:
     case CLI_OUTPUT:

@@ -124,7 +124,7 @@ static void nist(void **state) {
         gonio_samples_free(s);
     }
     gonio_error error = {0};
-    options.wavelength_nm = 600;
+    options.wavelength_nm = 1200; // 600 nm is 633 nm, the nearest
     assert_int_equal(gonio_read(path, &options, &s, NULL, &error), GONIO_E_INPUT);
     assert_non_null(strstr(error.message, "it holds 0.351, 0.532, 0.633, 1.064"));
     options.wavelength_nm = 0;

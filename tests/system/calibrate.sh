@@ -79,7 +79,7 @@ for list_name, shift in (('low', 1), ('high', 16)):
 shift, lines = 1, 'file,exposure_s\n'
 for k in range(4): # nothing beyond half of the range
     png(f'half{k}.png', 4095, 4, 2.0 ** k)
-    lines += f'half{k}.png,{0.001 * 2 ** k}\n'
+    lines += f'half{k}.png,1/{1000 / 2 ** k}\n' # as photographers write it
 open(f'{sys.argv[1]}/half.csv', 'w').write(lines)
 open(f'{sys.argv[1]}/turned.csv', 'w').write('file,exposure_s\n' + ''.join(f'low{k}.png,{0.001 * 2 ** (5 - k)}\n' for k in range(6)))
 PYTHON

@@ -103,6 +103,23 @@ says "equal geometries that differ are told" "1 geometries stand in 2 rows"
 heeded "equal geometries within sigma" "$header,r,sigma_r\n1,0,2,0,1,0.5\n1,0,2,0,2,0.5\n" '1,0,2,0,1,0.5 1,0,2,0,2,0.5'
 check "equal geometries within sigma are no news" [ "$(grep -c geometries "$work/err")" = 0 ]
 
+# ---- the nearest wavelength ----
+printf '3\n500 510 540\n0.1 0 0.2 3 1 2 3\n' >t.text
+printf "$header,wavelength,r\n1,0,2,0,500,1\n1,0,2,0,510,2\n1,0,2,0,540,3\n" >tall.csv
+for file in t.text tall.csv; do
+    for case in '510 510nm' '.51 510nm' '514 510nm' '524 510nm' '526 540nm' '498 500nm' '542 540nm'; do
+        exits "$file: wavelength $case" 0 "$GONIO" convert $file out.csv --wavelength "${case% *}"
+        [ $file = tall.csv ] || check "$file: wavelength $case is taken" grep -q ",${case#* }$" out.csv
+    done
+    check "$file: it is said" grep -q 'the nearest, is taken' "$work/err"
+    for wavelength in 480 560 1000; do
+        exits "$file: no wavelength near $wavelength" 3 "$GONIO" convert $file out.csv --wavelength $wavelength
+    done
+done
+# A large plan is ordered in about the time of a small one.
+exits "uniform:2" 0 "$GONIO" plan uniform:2 --sample lambert:rho=0.5 -o plan.csv
+check "uniform:2 has all its poses" [ "$(sort -u plan.csv | wc -l)" = 160610 ]
+
 # ---- missing values ----
 for number in -99 -999 -9999 9.9e37 9.91E+37 1e30 -32768; do
     heeded "missing as $number" "$header,r,g\n1,0,2,0,1,2\n1,0,3,0,1,$number\n1,0,4,0,$number,3\n" '1,0,2,0,1,2'

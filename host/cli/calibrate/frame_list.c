@@ -38,7 +38,7 @@ static gonio_status parse_row(const cli_common *common, const gonio_text *text, 
     if (gonio_text_split(line, ',', fields, 3) != columns || fields[0][0] == '\0') {
         return gonio_text_fail(text, error, "expected %d columns, a file's name the first", columns);
     }
-    const gonio_status status = gonio_text_number(text, fields[1], "exposure_s", &row->exposure_s, error);
+    const gonio_status status = gonio_text_ratio(text, fields[1], "exposure_s", &row->exposure_s, error);
     if (status != GONIO_OK) {
         return status;
     }
