@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "gonio/coverage.h"
 #include "gonio/metrics.h"
 #include "gonio/status.h"
 #include "host/control/control.h"
@@ -100,6 +101,9 @@ json_t *cli_json_figures(const cli_figure *figures, const void *object);
 extern const cli_figure cli_figures[];               // those of gonio_errors
 extern const cli_figure cli_blur_figures[];          // those of gonio_blur that the rig alone gives
 json_t *cli_json_errors(const gonio_errors *errors); // {"rmse", "max_abs" ...}: "train" and "held_out" of fit
+// What a set of samples covers, and for what of it errors speak.
+json_t *cli_json_coverage(const gonio_coverage *coverage);
+void cli_print_coverage(const gonio_coverage *coverage);
 void cli_print_errors(const char *label, const gonio_errors *errors);
 
 // Progress on stderr: one line that rewrites itself on a TTY, else a plain line now and then. error_now may be NaN.

@@ -110,6 +110,26 @@ json_t *cli_json_errors(const gonio_errors *e) {
     return object;
 }
 
+json_t *cli_json_coverage(const gonio_coverage *c) {
+    char text[400];
+    gonio_coverage_text(c, text, sizeof text);
+    return json_pack("{s:I,s:I,s:I,s:b,s:[f,f],s:[f,f],s:f,s:f,s:[f,f,f,f],s:b,s:s}", "samples", (json_int_t)c->samples,
+                     "geometries", (json_int_t)c->geometries, "incidences", (json_int_t)c->incidences, "in_plane",
+                     (int)c->in_plane, "theta_i", c->theta_i_deg[0], c->theta_i_deg[1], "theta_o", c->theta_o_deg[0],
+                     c->theta_o_deg[1], "horizon_deg", c->horizon_deg, "hole_deg", c->hole_deg, "hole",
+                     gonio_degrees(c->hole.theta_i), gonio_degrees(c->hole.phi_i), gonio_degrees(c->hole.theta_o),
+                     gonio_degrees(c->hole.phi_o), "narrow", (int)gonio_coverage_is_narrow(c), "text", text);
+}
+
+void cli_print_coverage(const gonio_coverage *coverage) {
+    char text[400];
+    gonio_coverage_text(coverage, text, sizeof text);
+    printf("%-10s %s\n", "sampled", text);
+    if (gonio_coverage_is_narrow(coverage)) {
+        printf("%-10s errors, the held-out ones too, are of what was sampled and say nothing of the rest\n", "");
+    }
+}
+
 void cli_print_errors(const char *label, const gonio_errors *e) {
     if (e->samples == 0) {
         printf("%-10s no samples\n", label);

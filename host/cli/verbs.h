@@ -14,6 +14,7 @@
     X(plan)                                                                                                            \
     X(rig)                                                                                                             \
     X(drivers)                                                                                                         \
+    X(look)                                                                                                            \
     X(fit)                                                                                                             \
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \

@@ -16,6 +16,7 @@
 #include "gonio/alignment.h"
 #include "gonio/characterise.h"
 #include "gonio/check.h"
+#include "gonio/coverage.h"
 #include "gonio/direction.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"

@@ -178,4 +178,20 @@ for file in matt one tiny; do
 done
 check "a common sigma of 1 changes no bit" cmp matt.gonio one.gonio
 check "a common sigma of 1e-9 changes no bit" cmp matt.gonio tiny.gonio
+# ---- what was sampled ----
+python3 -c "
+for to in range(-85, 86):
+    print(('$header,r\n' if to == -85 else '') + f'30,0,{abs(to)},{180 if to < 0 else 0},{0.3 + to / 1000}')" >plane.csv
+for verb in look check "fit --method mba --level 2"; do
+    set -- $verb
+    exits "$1 of a plane" 0 "$GONIO" $verb plane.csv
+    check "$1 of a plane says what was sampled" grep -q '171 geometries of 1 incidence, theta_i 30 deg, theta_o 0 to 85 deg, in the plane of incidence alone' "$work/out"
+    check "$1 of a plane says what errors are of" grep -q 'say nothing of the rest' "$work/out"
+    exits "$1 of a plane, JSON" 0 "$GONIO" $verb plane.csv --json
+    check "$1 of a plane, JSON" grep -q '"narrow": *true' "$work/out"
+done
+"$GONIO" plan nusselt:400 --sample lambert:rho=0.5 -o where.csv >said
+"$GONIO" eval spec:lambert:rho=0.5 where.csv -o whole.csv
+exits "fit of the whole" 0 "$GONIO" fit whole.csv --method mba --level 2
+check "fit of the whole says nothing of a rest" [ "$(grep -c 'rest' "$work/out")" = 0 ]
 finish

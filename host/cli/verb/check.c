@@ -11,6 +11,7 @@ typedef struct check_arguments {
     const char *apply, *output;
     double max_reciprocity, max_energy;
     int transforms;
+    gonio_coverage coverage; // no samples: of a model
     cli_input input;
 } check_arguments;
 
@@ -46,8 +47,8 @@ static gonio_status limits(const check_arguments *a, const gonio_check_report *r
     return GONIO_OK;
 }
 
-static gonio_status check(const char *name, const check_arguments *a, const cli_common *common,
-                          gonio_check_report *report, gonio_error *error) {
+static gonio_status check(const char *name, check_arguments *a, const cli_common *common, gonio_check_report *report,
+                          gonio_error *error) {
     const bool is_model = strncmp(name, "spec:", 5) == 0 || gonio_model_file_is(name);
     gonio_samples *samples = NULL, *changed = NULL;
     gonio_model *model = NULL;
@@ -61,6 +62,7 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
         status = status == GONIO_OK ? gonio_check_model(model, common->threads, report, error) : status;
     } else {
         status = cli_input_read(name, &a->input, common, &samples, error);
+        status = status == GONIO_OK ? gonio_coverage_of(samples, &a->coverage, error) : status;
         status =
             status == GONIO_OK ? gonio_check_samples(samples, common->seed, common->threads, report, error) : status;
     }
@@ -74,18 +76,22 @@ static gonio_status check(const char *name, const check_arguments *a, const cli_
     return status == GONIO_OK ? limits(a, report, error) : status;
 }
 
-static json_t *to_json(const char *name, const gonio_check_report *r) {
+static json_t *to_json(const char *name, const check_arguments *a, const gonio_check_report *r) {
     json_t *ranks = json_array();
     for (int k = 0; k < GONIO_CHECK_RANKS; k++) {
         json_array_append_new(ranks, cli_json_real(r->separability[k]));
     }
-    return json_pack("{s:s,s:o,s:o,s:f,s:i,s:o,s:o,s:I}", "input", name, "reciprocity", cli_json_real(r->reciprocity),
-                     "energy", cli_json_real(r->energy), "energy_theta_i", gonio_degrees(r->energy_theta_rad),
-                     "energy_channel", r->energy_channel, "isotropy", cli_json_real(r->isotropy), "separability", ranks,
-                     "negative", (json_int_t)r->negative);
+    return json_pack("{s:s,s:o,s:o,s:f,s:i,s:o,s:o,s:I,s:o}", "input", name, "reciprocity",
+                     cli_json_real(r->reciprocity), "energy", cli_json_real(r->energy), "energy_theta_i",
+                     gonio_degrees(r->energy_theta_rad), "energy_channel", r->energy_channel, "isotropy",
+                     cli_json_real(r->isotropy), "separability", ranks, "negative", (json_int_t)r->negative, "sampled",
+                     a->coverage.samples > 0 ? cli_json_coverage(&a->coverage) : json_null());
 }
 
-static void print(const gonio_check_report *r) {
+static void print(const check_arguments *a, const gonio_check_report *r) {
+    if (a->coverage.samples > 0) {
+        cli_print_coverage(&a->coverage);
+    }
     printf("reciprocity   %.3g %% median difference when incident and outgoing are exchanged\n", 100 * r->reciprocity);
     printf("energy        %.4g largest directional albedo, at theta_i = %g deg%s\n", r->energy,
            gonio_degrees(r->energy_theta_rad), r->energy > 1.002 ? ": MORE THAN ARRIVES" : "");
@@ -123,9 +129,9 @@ static int run(int argc, char **argv) {
         return cli_fail(&common, &error);
     }
     if (common.json) {
-        return cli_json(to_json(name, &report));
+        return cli_json(to_json(name, &a, &report));
     }
-    print(&report);
+    print(&a, &report);
     return 0;
 }
 

@@ -10,6 +10,7 @@ typedef struct fit_arguments {
     const char *output;
     cli_input input;
     gonio_fit_options options;
+    gonio_coverage coverage;
 } fit_arguments;
 
 static bool on_progress(void *context, double fraction, const char *what, double error_now) {
@@ -18,13 +19,13 @@ static bool on_progress(void *context, double fraction, const char *what, double
 }
 
 static json_t *to_json(const fit_arguments *a, const char *input, const gonio_fit_report *r) {
-    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?}", "method", r->method, "level",
+    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o}", "method", r->method, "level",
                      r->level, "coordinates", gonio_coordinates_name(r->coordinates), "domain",
                      gonio_domain_name(r->domain), "samples", (json_int_t)r->samples, "channels", r->channels,
                      "control_points", (json_int_t)r->control_points, "bytes", (json_int_t)r->bytes, "fit_seconds",
                      cli_json_real(r->fit_seconds), "train", cli_json_errors(&r->train), "held_out",
                      cli_json_errors(&r->held_out), "options", r->options, "note", r->note, "input", input, "model",
-                     a->output);
+                     a->output, "sampled", cli_json_coverage(&a->coverage));
 }
 
 static void print(const fit_arguments *a, const gonio_fit_report *r) {
@@ -32,6 +33,7 @@ static void print(const fit_arguments *a, const gonio_fit_report *r) {
            gonio_domain_name(r->domain), r->options);
     printf("%zu samples, %d channels -> %zu control points a channel, %zu bytes, %.3g s\n", r->samples, r->channels,
            r->control_points, r->bytes, r->fit_seconds);
+    cli_print_coverage(&a->coverage);
     cli_print_errors("train", &r->train);
     cli_print_errors("held out", &r->held_out);
     if (r->note[0] != 0) {
@@ -45,6 +47,11 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     gonio_samples *samples;
     gonio_status status = cli_input_read(path, &a->input, common, &samples, error);
     if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_coverage_of(samples, &a->coverage, error);
+    if (status != GONIO_OK) {
+        gonio_samples_free(samples);
         return status;
     }
     cli_catch_interrupts();

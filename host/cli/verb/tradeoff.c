@@ -16,6 +16,7 @@
 typedef struct table {
     gonio_tradeoff_row *rows;
     size_t n;
+    gonio_coverage coverage;
 } table;
 
 // What was asked for and what the method made of it, for people: "half-vector log lambda=1e-5".
@@ -141,10 +142,12 @@ static json_t *to_json(const table *t, const char *input) {
                             (json_int_t)r->report.bytes, "train", cli_json_errors(&r->report.train), "held_out",
                             cli_json_errors(&r->report.held_out), "pareto", (int)r->pareto));
     }
-    return json_pack("{s:s,s:o,s:o}", "input", input, "rows", rows, "failed", failed);
+    return json_pack("{s:s,s:o,s:o,s:o}", "input", input, "rows", rows, "failed", failed, "sampled",
+                     cli_json_coverage(&t->coverage));
 }
 
 static void print(const table *t, const char *folder) {
+    cli_print_coverage(&t->coverage);
     printf("%-14s %5s %9s %9s %9s %10s %10s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel", "rms_log",
            "form (held-out errors; * none better in error, bytes and ns)");
     for (size_t i = 0; i < t->n; i++) {
@@ -201,7 +204,8 @@ static int run(int argc, char **argv) {
     table t = {0};
     gonio_status status = cli_input_read(input, &in, &common, &samples, &error);
     if (status == GONIO_OK) {
-        status = prepare(folder, &error);
+        status = gonio_coverage_of(samples, &t.coverage, &error);
+        status = status == GONIO_OK ? prepare(folder, &error) : status;
         status = status == GONIO_OK ? measure(samples, &fit, &t, &error) : status;
         status = status == GONIO_OK ? write_all(&t, folder, &error) : status;
         gonio_samples_free(samples);

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "gonio/coverage.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/text.h"
+
+// Of the search for the largest hole: its probes, every so many degrees up to the last; samples beyond the limit are
+// thinned out evenly, which can only make holes larger by the distance of neighbours.
+static const struct {
+    double step_deg, last_deg;
+    size_t samples;
+    double narrow_deg; // a hole of this size is news
+    size_t incidences; // fewer say nothing of how f_r goes with theta_i
+} tuning = {10, 80, 5000, 30, 3};
+
+typedef struct key {
+    int32_t theta_i, phi_i, theta_o, phi_o; // 0.1 deg
+} key;
+
+static int32_t tenths(double rad) { return (int32_t)lround(gonio_degrees(rad) * 10); }
+
+// Of an isotropic set the difference of azimuths alone, of the two mirror images the one from 0 to 180 deg.
+static key key_of(const gonio_samples *s, size_t i) {
+    const gonio_pair *p = &s->pairs[i];
+    double turn = gonio_degrees(p->phi_o - (s->isotropic ? p->phi_i : 0)), light = gonio_degrees(p->phi_i);
+    turn -= 360 * floor(turn / 360);
+    light -= 360 * floor(light / 360);
+    turn = s->isotropic && turn > 180 ? 360 - turn : turn;
+    const int32_t o = tenths(p->theta_o), i10 = tenths(p->theta_i);
+    return (key){i10, s->isotropic || i10 == 0 ? 0 : (int32_t)lround(light * 10) % 3600, o,
+                 o == 0 || (s->isotropic && i10 == 0) ? 0 : (int32_t)lround(turn * 10) % 3600};
+}
+
+static int by_key(const void *left, const void *right) { return memcmp(left, right, sizeof(key)); }
+
+static void count(const key *keys, size_t n, gonio_coverage *c) {
+    for (size_t i = 0; i < n; i++) {
+        const bool first = i == 0;
+        c->geometries += first || memcmp(&keys[i], &keys[i - 1], sizeof *keys) != 0;
+        c->incidences += first || keys[i].theta_i != keys[i - 1].theta_i || keys[i].phi_i != keys[i - 1].phi_i;
+    }
+}
+
+static void find_ranges(const gonio_samples *s, gonio_coverage *c) {
+    c->theta_i_deg[0] = c->theta_o_deg[0] = 90;
+    c->in_plane = true;
+    for (size_t i = 0; i < s->n; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        const double ti = gonio_degrees(p->theta_i), to = gonio_degrees(p->theta_o);
+        c->theta_i_deg[0] = fmin(c->theta_i_deg[0], ti);
+        c->theta_i_deg[1] = fmax(c->theta_i_deg[1], ti);
+        c->theta_o_deg[0] = fmin(c->theta_o_deg[0], to);
+        c->theta_o_deg[1] = fmax(c->theta_o_deg[1], to);
+        // How far the camera leaves the plane of light and normal.
+        const double off = sin(p->theta_o) * sin(p->theta_i) * fabs(sin(p->phi_o - p->phi_i));
+        c->in_plane = c->in_plane && off < 0.01;
+    }
+    c->horizon_deg = 90 - fmax(c->theta_i_deg[1], c->theta_o_deg[1]);
+}
+
+static double angle(gonio_vec3 a, gonio_vec3 b) { return acos(fmin(fmax(a.x * b.x + a.y * b.y + a.z * b.z, -1), 1)); }
+
+typedef struct directions {
+    gonio_vec3 wi, wo;
+} directions;
+
+static void probe(const directions *all, size_t n, bool isotropic, const gonio_pair *at, gonio_coverage *c) {
+    const gonio_vec3 wi = gonio_direction(at->theta_i, at->phi_i), wo = gonio_direction(at->theta_o, at->phi_o);
+    const gonio_vec3 mirrored = {wo.x, -wo.y, wo.z};
+    double nearest = INFINITY;
+    for (size_t i = 0; i < n; i++) {
+        const double out = isotropic ? fmin(angle(wo, all[i].wo), angle(mirrored, all[i].wo)) : angle(wo, all[i].wo);
+        nearest = fmin(nearest, hypot(angle(wi, all[i].wi), out));
+    }
+    if (gonio_degrees(nearest) > c->hole_deg) {
+        c->hole_deg = gonio_degrees(nearest);
+        c->hole = *at;
+    }
+}
+
+static void find_hole(const gonio_samples *s, directions *all, gonio_coverage *c) {
+    const size_t step = s->n / tuning.samples + 1;
+    size_t n = 0;
+    for (size_t i = 0; i < s->n; i += step) {
+        const gonio_pair *p = &s->pairs[i];
+        const double turn = s->isotropic ? p->phi_i : 0;
+        all[n++] =
+            (directions){gonio_direction(p->theta_i, p->phi_i - turn), gonio_direction(p->theta_o, p->phi_o - turn)};
+    }
+    for (double ti = 0; ti <= tuning.last_deg; ti += tuning.step_deg) {
+        for (double to = 0; to <= tuning.last_deg; to += tuning.step_deg) {
+            for (double phi = 0; phi <= (to > 0 ? 180 : 0); phi += to > 0 ? fmin(180, tuning.step_deg * 3) : 180) {
+                const gonio_pair at = {gonio_radians(ti), 0, gonio_radians(to), gonio_radians(phi)};
+                probe(all, n, s->isotropic, &at, c);
+            }
+        }
+    }
+}
+
+gonio_status gonio_coverage_of(const gonio_samples *samples, gonio_coverage *coverage, gonio_error *error) {
+    *coverage = (gonio_coverage){.samples = samples->n};
+    if (samples->n == 0) {
+        return GONIO_OK;
+    }
+    key *keys = malloc(samples->n * sizeof *keys);
+    directions *all = malloc((tuning.samples + 1) * sizeof *all);
+    gonio_status status = GONIO_OK;
+    if (keys == NULL || all == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory to describe %zu samples", samples->n);
+    } else {
+        for (size_t i = 0; i < samples->n; i++) {
+            keys[i] = key_of(samples, i);
+        }
+        qsort(keys, samples->n, sizeof *keys, by_key);
+        count(keys, samples->n, coverage);
+        find_ranges(samples, coverage);
+        find_hole(samples, all, coverage);
+    }
+    free(keys);
+    free(all);
+    return status;
+}
+
+bool gonio_coverage_is_narrow(const gonio_coverage *c) {
+    return c->samples > 0 && (c->incidences < tuning.incidences || c->in_plane || c->hole_deg > tuning.narrow_deg);
+}
+
+static void put_range(char *text, size_t size, const char *name, const double range[2]) {
+    if (range[1] - range[0] < 0.05) {
+        gonio_text_append(text, size, "%s %.4g deg", name, range[0]);
+    } else {
+        gonio_text_append(text, size, "%s %.4g to %.4g deg", name, range[0], range[1]);
+    }
+}
+
+void gonio_coverage_text(const gonio_coverage *c, char *text, size_t size) {
+    text[0] = 0;
+    gonio_text_append(text, size, "%zu geometries", c->geometries);
+    if (c->geometries < c->samples) {
+        gonio_text_append(text, size, " (%zu rows repeat one)", c->samples - c->geometries);
+    }
+    gonio_text_append(text, size, " of %zu incidence%s, ", c->incidences, c->incidences == 1 ? "" : "s");
+    put_range(text, size, "theta_i", c->theta_i_deg);
+    gonio_text_append(text, size, ", ");
+    put_range(text, size, "theta_o", c->theta_o_deg);
+    gonio_text_append(text, size, "%s; nothing nearer than %.3g deg to the horizon",
+                      c->in_plane ? ", in the plane of incidence alone" : "", c->horizon_deg);
+    if (c->hole_deg > tuning.narrow_deg) {
+        gonio_text_append(text, size, "; the largest hole reaches %.0f deg about %.0f,%.0f,%.0f,%.0f", c->hole_deg,
+                          gonio_degrees(c->hole.theta_i), gonio_degrees(c->hole.phi_i), gonio_degrees(c->hole.theta_o),
+                          gonio_degrees(c->hole.phi_o));
+    }
+}
