@@ -348,8 +348,17 @@ void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud) {
     gonio_fw_board_uart_drive(core, false);
 }
 
+// A transceiver whose receiver stays on while it sends hears the reply itself. Nobody else may speak then, nor for 3.5
+// characters after it (SL 2.5.1.1), of which the echo's last byte may take one.
+static bool echo_of_reply(struct fw_modbus *modbus, uint32_t now) {
+    modbus->echoing = modbus->echoing && now - modbus->driven_until <= 2 * modbus->character;
+    return modbus->sending || modbus->echoing;
+}
+
 void gonio_fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now) {
     struct fw_modbus *modbus = &core->modbus;
+    if (echo_of_reply(modbus, now))
+        return;
     // From stop bit to start bit; the byte that just ended took a character itself.
     const uint32_t since = now - modbus->last, idle = since > modbus->character ? since - modbus->character : 0;
     const uint16_t length = modbus->length;
@@ -408,6 +417,8 @@ static void send(struct fw_core *core) {
     if (!gonio_fw_board_uart_sent(core))
         return;
     gonio_fw_board_uart_drive(core, false);
+    modbus->driven_until = gonio_fw_board_now(core);
+    modbus->echoing = true;
     modbus->sending = false;
 }
 

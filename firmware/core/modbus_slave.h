@@ -38,7 +38,9 @@ struct fw_modbus {
     // sender
     uint8_t reply[FW_ADU_MAX];
     uint16_t reply_length, reply_sent;
-    bool sending;
+    volatile bool sending;          // the line is driven: what is received is the reply's own echo
+    volatile bool echoing;          // the reply has left, and the last bytes of its echo may still come
+    volatile uint32_t driven_until; // tick at which it had left
     bool listen_only;
     uint16_t counter[FW_COUNTERS];
     uint16_t words[125];

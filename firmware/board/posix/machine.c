@@ -163,12 +163,25 @@ void gonio_fw_board_uart_setup(struct fw_core *core, uint32_t baud) {
 }
 bool gonio_fw_board_uart_send(struct fw_core *core, uint8_t byte) {
     struct machine *m = machine_of(core);
-    if (m->sent_length == MACHINE_SENT_MAX)
+    if (m->sent_length == MACHINE_SENT_MAX || m->now_us < m->line_free_us || m->echo_pending)
         return false;
     m->sent[m->sent_length++] = byte;
+    m->line_free_us = m->now_us + (m->echo ? core->modbus.character : 0);
+    m->echo_pending = m->echo;
+    m->echo_byte = byte;
     return true;
 }
-bool gonio_fw_board_uart_sent(struct fw_core *core) { return machine_of(core) != NULL; }
+bool gonio_fw_board_uart_sent(struct fw_core *core) {
+    return machine_of(core)->now_us >= machine_of(core)->line_free_us;
+}
+
+static void echo(struct machine *m) {
+    const uint64_t at_us = m->line_free_us + m->echo_us;
+    if (!m->echo_pending || m->now_us < at_us)
+        return;
+    m->echo_pending = false;
+    gonio_fw_modbus_receive(&m->core, m->echo_byte, (uint32_t)at_us);
+}
 void gonio_fw_board_uart_drive(struct fw_core *core, bool on) { machine_of(core)->driving = on; }
 
 void gonio_machine_receive(struct machine *m, const uint8_t *bytes, unsigned length) {
@@ -306,6 +319,7 @@ static void run_pending(struct machine *m) {
 
 static void poll_once(struct machine *m) {
     interrupt_on_change(m); // a switch may bounce on while nothing moves
+    echo(m);
     gonio_fw_core_poll(&m->core);
     const unsigned phase = m->core.homing.phase;
     const bool busy = m->core.modbus.length > 0 || m->core.modbus.sending || phase == FW_HOMING_RELEASE ||

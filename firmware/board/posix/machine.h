@@ -55,6 +55,12 @@ struct machine {
     int64_t flash_operations_left;  // until power fails in the middle of one; < 0: never
     uint8_t sent[MACHINE_SENT_MAX]; // by the UART
     unsigned sent_length;
+    // A line that takes its time and whose receiver stays on: each byte comes back when it has left, echo_us later.
+    bool echo;
+    uint32_t echo_us;
+    uint64_t line_free_us; // when the last byte has left
+    bool echo_pending;
+    uint8_t echo_byte;
     // Told of each step event as it happens (may be NULL): the edges byte as in fw_stepgen.
     void (*on_edges)(void *context, uint64_t now_us, uint8_t edges, uint8_t directions);
     void *context;
