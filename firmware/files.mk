@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # The controller: its core and the simulated machine are part of the library (sim/ runs them); the boards are programs.
-fw-core := ramp stepgen axis homing interlock lamp modbus_slave registers parameters core
+fw-core := ramp stepgen axis homing interlock lamp modbus_slave registers parameters owner core
 lib-y   += $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/posix/machine.c
 
 all: $(B)/gonio-controller $(B)/firmware/tools/protocol

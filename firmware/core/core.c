@@ -43,6 +43,7 @@ void gonio_fw_core_refresh(struct fw_core *core) {
     r->moving[0] = core->axis.up | core->axis.down;
     r->homed[0] = core->known;
     r->inputs[0] = core->interlock.active;
+    r->owner[0] = r->heartbeat[0] = core->owner.number;
     gonio_fw_axis_positions(core, r->position);
     r->lamp_state[0] = core->lamp.state;
     r->lamp_output[0] = core->lamp.output;
@@ -122,6 +123,8 @@ static enum fw_refusal execute(struct fw_core *core, enum fw_command command) {
         return release(core);
     case FW_COMMAND_RESTART:
         return restart(core);
+    case FW_COMMAND_YIELD:
+        return gonio_fw_owner_yield(core);
     default:
         return begin(core, command);
     }
@@ -129,7 +132,7 @@ static enum fw_refusal execute(struct fw_core *core, enum fw_command command) {
 
 enum fw_refusal gonio_fw_core_command(struct fw_core *core, uint16_t command) {
     const uint32_t id = core->registers.command_id[0];
-    if (command < FW_COMMAND_MOVE || command > FW_COMMAND_RESTART)
+    if (command < FW_COMMAND_MOVE || command > FW_COMMAND_YIELD)
         return FW_REFUSAL_UNKNOWN;
     if (command == FW_COMMAND_STOP || command == FW_COMMAND_HALT) {
         stop(core, command == FW_COMMAND_HALT);
@@ -186,6 +189,8 @@ void gonio_fw_core_poll(struct fw_core *core) {
     gonio_fw_modbus_poll(core);
     gonio_fw_interlock_poll(core);
     const bool came_to_rest = gonio_fw_axis_poll(core);
+    if (!gonio_fw_core_at_rest(core))
+        core->modbus.listen_only = false;
     switch (core->state) {
     case FW_STATE_MOVING:
         gonio_fw_axis_continue(core, came_to_rest);

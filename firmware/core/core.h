@@ -19,6 +19,7 @@
 #include "firmware/core/interlock.h"
 #include "firmware/core/lamp.h"
 #include "firmware/core/modbus_slave.h"
+#include "firmware/core/owner.h"
 #include "firmware/core/registers.h"
 #include "firmware/core/stepgen.h"
 
@@ -29,6 +30,7 @@ struct fw_core {
     struct fw_interlock interlock;
     struct fw_lamp lamp;
     struct fw_modbus modbus;
+    struct fw_owner owner;
     struct fw_registers registers;
     uint8_t state;      // enum fw_state
     uint16_t known;     // axes whose position is known

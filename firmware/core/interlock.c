@@ -74,12 +74,6 @@ static void poll_limits(struct fw_core *core) {
                              bit - (low ? FW_CONTACT_limit_min_0 : FW_CONTACT_limit_max_0), true);
 }
 
-static void poll_deadman(struct fw_core *core) {
-    const uint32_t limit = core->registers.deadman[0];
-    if (limit != 0 && core->interlock.listening && core->ms - core->interlock.heard > limit)
-        gonio_fw_interlock_alarm(core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
-}
-
 static void poll_lamp_temperature(struct fw_core *core) {
     if (core->lamp.output == 0)
         return;
@@ -97,12 +91,12 @@ void gonio_fw_interlock_poll(struct fw_core *core) {
         core->interlock.estop = active(core, FW_CONTACT_estop);
     }
     poll_limits(core);
+    gonio_fw_owner_poll(core);
     if (core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP) {
         if (!core->axis.under_way && (core->axis.energised & ~(unsigned)core->registers.safe_motors[0]) != 0)
             gonio_fw_interlock_safe(core);
         return;
     }
-    poll_deadman(core);
     poll_lamp_temperature(core);
     const bool exposed = core->state != FW_STATE_IDLE || core->lamp.on || core->lamp.open;
     if (active(core, FW_CONTACT_door) && exposed)

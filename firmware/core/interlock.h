@@ -16,8 +16,6 @@ struct fw_interlock {
     volatile uint16_t active; // contacts
     volatile bool estop;      // pressed since the main loop looked
     volatile uint16_t limit;  // limit contacts that stopped a movement since the main loop looked
-    bool listening;           // a first valid request has come: the dead-man counts
-    uint32_t heard;           // ms at the last valid request
 };
 
 // From the input interrupt: react to the contacts' raw levels, in the interrupt, before anything else.

@@ -21,7 +21,7 @@ enum function {
     ENCAPSULATED = 43
 };
 enum { EXCEPTION_FLAG = 0x80, BROADCAST = 0, CRC_BYTES = 2, SHORTEST = 4, COIL_ON = 0xFF00 };
-enum { READ_MAX = 125, READ_BITS_MAX = 2000, WRITE_MAX = 123, WRITE_BITS_MAX = 1968, READ_WRITE_MAX = 121 };
+enum { READ_MAX = 125, READ_BITS_MAX = 2000, WRITE_MAX = FW_WRITE_MAX, WRITE_BITS_MAX = 1968, READ_WRITE_MAX = 121 };
 
 // One request on its way to a reply.
 struct request {
@@ -52,10 +52,24 @@ static unsigned coils(const struct fw_core *core) {
     return (unsigned)core->lamp.on << FW_COIL_lamp | (unsigned)core->lamp.open << FW_COIL_shutter;
 }
 
-static enum fw_exception set_coil(struct fw_core *core, unsigned coil, bool on) {
-    const bool done = coil == FW_COIL_lamp ? gonio_fw_lamp_switch(core, on) : gonio_fw_lamp_shutter(core, on);
-    core->registers.refusal[0] = (uint16_t)(done ? FW_REFUSAL_NONE : gonio_fw_core_ready(core));
-    return done ? FW_EXCEPTION_NONE : FW_EXCEPTION_FAILURE;
+// Coils from `address` on, by their bits: all of them, or none. Off is never refused.
+static enum fw_exception set_coils(struct fw_core *core, unsigned address, unsigned count, unsigned bits) {
+    const bool any_on = (bits & ((1u << count) - 1)) != 0;
+    enum fw_refusal refusal = gonio_fw_owner_allows_coils(core, any_on) ? FW_REFUSAL_NONE : FW_REFUSAL_NOT_OWNER;
+    if (refusal == FW_REFUSAL_NONE && any_on && gonio_fw_core_ready(core) != FW_REFUSAL_BUSY)
+        refusal = gonio_fw_core_ready(core);
+    core->registers.refusal[0] = (uint16_t)refusal;
+    if (refusal != FW_REFUSAL_NONE)
+        return FW_EXCEPTION_FAILURE;
+    bool done = true;
+    for (unsigned i = 0; i < count; i++) {
+        const bool on = (bits >> i & 1) != 0;
+        done &= address + i == FW_COIL_lamp ? gonio_fw_lamp_switch(core, on) : gonio_fw_lamp_shutter(core, on);
+    }
+    if (!done) // the emergency stop has been pressed since, and has all off
+        return FW_EXCEPTION_FAILURE;
+    gonio_fw_owner_switched(core, any_on);
+    return FW_EXCEPTION_NONE;
 }
 
 static enum fw_exception read_bits(struct request *r, unsigned bits, unsigned available) {
@@ -84,7 +98,7 @@ static enum fw_exception write_coil(struct request *r) {
     if (address >= FW_COILS)
         return FW_EXCEPTION_ADDRESS;
     echo(r, 4);
-    return set_coil(r->core, address, value == COIL_ON);
+    return set_coils(r->core, address, 1, value == COIL_ON);
 }
 
 static enum fw_exception write_coils(struct request *r) {
@@ -95,11 +109,8 @@ static enum fw_exception write_coils(struct request *r) {
         return FW_EXCEPTION_VALUE;
     if (address + count > FW_COILS)
         return FW_EXCEPTION_ADDRESS;
-    enum fw_exception exception = FW_EXCEPTION_NONE;
-    for (unsigned i = 0; i < count && exception == FW_EXCEPTION_NONE; i++)
-        exception = set_coil(r->core, address + i, (r->data[5 + i / 8] >> i % 8 & 1) != 0);
     echo(r, 4);
-    return exception;
+    return set_coils(r->core, address, count, r->data[5]); // there are fewer than eight
 }
 
 // ---- functions 3, 4, 6, 16, 22, 23: registers ----
@@ -184,6 +195,22 @@ static void clear_counters(struct fw_modbus *modbus) {
     modbus->overruns = 0;
 }
 
+static bool deaf(const struct fw_modbus *modbus) {
+    return modbus->listen_only && modbus->listen_channel == modbus->channel;
+}
+
+// Who is deaf does not hear STOP: not while something moves (gonio_fw_core_poll ends it when something begins to).
+static enum fw_exception listen_only(struct request *r) {
+    struct fw_modbus *modbus = &r->core->modbus;
+    if (!gonio_fw_core_at_rest(r->core)) {
+        r->core->registers.refusal[0] = FW_REFUSAL_BUSY;
+        return FW_EXCEPTION_BUSY;
+    }
+    modbus->listen_only = r->silent = true;
+    modbus->listen_channel = modbus->channel;
+    return FW_EXCEPTION_NONE;
+}
+
 static enum fw_exception diagnostics(struct request *r) {
     enum { RETURN_DATA, RESTART, REGISTER, LISTEN_ONLY = 4, CLEAR = 10, FIRST = 11, LAST = 18, CLEAR_OVERRUN = 20 };
     struct fw_modbus *modbus = &r->core->modbus;
@@ -203,7 +230,7 @@ static enum fw_exception diagnostics(struct request *r) {
     modbus->counter[FW_COUNT_OVERRUNS] = modbus->overruns;
     switch (sub) {
     case RESTART:
-        r->silent = modbus->listen_only;
+        r->silent = deaf(modbus);
         modbus->listen_only = false;
         clear_counters(modbus);
         return FW_EXCEPTION_NONE;
@@ -211,8 +238,7 @@ static enum fw_exception diagnostics(struct request *r) {
         put_word(r->reply + 2, (unsigned)r->core->state << 8 | r->core->registers.alarm[0]);
         return FW_EXCEPTION_NONE;
     case LISTEN_ONLY:
-        modbus->listen_only = r->silent = true;
-        return FW_EXCEPTION_NONE;
+        return listen_only(r);
     case CLEAR:
         clear_counters(modbus);
         return FW_EXCEPTION_NONE;
@@ -294,19 +320,25 @@ static enum fw_exception serve(struct request *r, unsigned function) {
     }
 }
 
-size_t gonio_fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply) {
+void gonio_fw_modbus_hung_up(struct fw_core *core, uint32_t channel) {
+    if (core->modbus.listen_channel == channel)
+        core->modbus.listen_only = false;
+    gonio_fw_owner_hung_up(core, channel);
+}
+
+size_t gonio_fw_modbus_pdu(struct fw_core *core, uint32_t channel, const uint8_t *request, size_t length,
+                           uint8_t *reply) {
     struct fw_modbus *modbus = &core->modbus;
+    modbus->channel = channel;
     if (length == 0 || length > FW_PDU_MAX)
         return 0;
     struct request r = {.core = core, .data = request + 1, .length = length - 1, .reply = reply + 1};
     // AP 6.8, sub-function 4: deaf to everything but the restart.
     const bool restart = request[0] == DIAGNOSTICS && length >= 3 && word_at(request + 1) == 1;
-    if (modbus->listen_only && !restart) {
+    if (deaf(modbus) && !restart) {
         modbus->counter[FW_COUNT_SILENT]++;
         return 0;
     }
-    core->interlock.listening = true;
-    core->interlock.heard = core->ms;
     const enum fw_exception exception = serve(&r, request[0]);
     reply[0] = request[0];
     if (exception != FW_EXCEPTION_NONE) {
@@ -392,7 +424,8 @@ static void serve_frame(struct fw_core *core) {
     if (unit != BROADCAST && unit != core->registers.slave_address[0])
         return;
     modbus->counter[FW_COUNT_OWN]++;
-    const size_t reply = gonio_fw_modbus_pdu(core, frame + 1, length - 1 - CRC_BYTES, modbus->reply + 1);
+    const size_t reply =
+        gonio_fw_modbus_pdu(core, FW_CHANNEL_LINE, frame + 1, length - 1 - CRC_BYTES, modbus->reply + 1);
     if (unit == BROADCAST && reply != 0)
         modbus->counter[FW_COUNT_SILENT]++;
     if (unit == BROADCAST || reply == 0)

@@ -41,7 +41,9 @@ struct fw_modbus {
     volatile bool sending;          // the line is driven: what is received is the reply's own echo
     volatile bool echoing;          // the reply has left, and the last bytes of its echo may still come
     volatile uint32_t driven_until; // tick at which it had left
-    bool listen_only;
+    uint32_t channel;               // of the request in hand (core/owner.h)
+    bool listen_only;               // on that channel
+    uint32_t listen_channel;
     uint16_t counter[FW_COUNTERS];
     uint16_t words[125];
 };
@@ -51,9 +53,13 @@ void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud);
 void gonio_fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now);
 // Main loop.
 void gonio_fw_modbus_poll(struct fw_core *core);
-// Carry out one PDU (function code and data) and write the reply's PDU; returns its length, 0: no reply. For boards
-// that have a framing of their own (Modbus TCP). reply has room for FW_PDU_MAX bytes.
-size_t gonio_fw_modbus_pdu(struct fw_core *core, const uint8_t *request, size_t length, uint8_t *reply);
+// Carry out one PDU (function code and data) that came by a channel (core/owner.h) and write the reply's PDU; returns
+// its length, 0: no reply. For boards that have a framing of their own (Modbus TCP). reply has room for FW_PDU_MAX
+// bytes.
+size_t gonio_fw_modbus_pdu(struct fw_core *core, uint32_t channel, const uint8_t *request, size_t length,
+                           uint8_t *reply);
+// A connection is gone: what belonged to it ends.
+void gonio_fw_modbus_hung_up(struct fw_core *core, uint32_t channel);
 uint16_t gonio_fw_modbus_crc(const uint8_t *bytes, size_t length);
 
 #endif

@@ -125,6 +125,8 @@ static enum fw_exception writable(struct fw_core *core, unsigned address, unsign
         const struct descriptor *d = find(at);
         if (d == NULL || d->access == ACCESS_R || (at - d->address) % words_of(d) != 0 || at + words_of(d) > end)
             return FW_EXCEPTION_ADDRESS;
+        if (d->access == ACCESS_C && at + 1 != end) // what acts comes last
+            return FW_EXCEPTION_ADDRESS;
         if (!in_range(d, words_to_value(d, words)))
             return FW_EXCEPTION_VALUE;
         if (d->access == ACCESS_P && !gonio_fw_core_at_rest(core)) {
@@ -148,24 +150,59 @@ static enum fw_exception act(struct fw_core *core, const struct descriptor *d, u
     return refusal == FW_REFUSAL_BUSY ? FW_EXCEPTION_BUSY : FW_EXCEPTION_FAILURE;
 }
 
-enum fw_exception gonio_fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count,
-                                           const uint16_t *words) {
-    const unsigned end = (unsigned)address + count;
-    enum fw_exception exception = writable(core, address, end, words);
-    if (exception != FW_EXCEPTION_NONE)
-        return exception;
-    bool parameters = false;
-    for (unsigned at = address; at < end && exception == FW_EXCEPTION_NONE;) {
+// What is to be written, as its owner is asked for it.
+static struct fw_claim claim_of(unsigned address, unsigned end, const uint16_t *words) {
+    struct fw_claim claim = {.harmless = address == FW_REGISTER_token && end == address + 1};
+    if (address == FW_REGISTER_heartbeat)
+        claim.number = (uint32_t)words[0] << 16 | words[1];
+    if (end == FW_REGISTER_command + 1)
+        claim.command = words[end - 1 - address];
+    return claim;
+}
+
+static void store_all(struct fw_core *core, unsigned address, unsigned end, const uint16_t *words) {
+    for (unsigned at = address; at < end;) {
         const struct descriptor *d = find(at);
         store(core, d, (at - d->address) / words_of(d), words_to_value(d, words));
-        if (d->access == ACCESS_C)
-            exception = act(core, d, *words);
-        parameters = parameters || d->access == ACCESS_P;
         at += words_of(d);
         words += words_of(d);
     }
-    if (parameters)
+}
+
+// Store, and act where the last register acts; where that is refused, as if nothing had been written.
+static enum fw_exception carry_out(struct fw_core *core, unsigned address, unsigned end, const uint16_t *words) {
+    const struct descriptor *first = find(address), *last = find(end - 1);
+    uint16_t before[FW_WRITE_MAX];
+    gonio_fw_registers_read(core, (uint16_t)address, (uint16_t)(end - address), before);
+    store_all(core, address, end, words);
+    if (last->access == ACCESS_C) {
+        const enum fw_exception exception = act(core, last, words[end - 1 - address]);
+        if (exception != FW_EXCEPTION_NONE)
+            store_all(core, address, end, before);
+        return exception;
+    }
+    if (first->access == ACCESS_P) // the table does not mix them
         gonio_fw_core_parameters_changed(core);
+    return FW_EXCEPTION_NONE;
+}
+
+enum fw_exception gonio_fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count,
+                                           const uint16_t *words) {
+    const unsigned end = (unsigned)address + count;
+    enum fw_exception exception = count > FW_WRITE_MAX ? FW_EXCEPTION_VALUE : writable(core, address, end, words);
+    if (exception != FW_EXCEPTION_NONE)
+        return exception;
+    const struct fw_claim claim = claim_of(address, end, words);
+    if (!gonio_fw_owner_allows(core, &claim)) {
+        core->registers.refusal[0] = FW_REFUSAL_NOT_OWNER;
+        return FW_EXCEPTION_FAILURE;
+    }
+    if (gonio_fw_owner_stops(&claim)) // by anybody: it leaves what the owner has written as it is
+        exception = act(core, find(FW_REGISTER_command), claim.command);
+    else
+        exception = carry_out(core, address, end, words);
+    if (exception == FW_EXCEPTION_NONE)
+        gonio_fw_owner_wrote(core, &claim);
     return exception;
 }
 

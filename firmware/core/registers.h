@@ -17,6 +17,8 @@ struct fw_registers {
 #include "firmware/regmap.def"
 };
 
+enum { FW_WRITE_MAX = 123 }; // words in one write
+
 // Modbus exception codes (Application Protocol V1.1b3, section 7); 0: none.
 enum fw_exception {
     FW_EXCEPTION_NONE = 0,
@@ -33,7 +35,8 @@ void gonio_fw_registers_initialise(struct fw_core *core, bool parameters_only);
 enum fw_exception gonio_fw_registers_read(struct fw_core *core, uint16_t address, uint16_t count, uint16_t *words);
 // Whether such a read would succeed.
 enum fw_exception gonio_fw_registers_readable(const struct fw_core *core, uint16_t address, uint16_t count);
-// Check the whole write, then carry it out: nothing is changed unless all of it is right. A command acts last.
+// Check the whole write, and whether the channel in hand may write (core/owner.h), then carry it out: nothing is
+// changed unless all of it is right, and the command at its end, the only thing that acts, is not refused.
 enum fw_exception gonio_fw_registers_write(struct fw_core *core, uint16_t address, uint16_t count,
                                            const uint16_t *words);
 // Call `visit` for each word of each parameter, in address order; false from it ends the walk and is returned.

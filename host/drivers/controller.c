@@ -9,7 +9,7 @@
 
 #include "host/transport/clock.h"
 
-enum { EXCEPTION_BUSY = 6, STATUS_WORDS = CONTROLLER_reset_cause + 1 - CONTROLLER_token };
+enum { EXCEPTION_BUSY = 6, STATUS_WORDS = CONTROLLER_owner + CONTROLLER_SIZE_owner - CONTROLLER_token };
 
 void gonio_controller_tell(gonio_controller *c, const char *kind, const char *format, ...) {
     char text[512];
@@ -75,14 +75,13 @@ static gonio_status reopen(gonio_controller *c, gonio_error *error) {
 
 static gonio_modbus_fault exchange(gonio_controller *c, controller_exchange once, void *request, bool call) {
     pthread_mutex_lock(&c->lock);
+    gonio_controller_feed_when_due(c); // here as well: requests in close succession keep the feeder from its turn
     const gonio_modbus_fault fault = once(c, request);
     c->counts.exchanges++;
     c->counts.silent += fault == GONIO_MODBUS_SILENT;
     c->counts.noise += fault == GONIO_MODBUS_NOISE;
     c->counts.lost += fault == GONIO_MODBUS_LOST;
-    if (fault == GONIO_MODBUS_GOOD || fault == GONIO_MODBUS_EXCEPTION) {
-        c->last_exchange_ms = gonio_clock_ms();
-    } else if (fault != GONIO_MODBUS_LOST) {
+    if (fault == GONIO_MODBUS_SILENT || fault == GONIO_MODBUS_NOISE) {
         // A late answer must not meet the next request: wait until nothing comes any more.
         gonio_modbus_drain(c->modbus, fault == GONIO_MODBUS_SILENT ? c->config.modbus.timeout_ms : 30);
     }
@@ -168,7 +167,8 @@ gonio_status gonio_controller_write(gonio_controller *c, int address, int n, con
     if (n > 123) {
         return gonio_fail(error, GONIO_E_RANGE, "%d registers in one write; at most 123", n);
     }
-    gonio_status status = gonio_controller_read(c, address, n, held, error);
+    gonio_status status = gonio_controller_claim(c, error);
+    status = status == GONIO_OK ? gonio_controller_read(c, address, n, held, error) : status;
     const size_t size = (size_t)n * sizeof *words;
     for (int attempt = 0; attempt < 3 && status == GONIO_OK && memcmp(held, words, size) != 0; attempt++) {
         status =
@@ -194,6 +194,10 @@ static gonio_modbus_fault once_coil(gonio_controller *c, void *request) {
 
 gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio_error *error) {
     int exception = 0;
+    const gonio_status claimed = on ? gonio_controller_claim(c, error) : GONIO_OK; // off is free to all
+    if (claimed != GONIO_OK) {
+        return claimed;
+    }
     const gonio_status status =
         gonio_controller_request(c, "switching", once_coil, &(coil_request){coil, on}, &exception, error);
     gonio_controller_status now;
@@ -226,7 +230,8 @@ static void decode(const uint16_t *words, gonio_controller_status *s) {
                                    .monitor = (double)(uint32_t)VALUE(monitor) / 4294967296.0,
                                    .monitor_us = VALUE(monitor_time),
                                    .time_us = VALUE(time),
-                                   .trigger_count = (uint32_t)VALUE(trigger_count)};
+                                   .trigger_count = (uint32_t)VALUE(trigger_count),
+                                   .owner = (uint32_t)VALUE(owner)};
     for (int k = 0; k < GONIO_CONTROLLER_AXES; k++) {
         s->position[k] =
             gonio_controller_unpack(WORDS(position) + k * CONTROLLER_EACH_position, CONTROLLER_EACH_position);
@@ -264,8 +269,12 @@ bool gonio_controller_last(gonio_controller *c, gonio_controller_status *status,
 }
 
 gonio_modbus_fault gonio_controller_feed(gonio_controller *c) {
-    uint16_t words[STATUS_WORDS];
-    return once_status(c, words);
+    uint16_t words[CONTROLLER_SIZE_heartbeat];
+    gonio_controller_pack(words, CONTROLLER_SIZE_heartbeat, c->number);
+    const gonio_modbus_fault fault =
+        gonio_modbus_write(c->modbus, CONTROLLER_heartbeat, CONTROLLER_SIZE_heartbeat, words);
+    c->last_fed_ms = fault == GONIO_MODBUS_GOOD ? gonio_clock_ms() : c->last_fed_ms;
+    return fault;
 }
 
 static gonio_status check_rest(gonio_controller *c, const gonio_controller_status *now, gonio_error *error) {

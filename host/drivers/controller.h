@@ -3,7 +3,10 @@
 //
 // Everything that is retried may be repeated without harm: reads; parameters, which are absolute; and commands, which
 // carry an id that the controller carries out once. A status read writes a token and gets it back, so that a reply to
-// an earlier request shows. The connection may be used from several threads; a thread of its own feeds the dead-man.
+// an earlier request shows. The connection may be used from several threads.
+//
+// Who only reads changes nothing: the first write or command (but STOP) claims the rig for this program, and from then
+// on a thread of its own feeds the dead-man. While another program holds the rig, writes are refused.
 #ifndef GONIO_DRIVERS_CONTROLLER_H
 #define GONIO_DRIVERS_CONTROLLER_H
 
@@ -46,6 +49,7 @@ typedef struct gonio_controller_status {
     double lamp_output, temperature_c, monitor; // fractions of full scale, degrees Celsius
     int64_t monitor_us, time_us;                // the controller's clock
     uint32_t trigger_count;
+    uint32_t owner;                                 // who holds the rig; 0: nobody
     int32_t home_difference[GONIO_CONTROLLER_AXES]; // steps
 } gonio_controller_status;
 
@@ -55,15 +59,18 @@ typedef struct gonio_controller_counts {
 
 void gonio_controller_defaults(gonio_controller_config *config);
 
-// Connect and identify: a slave with another magic number or protocol version is GONIO_E_DEVICE. Nothing moves. A
-// dead-man alarm that an earlier host left behind is cleared.
+// Connect and identify: a slave with another magic number or protocol version is GONIO_E_DEVICE. Nothing is written.
 gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_controller **out, gonio_error *error);
 gonio_controller *gonio_controller_share(gonio_controller *controller); // one more user
-// One user less. The last one lets the dead-man rest where nothing moves (lamp and shutter stay as they are) and frees
-// it. NULL is allowed.
+// One user less. The last one lets go of the rig where nothing moves (lamp and shutter stay as they are) and frees it.
+// NULL is allowed.
 void gonio_controller_release(gonio_controller *controller);
 const gonio_controller_identity *gonio_controller_identify(const gonio_controller *controller);
 void gonio_controller_count(gonio_controller *controller, gonio_controller_counts *counts);
+
+// Hold the rig from now on; done before the first write anyway. A move that an earlier program left is stopped, and a
+// dead-man alarm that it left behind is cleared. GONIO_E_DEVICE where another program holds the rig.
+gonio_status gonio_controller_claim(gonio_controller *controller, gonio_error *error);
 
 gonio_status gonio_controller_read_status(gonio_controller *controller, gonio_controller_status *status,
                                           gonio_error *error);

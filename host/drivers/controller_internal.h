@@ -16,14 +16,16 @@ struct gonio_controller {
     pthread_cond_t wake;  // of the feeder
     pthread_t feeder;
     bool feeding, closing;
+    uint32_t number; // this program's, as the controller knows it (firmware/core/owner.h)
+    bool holds;      // it has claimed the rig
+    int64_t last_fed_ms;
     int users;
     uint16_t token;
     uint32_t last_id;
-    int64_t last_time_us;     // controller's clock at the last status: going back means that it restarted
-    int64_t last_exchange_ms; // host's clock
-    int64_t last_call_ms;     // the last that was not the feeder's
-    bool restarted;           // since it was opened
-    bool commanded;           // it has taken a command of ours: its accepted_id is 0 only after a restart
+    int64_t last_time_us; // controller's clock at the last status: going back means that it restarted
+    int64_t last_call_ms; // host's clock: the last exchange that was not the feeder's
+    bool restarted;       // since it was opened
+    bool commanded;       // it has taken a command of ours: its accepted_id is 0 only after a restart
     int alarm_told;
     bool resting; // nothing was asked to move since the axes stood at `rest`
     int64_t rest[GONIO_CONTROLLER_AXES];
@@ -40,8 +42,11 @@ gonio_status gonio_controller_request(gonio_controller *controller, const char *
                                       void *request, int *exception, gonio_error *error);
 // Who answers: the identity registers. Called when a line was opened; also within a request, after a replug.
 gonio_status gonio_controller_greet(gonio_controller *controller, gonio_error *error);
-// One exchange, repeated by nobody, with the lock held: what feeds the dead-man. The answer is thrown away.
+// One exchange, repeated by nobody, with the lock held: what claims the rig and feeds the dead-man.
 gonio_modbus_fault gonio_controller_feed(gonio_controller *controller);
+// The same where the last is long enough ago, left off the tape: its moment is chance.
+void gonio_controller_feed_when_due(gonio_controller *controller);
+int64_t gonio_controller_feed_period_ms(const gonio_controller *controller);
 void gonio_controller_pause(const gonio_controller *controller, int ms); // not in a replay
 
 #endif

@@ -3,19 +3,29 @@
 
 #include "host/transport/clock.h"
 
-enum { POLL_MS = 20, BLOCK_WORDS = CONTROLLER_command + 1 - CONTROLLER_command_id };
+enum { POLL_MS = 20, BLOCK_WORDS = CONTROLLER_command + 1 - CONTROLLER_heartbeat };
 
 typedef struct command_block {
-    uint16_t words[BLOCK_WORDS];
+    uint16_t words[BLOCK_WORDS]; // from the heartbeat on
 } command_block;
 
+// Who does not hold the rig gives no number: STOP is free to all.
 static gonio_modbus_fault once_command(gonio_controller *c, void *request) {
-    return gonio_modbus_write(c->modbus, CONTROLLER_command_id, BLOCK_WORDS, ((command_block *)request)->words);
+    enum { BARE = CONTROLLER_SIZE_heartbeat };
+    const uint16_t *words = ((command_block *)request)->words;
+    if (!c->holds) {
+        return gonio_modbus_write(c->modbus, CONTROLLER_command_id, BLOCK_WORDS - BARE, words + BARE);
+    }
+    const gonio_modbus_fault fault = gonio_modbus_write(c->modbus, CONTROLLER_heartbeat, BLOCK_WORDS, words);
+    c->last_fed_ms = fault == GONIO_MODBUS_GOOD ? gonio_clock_ms() : c->last_fed_ms;
+    return fault;
 }
 
-static void fill_block(command_block *block, int command, uint32_t id, unsigned axes, const int64_t *targets) {
-    uint16_t *w = block->words;
-    gonio_controller_pack(w, CONTROLLER_SIZE_command_id, id);
+static void fill_block(const gonio_controller *c, command_block *block, int command, unsigned axes,
+                       const int64_t *targets) {
+    uint16_t *w = block->words + (CONTROLLER_command_id - CONTROLLER_heartbeat);
+    gonio_controller_pack(block->words, CONTROLLER_SIZE_heartbeat, c->number);
+    gonio_controller_pack(w, CONTROLLER_SIZE_command_id, c->last_id);
     w[CONTROLLER_command_axes - CONTROLLER_command_id] = (uint16_t)axes;
     w[CONTROLLER_command_speed - CONTROLLER_command_id] = (uint16_t)CONTROLLER_INITIAL_command_speed;
     for (int k = 0; k < GONIO_CONTROLLER_AXES; k++) {
@@ -41,8 +51,14 @@ static gonio_status fail_refused(const gonio_controller_status *s, gonio_error *
 gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned axes,
                                       const int64_t targets[GONIO_CONTROLLER_AXES], uint32_t *id, gonio_error *error) {
     command_block block;
+    // STOP and HALT act at once, leave no id, and need not hold the rig.
+    const bool stops = command == CONTROLLER_COMMAND_STOP || command == CONTROLLER_COMMAND_HALT;
+    const gonio_status claimed = stops ? GONIO_OK : gonio_controller_claim(c, error);
+    if (claimed != GONIO_OK) {
+        return claimed;
+    }
     c->last_id = c->last_id == UINT32_MAX ? 1 : c->last_id + 1;
-    fill_block(&block, command, c->last_id, axes, targets);
+    fill_block(c, &block, command, axes, targets);
     c->resting = c->resting && command != CONTROLLER_COMMAND_MOVE && command != CONTROLLER_COMMAND_HOME;
     for (int attempt = 0; attempt <= c->config.retries; attempt++) {
         int exception = 0;
@@ -56,8 +72,6 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
         if (status != GONIO_OK) {
             return status;
         }
-        // STOP and HALT act at once and leave no id.
-        const bool stops = command == CONTROLLER_COMMAND_STOP || command == CONTROLLER_COMMAND_HALT;
         const bool moves = now.state == CONTROLLER_STATE_MOVING || now.state == CONTROLLER_STATE_HOMING;
         if (stops ? !moves : now.accepted_id == c->last_id) {
             c->commanded = c->commanded || !stops;
@@ -66,7 +80,9 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
             }
             return GONIO_OK;
         }
-        if (exception != 0 && now.refusal != CONTROLLER_REFUSAL_NONE) {
+        // NOT_OWNER to the owner: another program's request was refused after this one.
+        const bool others = now.refusal == CONTROLLER_REFUSAL_NOT_OWNER && now.owner == c->number;
+        if (exception != 0 && now.refusal != CONTROLLER_REFUSAL_NONE && !others) {
             return fail_refused(&now, error);
         }
         gonio_controller_pause(c, POLL_MS);

@@ -62,7 +62,8 @@ static size_t answer(line *l, const uint8_t *request, size_t n, uint8_t *reply) 
     if (n < before + after + 1) {
         return 0;
     }
-    const size_t m = gonio_fw_modbus_pdu(&l->machine.core, request + before, n - before - after, reply + before);
+    const size_t m =
+        gonio_fw_modbus_pdu(&l->machine.core, FW_CHANNEL_LINE, request + before, n - before - after, reply + before);
     if (m == 0) {
         return 0;
     }

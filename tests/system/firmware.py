@@ -103,7 +103,7 @@ class Controller:
 
 def check_functions(c, where):
     read = c.retry(lambda: c.client.read_input_registers(0, 2, slave=1))
-    ok(read.registers == [0x474F, 1], where + ": function 4")
+    ok(read.registers == [0x474F, 2], where + ": function 4")
     c.retry(lambda: c.client.write_register(REGISTERS["token"][0], 0x1234, slave=1))
     ok(c.get("token") == 0x1234, where + ": functions 6 and 3")
     c.ask(MaskWriteRegisterRequest(REGISTERS["token"][0], 0xF2F2, 0x2525))
@@ -183,6 +183,26 @@ class Process:
         self.p.wait()
 
 
+def second_master(port):
+    """Over TCP: who only reads keeps no dead host's move going, and drops nobody's connection."""
+    first, second = (Controller(ModbusTcpClient("127.0.0.1", port)) for _ in range(2))
+    home_in_place(first)
+    first.put("speed_max", *[2000] * 4)
+    first.put("deadman", 1000)
+    first.command("MOVE", 3, (30000, -30000, 0, 0))
+    ok(second.get("state") == E["STATE_MOVING"] and first.get("owner") == 0xFFFFFFFF,
+       "posix, TCP: two masters read side by side")
+    refused = second.put("deadman", 0)
+    ok(getattr(refused, "exception_code", 0) in (4, 6) and first.get("deadman") == 1000,
+       "posix, TCP: the second cannot disarm the dead-man")
+    end = time.time() + 3
+    while time.time() < end and second.get("state") == E["STATE_MOVING"]:
+        time.sleep(0.1)
+    ok(second.get("alarm") == E["ALARM_DEADMAN"], "posix, TCP: and does not feed it")
+    second.client.close()
+    first.client.close()
+
+
 def posix(folder):
     link, flash = folder + "/line", folder + "/flash"
     command = [BUILD + "/gonio-controller", "--pty", link, "--flash", flash, "--speed", "10"]
@@ -210,6 +230,7 @@ def posix(folder):
         check_functions(c, "posix, TCP")
         ok(c.get("debounce") == 7 and c.get("store_slot") == 1, "posix: parameters came back from flash")
         c.client.close()
+        second_master(port)
 
 
 def qemu(machine, image, *more):

@@ -213,7 +213,7 @@ if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
     wait_for test -s "$work/slave.port"
     sed "s/^port = .*/port = tcp:127.0.0.1:$(cat "$work/slave.port")/" "$work/tcp.ini" >"$work/slave.ini"
     exits "an independent slave is identified" 0 "$GONIO" rig identify --rig "$work/slave.ini" --sample $sample --json
-    check "with what it says" grep -q '"firmware":"7.8.9","protocol":1,"board":77' "$work/out"
+    check "with what it says" grep -q '"firmware":"7.8.9","protocol":2,"board":77' "$work/out"
     exits "its alarm is named" 1 "$GONIO" rig home --rig "$work/slave.ini" --sample $sample --set controller.retries=1
     says "with its number" "alarm 6 HOME_MISSING"
 else

@@ -92,8 +92,8 @@ static void bench_write(int fd, const uint8_t *bytes, int n) {
 
 // ---- the machine ----
 
-static void bench_answer(struct machine *m, bool tcp, int fd, uint8_t *bytes, int n) {
-    if (!tcp) {
+static void bench_answer(struct machine *m, uint32_t channel, int fd, uint8_t *bytes, int n) {
+    if (channel == FW_CHANNEL_LINE) {
         m->sent_length = 0;
         gonio_machine_receive(m, bytes, (unsigned)n);
         bench_write(fd, m->sent, (int)m->sent_length);
@@ -108,7 +108,7 @@ static void bench_answer(struct machine *m, bool tcp, int fd, uint8_t *bytes, in
         }
         uint8_t reply[7 + FW_PDU_MAX];
         memcpy(reply, bytes + at, 7);
-        const size_t size = gonio_fw_modbus_pdu(&m->core, bytes + at + 7, (size_t)length - 1, reply + 7);
+        const size_t size = gonio_fw_modbus_pdu(&m->core, channel, bytes + at + 7, (size_t)length - 1, reply + 7);
         reply[4] = (uint8_t)((size + 1) >> 8);
         reply[5] = (uint8_t)(size + 1);
         if (size > 0) {
@@ -137,10 +137,12 @@ static void bench_run_machine(bench_shared *s, bool tcp, int fd, double speed) {
     int64_t last = bench_now_us();
     int state = s->machine.core.state;
     int client = tcp ? -1 : fd;
+    uint32_t channel = FW_CHANNEL_LINE;
     for (;;) {
         if (client < 0) {
             struct pollfd p = {.fd = fd, .events = POLLIN};
             client = poll(&p, 1, 1) > 0 ? accept(fd, NULL, NULL) : -1;
+            channel += client >= 0;
         }
         uint8_t bytes[1024];
         const int n = client >= 0 ? bench_read_frame(client, bytes, sizeof bytes) : -1;
@@ -156,11 +158,12 @@ static void bench_run_machine(bench_shared *s, bool tcp, int fd, double speed) {
             gonio_machine_start(&s->machine, FW_CAUSE_POWER);
         }
         if (n > 0 && !s->frozen) {
-            bench_answer(&s->machine, tcp, client, bytes, n);
+            bench_answer(&s->machine, channel, client, bytes, n);
             bench_count_motion(s, &state); // where this process has to wait, the next step may be all of a move
         } else if (n == 0 && tcp) {
             close(client);
             client = -1;
+            gonio_fw_modbus_hung_up(&s->machine.core, channel);
         } else if (n == 0) {
             usleep(1000);
         }

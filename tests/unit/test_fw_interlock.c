@@ -74,15 +74,15 @@ static void silence_makes_safe(void **state) {
     m->core.registers.deadman[0] = 200;
     m->core.registers.safe_motors[0] = 1;
     gonio_machine_run(m, 300000);
-    assert_int_equal(m->core.state, FW_STATE_MOVING); // no request yet: it does not count
+    assert_int_equal(m->core.state, FW_STATE_MOVING); // nobody holds the rig: it does not count
     free(m);
     m = moving();
     m->core.registers.deadman[0] = 200;
     m->core.registers.safe_motors[0] = 1;
-    const uint8_t request[] = {3, 0, 0x11, 0, 1};
+    const uint8_t heartbeat[] = {16, 0, 0xFE, 0, 2, 4, 0, 0, 0, 9};
     uint8_t reply[FW_PDU_MAX];
     for (int i = 0; i < 5; i++) {
-        assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, sizeof request, reply), 4);
+        assert_int_equal(gonio_fw_modbus_pdu(&m->core, FW_CHANNEL_LINE, heartbeat, sizeof heartbeat, reply), 5);
         gonio_machine_run(m, 150000);
         assert_int_equal(m->core.state, FW_STATE_MOVING);
     }

@@ -38,7 +38,7 @@ static void reads(void **state) {
     (void)state;
     struct machine *m = rig_new();
     ASK(m, 3, 0, 0, 0, 2);
-    EXPECT(m, 3, 4, 'G', 'O', 0, 1);
+    EXPECT(m, 3, 4, 'G', 'O', 0, 2);
     ASK(m, 4, 0, 6, 0, 2);
     EXPECT(m, 4, 4, 0, 0x0F, 0x42, 0x40);
     ASK(m, 3, 0, 6, 0, 1); // half a value
@@ -412,8 +412,8 @@ static void counts_and_lengths_are_checked(void **state) {
     assert_int_equal(ASK(m, 3, 0, 0, 0, 1), 0);
     uint8_t reply[FW_PDU_MAX];
     const uint8_t request[FW_PDU_MAX + 1] = {3};
-    assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, 0, reply), 0);
-    assert_int_equal(gonio_fw_modbus_pdu(&m->core, request, sizeof request, reply), 0);
+    assert_int_equal(gonio_fw_modbus_pdu(&m->core, FW_CHANNEL_LINE, request, 0, reply), 0);
+    assert_int_equal(gonio_fw_modbus_pdu(&m->core, FW_CHANNEL_LINE, request, sizeof request, reply), 0);
     free(m);
 }
 

@@ -17,18 +17,26 @@
 
 #include "firmware/board/posix/machine.h"
 
-enum { LINE_MAX_BYTES = 4096, MBAP = 7, TICK_MS = 1, RESTART_US = 1000 };
+enum { LINE_MAX_BYTES = 4096, MBAP = 7, TICK_MS = 1, RESTART_US = 1000, CLIENTS = 8 };
+
+// A TCP connection. Each is a channel of its own (core/owner.h): any number may read, one of them holds the rig.
+struct client {
+    int fd; // -1: none
+    uint32_t channel;
+    uint8_t stream[LINE_MAX_BYTES];
+    unsigned streamed;
+};
 
 struct host {
     struct machine machine;
     const char *link, *flash_path;
     double speed;
     int port;
-    int line, listener, client;    // file descriptors, -1: none
+    int line, listener; // file descriptors, -1: none
+    struct client clients[CLIENTS];
+    uint32_t channels;             // given so far
     uint8_t queue[LINE_MAX_BYTES]; // bytes on their way to the UART
     unsigned queued;
-    uint8_t stream[LINE_MAX_BYTES]; // of the TCP client
-    unsigned streamed;
     struct fw_registers placed;                    // the parameters that the switches stand by
     uint32_t kept[FW_STORE_SLOTS][FW_STORE_WORDS]; // what the flash file holds
     char typed[256];
@@ -130,51 +138,68 @@ static void open_port(struct host *h) {
     printf("port %d\n", ntohs(address.sin_port));
 }
 
-static void drop_client(struct host *h) {
-    if (h->client >= 0)
-        close(h->client);
-    h->client = -1;
-    h->streamed = 0;
+static void drop_client(struct host *h, struct client *c) {
+    if (c->fd < 0)
+        return;
+    close(c->fd);
+    gonio_fw_modbus_hung_up(&h->machine.core, c->channel);
+    *c = (struct client){.fd = -1};
+}
+
+// A free place, or that of the oldest connection that does not hold the rig: hosts that died may never have closed.
+static struct client *place_for_client(struct host *h) {
+    struct client *oldest = NULL;
+    for (struct client *c = h->clients; c < h->clients + CLIENTS; c++) {
+        if (c->fd < 0)
+            return c;
+        const bool holds = h->machine.core.owner.number != 0 && h->machine.core.owner.channel == c->channel;
+        if (!holds && (oldest == NULL || c->channel < oldest->channel))
+            oldest = c;
+    }
+    drop_client(h, oldest);
+    return oldest;
 }
 
 static void accept_client(struct host *h) {
-    drop_client(h); // the newest counts: a host that died may never have closed its own
-    const int one = 1;
-    h->client = accept(h->listener, NULL, NULL);
-    if (h->client >= 0)
-        setsockopt(h->client, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+    const int one = 1, fd = accept(h->listener, NULL, NULL);
+    if (fd < 0)
+        return;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+    struct client *c = place_for_client(h);
+    c->fd = fd;
+    c->channel = ++h->channels;
 }
 
-static void serve_request(struct host *h, const uint8_t *request, unsigned length) {
+static void serve_request(struct host *h, struct client *c, const uint8_t *request, unsigned length) {
     uint8_t reply[MBAP + FW_PDU_MAX];
-    const size_t n = gonio_fw_modbus_pdu(&h->machine.core, request + MBAP, length - MBAP, reply + MBAP);
+    const size_t n = gonio_fw_modbus_pdu(&h->machine.core, c->channel, request + MBAP, length - MBAP, reply + MBAP);
     if (n == 0)
         return;
     memcpy(reply, request, MBAP);
     reply[4] = (uint8_t)((n + 1) >> 8);
     reply[5] = (uint8_t)(n + 1);
-    if (send(h->client, reply, MBAP + n, MSG_NOSIGNAL) < 0)
-        drop_client(h);
+    if (send(c->fd, reply, MBAP + n, MSG_NOSIGNAL) < 0)
+        drop_client(h, c);
 }
 
-static void read_client(struct host *h) {
-    const ssize_t n = read(h->client, h->stream + h->streamed, sizeof h->stream - h->streamed);
+static void read_client(struct host *h, struct client *c) {
+    const ssize_t n = read(c->fd, c->stream + c->streamed, sizeof c->stream - c->streamed);
     if (n <= 0) {
-        drop_client(h);
+        drop_client(h, c);
         return;
     }
-    h->streamed += (unsigned)n;
-    while (h->client >= 0 && h->streamed >= MBAP) {
-        const unsigned length = 6 + ((unsigned)h->stream[4] << 8 | h->stream[5]);
-        if (h->stream[2] != 0 || h->stream[3] != 0 || length <= MBAP || length > MBAP + FW_PDU_MAX) {
-            drop_client(h); // no Modbus: there is no way to find the next request
+    c->streamed += (unsigned)n;
+    while (c->fd >= 0 && c->streamed >= MBAP) {
+        const unsigned length = 6 + ((unsigned)c->stream[4] << 8 | c->stream[5]);
+        if (c->stream[2] != 0 || c->stream[3] != 0 || length <= MBAP || length > MBAP + FW_PDU_MAX) {
+            drop_client(h, c); // no Modbus: there is no way to find the next request
             return;
         }
-        if (h->streamed < length)
+        if (c->streamed < length)
             return;
-        serve_request(h, h->stream, length);
-        h->streamed -= length < h->streamed ? length : h->streamed;
-        memmove(h->stream, h->stream + length, h->streamed);
+        serve_request(h, c, c->stream, length);
+        c->streamed -= length < c->streamed ? length : c->streamed;
+        memmove(c->stream, c->stream + length, c->streamed);
     }
 }
 
@@ -293,20 +318,22 @@ static void run(struct host *h) {
     const double start = seconds_now();
     bool commands = true;
     while (!h->done && !interrupted) {
-        struct pollfd fds[] = {{commands ? STDIN_FILENO : -1, POLLIN, 0},
-                               {h->line, POLLIN, 0},
-                               {h->listener, POLLIN, 0},
-                               {h->client, POLLIN, 0}};
-        poll(fds, 4, TICK_MS);
+        enum { FIRST = 3 };
+        struct pollfd fds[FIRST + CLIENTS] = {
+            {commands ? STDIN_FILENO : -1, POLLIN, 0}, {h->line, POLLIN, 0}, {h->listener, POLLIN, 0}};
+        for (unsigned i = 0; i < CLIENTS; i++)
+            fds[FIRST + i] = (struct pollfd){h->clients[i].fd, POLLIN, 0};
+        poll(fds, FIRST + CLIENTS, TICK_MS);
         if (fds[0].revents != 0)
             commands = read_commands(h);
         if ((fds[1].revents & POLLIN) != 0)
             read_line(h);
         run_until(h, (uint64_t)((seconds_now() - start) * h->speed * 1e6));
+        for (unsigned i = 0; i < CLIENTS; i++)
+            if (fds[FIRST + i].revents != 0)
+                read_client(h, &h->clients[i]);
         if (fds[2].revents != 0)
             accept_client(h);
-        else if (fds[3].revents != 0)
-            read_client(h);
         keep_flash(h);
     }
 }
@@ -345,7 +372,9 @@ static void parse(struct host *h, int argc, char **argv) {
 }
 
 int main(int argc, char **argv) {
-    static struct host host = {.speed = 1.0, .port = -1, .line = -1, .listener = -1, .client = -1};
+    static struct host host = {.speed = 1.0, .port = -1, .line = -1, .listener = -1};
+    for (unsigned i = 0; i < CLIENTS; i++)
+        host.clients[i].fd = -1;
     gonio_machine_new(&host.machine);
     parse(&host, argc, argv);
     signal(SIGINT, on_signal);
