@@ -29,6 +29,7 @@ void gonio_fw_interlock_input(struct fw_core *core, uint16_t raw) {
     interlock->active = now;
     if ((now >> FW_CONTACT_estop & 1) != 0) {
         gonio_fw_axis_halt(core, true);
+        interlock->dark = true;
         if (!interlock->estop)
             gonio_fw_interlock_safe(core);
         interlock->estop = true;
@@ -52,6 +53,10 @@ void gonio_fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigne
     else
         gonio_fw_axis_stop(core);
     gonio_fw_homing_abandon(core);
+    if (alarm == FW_ALARM_OVERHEAT || alarm == FW_ALARM_SENSOR)
+        core->interlock.hot = true;
+    if (alarm == FW_ALARM_EMERGENCY || alarm == FW_ALARM_OVERHEAT || alarm == FW_ALARM_SENSOR)
+        core->interlock.dark = true;
     gonio_fw_lamp_safe(core); // the motors follow when they stand
     core->axis.settling = false;
     if (core->state != FW_STATE_ALARM && core->state != FW_STATE_ESTOP) {
@@ -92,30 +97,24 @@ void gonio_fw_interlock_poll(struct fw_core *core) {
     }
     poll_limits(core);
     gonio_fw_owner_poll(core);
+    poll_lamp_temperature(core); // in an alarm as well: safe_lamp may keep it burning
     if (core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP) {
         if (!core->axis.under_way && (core->axis.energised & ~(unsigned)core->registers.safe_motors[0]) != 0)
             gonio_fw_interlock_safe(core);
         return;
     }
-    poll_lamp_temperature(core);
     const bool exposed = core->state != FW_STATE_IDLE || core->lamp.on || core->lamp.open;
     if (active(core, FW_CONTACT_door) && exposed)
         gonio_fw_interlock_alarm(core, FW_ALARM_DOOR, FW_NO_AXIS, false);
 }
 
-// Whether what raised the alarm is still so.
+// Whether what raised the alarm, or made the lamp go out, is still so.
 static bool persists(const struct fw_core *core) {
     const int32_t temperature = core->registers.temperature[0];
-    switch (core->registers.alarm[0]) {
-    case FW_ALARM_DOOR:
-        return active(core, FW_CONTACT_door);
-    case FW_ALARM_OVERHEAT:
-        return temperature > core->registers.temperature_max[0];
-    case FW_ALARM_SENSOR:
-        return temperature == FW_NO_TEMPERATURE;
-    default:
-        return false;
-    }
+    if (core->registers.alarm[0] == FW_ALARM_DOOR && active(core, FW_CONTACT_door))
+        return true;
+    return core->interlock.hot &&
+           (temperature == FW_NO_TEMPERATURE || temperature > core->registers.temperature_max[0]);
 }
 
 enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core) {
@@ -126,6 +125,8 @@ enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core) {
     if (active(core, FW_CONTACT_estop) || core->interlock.estop || persists(core))
         return FW_REFUSAL_ACTIVE;
     core->state = FW_STATE_IDLE;
+    core->interlock.dark = false;
+    core->interlock.hot = false;
     core->registers.alarm[0] = FW_ALARM_NONE;
     core->registers.alarm_axis[0] = FW_NO_AXIS;
     return FW_REFUSAL_NONE;

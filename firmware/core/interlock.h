@@ -15,6 +15,8 @@ enum { FW_CONTACTS_HOME = 0x000F, FW_CONTACTS_MIN = 0x00F0, FW_CONTACTS_MAX = 0x
 struct fw_interlock {
     volatile uint16_t active; // contacts
     volatile bool estop;      // pressed since the main loop looked
+    volatile bool dark;       // until CLEAR the lamp stays off, whatever safe_lamp is
+    bool hot;                 // OVERHEAT or SENSOR since the last CLEAR, also beside another alarm
     volatile uint16_t limit;  // limit contacts that stopped a movement since the main loop looked
 };
 
@@ -26,7 +28,7 @@ bool gonio_fw_interlock_differs(struct fw_core *core);
 void gonio_fw_interlock_poll(struct fw_core *core);
 // Stop (decelerating, or at once), make safe and latch the alarm. Main loop.
 void gonio_fw_interlock_alarm(struct fw_core *core, enum fw_alarm alarm, unsigned axis, bool halt);
-// Lamp, shutter and motors to their configured safe state. Any.
+// Lamp, shutter and motors to their configured safe state; the lamp off where `dark`. Any.
 void gonio_fw_interlock_safe(struct fw_core *core);
 // The CLEAR command.
 enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core);

@@ -37,7 +37,7 @@ bool gonio_fw_lamp_shutter(struct fw_core *core, bool open) {
 
 void gonio_fw_lamp_safe(struct fw_core *core) {
     struct fw_lamp *lamp = &core->lamp;
-    const uint32_t most = (uint32_t)core->registers.safe_lamp[0] << DRIVE_BITS;
+    const uint32_t most = core->interlock.dark ? 0 : (uint32_t)core->registers.safe_lamp[0] << DRIVE_BITS;
     lamp->on = lamp->open = false;
     lamp->state = FW_LAMP_SAFE;
     gonio_fw_board_shutter(core, false);

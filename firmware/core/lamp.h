@@ -26,7 +26,7 @@ bool gonio_fw_lamp_switch(struct fw_core *core, bool on);
 bool gonio_fw_lamp_shutter(struct fw_core *core, bool open);
 // Begin a camera trigger pulse.
 void gonio_fw_lamp_trigger(struct fw_core *core);
-// Drive to safe_lamp, shutter closed. Any.
+// Drive to safe_lamp, or to nothing where the interlock has it dark; shutter closed. Any.
 void gonio_fw_lamp_safe(struct fw_core *core);
 // Once a millisecond, from the main loop.
 void gonio_fw_lamp_poll(struct fw_core *core);

@@ -51,20 +51,74 @@ static void short_press_counts(void **state) {
     free(m);
 }
 
+static void raise_alarm(struct machine *m, unsigned alarm) {
+    switch (alarm) {
+    case FW_ALARM_EMERGENCY:
+        gonio_machine_hold(m, FW_CONTACT_estop, true);
+        break;
+    case FW_ALARM_OVERHEAT:
+        m->temperature = 249000;
+        break;
+    case FW_ALARM_SENSOR:
+        m->temperature = INT32_MIN;
+        break;
+    case FW_ALARM_DOOR:
+        gonio_machine_hold(m, FW_CONTACT_door, true);
+        break;
+    case FW_ALARM_LIMIT_MAX:
+        gonio_machine_hold(m, FW_CONTACT_limit_max_0, true);
+        break;
+    default:
+        gonio_fw_interlock_alarm(&m->core, (enum fw_alarm)alarm, FW_NO_AXIS, false);
+        break;
+    }
+    gonio_machine_run(m, 3000);
+}
+
+static bool goes_dark(unsigned alarm) {
+    return alarm == FW_ALARM_EMERGENCY || alarm == FW_ALARM_OVERHEAT || alarm == FW_ALARM_SENSOR;
+}
+
+// Any alarm with any safe_lamp; alone, and beside one that stands already.
 static void safe_state_is_as_configured(void **state) {
     (void)state;
-    struct machine *m = moving();
+    static const uint16_t safe[] = {0, 2500, 10000};
+    for (unsigned first = FW_ALARM_EMERGENCY; first <= FW_ALARM_DOOR; first++)
+        for (unsigned second = FW_ALARM_EMERGENCY; second <= FW_ALARM_DOOR; second++)
+            for (unsigned i = 0; i < 3; i++) {
+                struct machine *m = moving();
+                m->core.registers.safe_lamp[0] = safe[i];
+                m->core.registers.safe_motors[0] = 15;
+                raise_alarm(m, first);
+                assert_true(m->lamp == (goes_dark(first) ? 0 : safe[i]) && !m->shutter && m->motors == 3);
+                raise_alarm(m, second);
+                assert_true(m->lamp == (goes_dark(first) || goes_dark(second) ? 0 : safe[i]) && !m->shutter);
+                assert_int_equal(m->core.registers.alarm[0], first);
+                gonio_machine_run(m, 2000000);
+                assert_true(m->lamp == (goes_dark(first) || goes_dark(second) ? 0 : safe[i]));
+                // A cause that is still there is not cleared, whichever alarm came first.
+                const bool stands = goes_dark(first) || (goes_dark(second) && m->core.interlock.hot) ||
+                                    second == FW_ALARM_EMERGENCY || first == FW_ALARM_DOOR;
+                assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0),
+                                 stands ? FW_REFUSAL_ACTIVE : FW_REFUSAL_NONE);
+                free(m);
+            }
+    struct machine *m = rig_homed(); // a lamp that was off is not switched on
     m->core.registers.safe_lamp[0] = 2500;
-    m->core.registers.safe_motors[0] = 15;
-    gonio_machine_hold(m, FW_CONTACT_estop, true);
-    assert_true(m->lamp == 2500 && m->motors == 3 && !m->shutter);
-    gonio_machine_run(m, 10000);
-    assert_true(m->lamp == 2500);
-    free(m);
-    m = rig_homed(); // a lamp that was off is not switched on
-    m->core.registers.safe_lamp[0] = 2500;
-    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    raise_alarm(m, FW_ALARM_UNDERRUN);
     assert_true(m->lamp == 0);
+    free(m);
+    m = moving(); // dark until CLEAR: another alarm after it does not light it
+    m->core.registers.safe_lamp[0] = 10000;
+    raise_alarm(m, FW_ALARM_SENSOR);
+    m->temperature = 25000;
+    gonio_machine_run(m, 2000000);
+    assert_true(m->lamp == 0);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
+    gonio_machine_run(m, 3000);
+    raise_alarm(m, FW_ALARM_UNDERRUN);
+    assert_true(m->lamp == 10000);
     free(m);
 }
 
