@@ -67,7 +67,9 @@ static enum fw_refusal keep(struct fw_core *core, enum fw_command command) {
     if (!gonio_fw_core_at_rest(core))
         return FW_REFUSAL_BUSY;
     if (command == FW_COMMAND_SAVE) {
-        // Erasing may take as long as the watchdog waits.
+        // Erasing may take as long as the watchdog waits, and the processor may stand meanwhile.
+        if (core->lamp.on || core->lamp.output != 0)
+            return FW_REFUSAL_NOT_SAFE;
         gonio_fw_board_watchdog_feed(core);
         return gonio_fw_parameters_save(core) ? FW_REFUSAL_NONE : FW_REFUSAL_STORE;
     }

@@ -76,15 +76,15 @@ static bool write_word(void *context, uint16_t *word) {
 
 bool gonio_fw_parameters_load(struct fw_core *core) {
     const unsigned slot = newest(core);
-    core->registers.store_slot[0] = 0;
     if (slot == FW_STORE_SLOTS)
         return false;
+    const struct fw_registers kept = core->registers;
     struct cursor c = {.core = core, .page = gonio_fw_board_store_page(core, slot), .slot = slot};
     // A table with more parameters than the slot holds: the rest keep their initial values.
     gonio_fw_registers_initialise(core, true);
     gonio_fw_registers_walk(core, read_word, &c);
     if (!gonio_fw_registers_valid(core)) { // of another table
-        gonio_fw_registers_initialise(core, true);
+        core->registers = kept;
         return false;
     }
     core->registers.store_slot[0] = (uint16_t)(slot + 1);

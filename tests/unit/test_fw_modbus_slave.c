@@ -377,6 +377,84 @@ static void a_repeated_move_is_harmless(void **state) {
     free(m);
 }
 
+// A command block of `words` words from command_id on, its command at the usual place.
+static unsigned order(struct machine *m, unsigned words, unsigned id, unsigned command, unsigned target,
+                      unsigned after) {
+    uint8_t pdu[6 + 2 * 24] = {16, 1, 0, 0, (uint8_t)words, (uint8_t)(2 * words)};
+    uint8_t *w = pdu + 6;
+    w[2] = (uint8_t)(id >> 8), w[3] = (uint8_t)id;
+    w[5] = 1;
+    w[6] = 3, w[7] = 0xE8;
+    w[14] = (uint8_t)(target >> 8), w[15] = (uint8_t)target;
+    w[40] = (uint8_t)(command >> 8), w[41] = (uint8_t)command;
+    w[42] = (uint8_t)(after >> 8), w[43] = (uint8_t)after;
+    return ask(m, 1, pdu, 6 + 2 * words);
+}
+
+static void nothing_moves_or_changes(struct machine *m, const struct fw_registers *before, bool lamp,
+                                     const char *what) {
+    gonio_fw_core_refresh(&m->core);
+    struct fw_registers now = m->core.registers;
+    now.refusal[0] = before->refusal[0]; // says why
+    now.time[0] = before->time[0];
+    now.monitor[0] = before->monitor[0];
+    now.monitor_time[0] = before->monitor_time[0];
+    if (m->sent_length < 5 || (m->sent[1] & 0x80) == 0 || memcmp(&now, before, sizeof now) != 0 ||
+        m->rising_edges != 0 || m->core.axis.under_way || m->core.lamp.on != lamp || m->core.lamp.open)
+        fail_msg("%s: function %u, exception %u", what, m->sent[1], m->sent[2]);
+}
+
+// Whatever is wrong with a write, anywhere in it: an exception, and all is as before.
+static void all_or_nothing(void **state) {
+    (void)state;
+    enum { MOVE = FW_COMMAND_MOVE, HANG = 0xDEAD };
+    static const struct {
+        const char *what;
+        unsigned words, id, command, target, after;
+        uint16_t known, alarm;
+    } blocks[] = {{"a move that runs on into a self-test", 22, 7, MOVE, 0x1000, HANG, 15, 0},
+                  {"a move that runs on into a bad register", 22, 7, MOVE, 0x1000, 1, 15, 0},
+                  {"a move that runs on into a gap", 23, 7, MOVE, 0x1000, 0, 15, 0},
+                  {"a stop that runs on", 22, 7, FW_COMMAND_STOP, 0x1000, 1, 15, 0},
+                  {"no command", 21, 7, 0, 0x1000, 0, 15, 0},
+                  {"an unknown command", 21, 7, 77, 0x1000, 0, 15, 0},
+                  {"no id", 21, 0, MOVE, 0x1000, 0, 15, 0},
+                  {"not homed", 21, 7, MOVE, 0x1000, 0, 0, 0},
+                  {"beyond a limit", 21, 7, MOVE, 0xFFFF, 0, 15, 0},
+                  {"in an alarm", 21, 7, MOVE, 0x1000, 0, 15, FW_ALARM_UNDERRUN},
+                  {"flash is empty", 21, 7, FW_COMMAND_LOAD, 0x1000, 0, 15, 0},
+                  {"a save beside the lamp", 21, 7, FW_COMMAND_SAVE, 0x1000, 0, 15, 0}};
+    for (unsigned i = 0; i < sizeof blocks / sizeof *blocks; i++) {
+        struct machine *m = rig_homed();
+        m->core.registers.lamp_rise[0] = 0;
+        m->core.registers.monitor_average[0] = 4096;
+        if (blocks[i].alarm != 0)
+            gonio_fw_interlock_alarm(&m->core, (enum fw_alarm)blocks[i].alarm, FW_NO_AXIS, false);
+        else
+            assert_true(gonio_fw_lamp_switch(&m->core, true));
+        gonio_machine_run(m, 5000);
+        m->core.known = blocks[i].known;
+        gonio_fw_core_refresh(&m->core);
+        const struct fw_registers before = m->core.registers;
+        order(m, blocks[i].words, blocks[i].id, blocks[i].command, blocks[i].target, blocks[i].after);
+        nothing_moves_or_changes(m, &before, blocks[i].alarm == 0, blocks[i].what);
+        free(m);
+    }
+    struct machine *m = rig_homed(); // coils: one that may, one that may not
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
+    m->core.registers.lamp_level[0] = 0;
+    gonio_machine_hold(m, FW_CONTACT_door, true);
+    m->core.state = FW_STATE_IDLE;
+    gonio_fw_core_refresh(&m->core);
+    const struct fw_registers before = m->core.registers;
+    uint8_t reply[FW_PDU_MAX];
+    const size_t n = gonio_fw_modbus_pdu(&m->core, FW_CHANNEL_LINE, (const uint8_t[]){15, 0, 0, 0, 2, 1, 2}, 7, reply);
+    m->sent_length = 5, m->sent[1] = reply[0], m->sent[2] = reply[1];
+    assert_int_equal(n, 2);
+    nothing_moves_or_changes(m, &before, true, "lamp off and shutter open, at an open door");
+    free(m);
+}
+
 static void counts_and_lengths_are_checked(void **state) {
     (void)state;
     struct machine *m = rig_new();
@@ -458,6 +536,7 @@ int main(void) {
         cmocka_unit_test(a_late_main_loop_spoils_nothing),
         cmocka_unit_test(a_full_transmitter_is_waited_for),
         cmocka_unit_test(a_repeated_move_is_harmless),
+        cmocka_unit_test(all_or_nothing),
         cmocka_unit_test(counts_and_lengths_are_checked),
         cmocka_unit_test(self_tests),
         cmocka_unit_test(restarts),

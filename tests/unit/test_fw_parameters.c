@@ -32,6 +32,45 @@ static void round_trip(void **state) {
     free(m);
 }
 
+// What was stored by another table and is out of range here: LOAD is refused, and leaves what there is.
+static void a_refused_load_changes_nothing(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.slave_address[0] = 0;
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+    m->core.registers.slave_address[0] = 9;
+    m->core.registers.deadman[0] = 77;
+    struct fw_registers before = m->core.registers;
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_LOAD, 0), FW_REFUSAL_STORE);
+    before.command_id[0] = m->core.registers.command_id[0];
+    assert_memory_equal(&before, &m->core.registers, sizeof before);
+    restart(m);
+    assert_int_equal(m->core.registers.store_slot[0], 0);
+    assert_int_equal(m->core.registers.slave_address[0], 1);
+    free(m);
+}
+
+// An erase may stop the processor for seconds: not while the lamp burns, in whatever state.
+static void nothing_is_saved_beside_a_burning_lamp(void **state) {
+    (void)state;
+    struct machine *m = rig_new();
+    m->core.registers.lamp_rise[0] = 0;
+    m->core.registers.safe_lamp[0] = 1000;
+    assert_true(gonio_fw_lamp_switch(&m->core, true));
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NOT_SAFE); // before it has begun to rise
+    gonio_machine_run(m, 5000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NOT_SAFE);
+    gonio_fw_interlock_alarm(&m->core, FW_ALARM_DEADMAN, FW_NO_AXIS, false);
+    gonio_machine_run(m, 5000);
+    assert_true(m->lamp == 1000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NOT_SAFE);
+    assert_int_equal(m->flash[0][0], 0xFFFFFFFF);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 5000);
+    assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+    free(m);
+}
+
 static void empty_flash_has_nothing_to_load(void **state) {
     (void)state;
     struct machine *m = rig_new();
@@ -139,6 +178,8 @@ static void flash_that_does_not_take_it_is_told(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(round_trip),
+        cmocka_unit_test(a_refused_load_changes_nothing),
+        cmocka_unit_test(nothing_is_saved_beside_a_burning_lamp),
         cmocka_unit_test(empty_flash_has_nothing_to_load),
         cmocka_unit_test(a_cut_at_every_write_keeps_a_slot),
         cmocka_unit_test(every_flipped_bit_is_seen),
