@@ -4,7 +4,6 @@
 #include "firmware/contract/pin.h"
 #include "firmware/contract/tick.h"
 #include "firmware/contract/watchdog.h"
-#include "firmware/core/parameters.h"
 
 void gonio_fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause cause) {
     gonio_fw_interlock_fault(core); // everything off
@@ -12,6 +11,7 @@ void gonio_fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause caus
     core->registers.board[0] = board;
     core->registers.reset_cause[0] = (uint16_t)cause;
     gonio_fw_parameters_load(core);
+    gonio_fw_parameters_note(core);
     core->state = FW_STATE_IDLE;
     core->last_tick = gonio_fw_board_now(core);
     gonio_fw_modbus_setup(core, core->registers.baud[0]);
@@ -50,7 +50,10 @@ void gonio_fw_core_refresh(struct fw_core *core) {
     r->time[0] = core->time_us;
 }
 
-void gonio_fw_core_parameters_changed(struct fw_core *core) { gonio_fw_board_inputs_pend(core); }
+void gonio_fw_core_parameters_changed(struct fw_core *core) {
+    gonio_fw_parameters_note(core);
+    gonio_fw_board_inputs_pend(core);
+}
 
 static void stop(struct fw_core *core, bool at_once) {
     if (at_once)

@@ -20,6 +20,7 @@
 #include "firmware/core/lamp.h"
 #include "firmware/core/modbus_slave.h"
 #include "firmware/core/owner.h"
+#include "firmware/core/parameters.h"
 #include "firmware/core/registers.h"
 #include "firmware/core/stepgen.h"
 
@@ -32,6 +33,7 @@ struct fw_core {
     struct fw_modbus modbus;
     struct fw_owner owner;
     struct fw_registers registers;
+    struct fw_meaning meaning;
     uint8_t state;      // enum fw_state
     uint16_t known;     // axes whose position is known
     uint32_t last_tick; // when time_us was brought up to date

@@ -38,7 +38,11 @@ static void set_position(struct fw_core *core) {
     const unsigned axis = core->homing.axis;
     const int64_t home = core->registers.home_position[axis], found = core->step.position[axis];
     const bool before = (core->homing.homed_before >> axis & 1) != 0;
-    core->registers.home_difference[axis] = before ? (int32_t)(found - home) : 0;
+    const int64_t off = found - home;
+    core->registers.home_difference[axis] = !before            ? 0
+                                            : off < -INT32_MAX ? -INT32_MAX
+                                            : off > INT32_MAX  ? INT32_MAX
+                                                               : (int32_t)off;
     core->step.position[axis] = home;
 }
 

@@ -20,6 +20,35 @@ static uint32_t crc_word(uint32_t crc, uint32_t word) {
     return crc;
 }
 
+static bool add_word(void *context, uint16_t *word) {
+    uint32_t *crc = context;
+    *crc ^= *word;
+    for (int i = 0; i < 16; i++)
+        *crc = (*crc & 1) != 0 ? *crc >> 1 ^ 0xEDB88320u : *crc >> 1;
+    return true;
+}
+
+void gonio_fw_parameters_note(struct fw_core *core) {
+    struct fw_registers *r = &core->registers;
+    struct fw_meaning *meaning = &core->meaning;
+    unsigned changed = (unsigned)meaning->direction_invert ^ r->direction_invert[0];
+    uint32_t crc = CRC_START;
+    gonio_fw_registers_walk(core, add_word, &crc);
+    r->generation[0] += crc != r->checksum[0];
+    r->checksum[0] = crc;
+    meaning->direction_invert = r->direction_invert[0];
+    for (unsigned i = 0; i < FW_AXES; i++) {
+        const bool other = meaning->steps_per_deg[i] != r->steps_per_deg[i] ||
+                           meaning->home_position[i] != r->home_position[i] || meaning->home_up[i] != r->home_up[i];
+        changed |= (unsigned)other << i;
+        meaning->steps_per_deg[i] = r->steps_per_deg[i];
+        meaning->home_position[i] = r->home_position[i];
+        meaning->home_up[i] = r->home_up[i];
+    }
+    core->known &= (uint16_t)~changed;
+    core->homing.homed_before &= (uint8_t)~changed; // or the next homing would find a difference of another scale
+}
+
 static uint32_t slot_crc(const uint32_t *page, uint32_t payload) {
     uint32_t crc = crc_word(CRC_START, page[SEQUENCE_AT]);
     for (uint32_t i = COUNT_AT; i < PAYLOAD_AT + payload; i++)

@@ -324,6 +324,7 @@ void world_new(uint64_t seed) {
     for (int k = 0; k < FW_AXES; k++) {
         w->machine.core.registers.home_backoff[k] = 60;
     }
+    gonio_fw_core_parameters_changed(&w->machine.core);
     gonio_machine_command(&w->machine, FW_COMMAND_SAVE, 0);
     gonio_machine_run(&w->machine, 10000);
 }

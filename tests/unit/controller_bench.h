@@ -372,6 +372,7 @@ static void bench_start(bench *b, bool tcp, double speed, uint32_t seed) {
     gonio_machine_new(&b->shared->machine);
     gonio_machine_start(&b->shared->machine, FW_CAUSE_POWER);
     b->shared->machine.core.registers.lamp_warm_up[0] = 200;
+    gonio_fw_core_parameters_changed(&b->shared->machine.core);
     b->shared->plugged = 1;
     strcpy(b->folder, "/tmp/gonio-bench-XXXXXX");
     if (mkdtemp(b->folder) == NULL) {

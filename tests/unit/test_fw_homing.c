@@ -13,6 +13,7 @@ static void finds_the_switch(void **state) {
         struct machine *m = rig_new();
         for (unsigned i = 0; i < FW_AXES; i++) {
             m->core.registers.home_up[i] = (uint16_t)up;
+            m->axis[i].home_up = up != 0;
             m->core.registers.home_position[i] = -37000 + (int64_t)i;
             m->axis[i].home_at = (up != 0 ? 1 : -1) * (37000 - 100 * (int64_t)i);
         }

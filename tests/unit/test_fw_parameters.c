@@ -71,6 +71,75 @@ static void nothing_is_saved_beside_a_burning_lamp(void **state) {
     free(m);
 }
 
+struct parameter {
+    const char *name;
+    uint16_t address;
+    unsigned words, count;
+    int64_t minimum, maximum, initial;
+};
+static const struct parameter parameters[] = {
+#define WORDS_u16 1
+#define WORDS_u32 2
+#define WORDS_i32 2
+#define WORDS_i64 4
+#define REGISTER(address, name, type, count, access, unit, minimum, maximum, initial, text)                            \
+    {#access[0] == 'P' ? #name : "", address, WORDS_##type, count, minimum, maximum, initial},
+#include "firmware/regmap.def"
+};
+
+// Axes (bits) whose positions mean something else once the first `axis` of a parameter has changed.
+static unsigned means(const char *name, unsigned axis) {
+    static const char *const names[] = {"steps_per_deg", "home_position", "home_up", "direction_invert"};
+    for (unsigned i = 0; i < 4; i++)
+        if (strcmp(name, names[i]) == 0)
+            return 1u << axis;
+    return 0;
+}
+
+static void put(struct machine *m, const struct parameter *p, unsigned axis, int64_t value) {
+    uint16_t words[4];
+    for (unsigned i = 0; i < p->words; i++)
+        words[i] = (uint16_t)((uint64_t)value >> 16 * (p->words - 1 - i));
+    assert_int_equal(
+        gonio_fw_registers_write(&m->core, (uint16_t)(p->address + axis * p->words), (uint16_t)p->words, words), 0);
+}
+
+// Every parameter of every axis: written as it is nothing changes; written otherwise the generation and the checksum
+// tell, and what changes the meaning of a step makes that axis' position unknown, however it came.
+static void a_changed_meaning_unhomes(void **state) {
+    (void)state;
+    enum { WRITTEN, DEFAULTED, LOADED, WAYS };
+    unsigned tried = 0;
+    for (unsigned i = 0; i < sizeof parameters / sizeof *parameters; i++)
+        for (unsigned axis = 0; parameters[i].name[0] != 0 && axis < parameters[i].count; axis++)
+            for (unsigned way = 0; way < WAYS; way++) {
+                const struct parameter *p = &parameters[i];
+                struct machine *m = rig_new();
+                assert_int_equal(gonio_machine_command(m, FW_COMMAND_DEFAULTS, 0), FW_REFUSAL_NONE);
+                assert_int_equal(gonio_machine_command(m, FW_COMMAND_SAVE, 0), FW_REFUSAL_NONE);
+                const int64_t other = p->initial < p->maximum ? p->initial + 1 : p->initial - 1;
+                if (way != WRITTEN)
+                    put(m, p, axis, other);
+                m->core.known = 15;
+                m->core.homing.homed_before = 15;
+                const uint32_t generation = m->core.registers.generation[0], checksum = m->core.registers.checksum[0];
+                put(m, p, axis, way == WRITTEN ? p->initial : other); // as it is
+                assert_true(m->core.known == 15 && m->core.registers.generation[0] == generation);
+                if (way == WRITTEN)
+                    put(m, p, axis, other);
+                else
+                    assert_int_equal(gonio_machine_command(m, way == LOADED ? FW_COMMAND_LOAD : FW_COMMAND_DEFAULTS, 0),
+                                     0);
+                assert_int_equal(m->core.registers.generation[0], generation + 1);
+                assert_true(m->core.registers.checksum[0] != checksum);
+                if (m->core.known != (15 & ~means(p->name, axis)) || m->core.homing.homed_before != m->core.known)
+                    fail_msg("%s, axis %u: homed %u", p->name, axis, m->core.known);
+                free(m);
+                tried++;
+            }
+    assert_true(tried > 200);
+}
+
 static void empty_flash_has_nothing_to_load(void **state) {
     (void)state;
     struct machine *m = rig_new();
@@ -180,6 +249,7 @@ int main(void) {
         cmocka_unit_test(round_trip),
         cmocka_unit_test(a_refused_load_changes_nothing),
         cmocka_unit_test(nothing_is_saved_beside_a_burning_lamp),
+        cmocka_unit_test(a_changed_meaning_unhomes),
         cmocka_unit_test(empty_flash_has_nothing_to_load),
         cmocka_unit_test(a_cut_at_every_write_keeps_a_slot),
         cmocka_unit_test(every_flipped_bit_is_seen),

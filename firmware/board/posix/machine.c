@@ -18,7 +18,7 @@ static struct machine *machine_of(struct fw_core *core) { return (struct machine
 
 static bool home_level(struct machine *m, unsigned i) {
     struct machine_axis *axis = &m->axis[i];
-    const bool truly = m->core.registers.home_up[i] != 0 ? axis->steps >= axis->home_at : axis->steps <= axis->home_at;
+    const bool truly = axis->home_up ? axis->steps >= axis->home_at : axis->steps <= axis->home_at;
     if (truly != axis->home_before) {
         axis->home_before = truly;
         axis->home_changed_us = m->now_us;
@@ -111,7 +111,7 @@ static void put_edges(struct machine *m, uint8_t edges) {
         m->on_edges(m->context, m->now_us, edges, m->directions);
     if (up == 0)
         return;
-    const unsigned upward = m->directions ^ m->core.registers.direction_invert[0];
+    const unsigned upward = m->directions ^ m->reversed;
     bool near = false;
     for (unsigned i = 0; i < FW_AXES; i++) {
         if ((up >> i & 1) == 0)
@@ -300,6 +300,7 @@ void gonio_machine_place(struct machine *m) {
             axis->steps = axis->arm = up ? home - off : home + off;
         }
         axis->home_at = home;
+        axis->home_up = up;
         axis->limit_min_at = (home < low ? home : low) - margin;
         axis->limit_max_at = (home > high ? home : high) + margin;
     }

@@ -29,7 +29,8 @@ enum machine_switch {
 struct machine_axis {
     int64_t steps;                      // where the motor truly stands
     int64_t play, arm;                  // backlash, and where the arm behind it stands: steps <= arm <= steps + play
-    int64_t home_at;                    // its switch is active from here on towards the side of home_up
+    int64_t home_at;                    // its switch is active from here on outwards
+    bool home_up;                       // ... which is upwards
     int64_t limit_min_at, limit_max_at; // limit switches active from here on outwards
     enum machine_switch home_switch;
     uint32_t bounce_us;
@@ -44,6 +45,7 @@ struct machine {
     struct machine_axis axis[FW_AXES];
     uint16_t forced_on, forced_off; // contacts held by hand, as levels
     uint8_t directions, motors, pins;
+    uint8_t reversed; // motors that go down at the direction level 1
     bool armed, produce_pending, inputs_pending, shutter, trigger, driving;
     uint16_t lamp;
     int32_t temperature; // 0.001 degC
@@ -70,8 +72,9 @@ struct machine {
 void gonio_machine_new(struct machine *m);
 // Power up, or start anew after m->bitten, m->restart or m->fault; flash and mechanics stay as they are.
 void gonio_machine_start(struct machine *m, enum fw_cause cause);
-// Put the switches where the parameters have them: home switch at home_position, limit switches well outside of it and
-// of the soft limits. An axis that is not homed is put where homing finds its switch, if it stands elsewhere.
+// Put the switches where, and on the side on which, the parameters have them: home switch at home_position, limit
+// switches well outside of it and of the soft limits. An axis that is not homed is put where homing finds its switch,
+// if it stands elsewhere.
 void gonio_machine_place(struct machine *m);
 // Let simulated time pass. Returns early when the machine wants a new start.
 void gonio_machine_run(struct machine *m, uint64_t us);

@@ -269,6 +269,7 @@ static void start(struct host *h, enum fw_cause cause) {
     r->home_pressed[0] = 1;
     for (unsigned i = 0; i < FW_AXES; i++)
         r->home_position[i] = -(int64_t)r->home_backoff[i];
+    gonio_fw_core_parameters_changed(&h->machine.core);
 }
 
 static void start_anew(struct host *h) {
