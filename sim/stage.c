@@ -330,6 +330,20 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
     return check_limits(sim, steps, to_rad_, error);
 }
 
+static bool stage_turns(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],
+                        double turn_rad[GONIO_AXES]) {
+    const gonio_sim *sim = device;
+    bool turns = false;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const int64_t past = to_steps(sim, k, to_rad_[k]) < to_steps(sim, k, from_rad[k])
+                                 ? sim->machine.core.registers.backlash[k]
+                                 : 0; // it is taken up from below
+        turn_rad[k] = to_rad_[k] - gonio_radians((double)past / sim->steps_per_deg[k]);
+        turns = turns || past != 0;
+    }
+    return turns;
+}
+
 static gonio_status stage_stop(void *device, gonio_error *error) {
     (void)error;
     stop(&((gonio_sim *)device)->machine, FW_COMMAND_STOP);
@@ -364,4 +378,5 @@ const gonio_stage_ops gonio_sim_stage_ops = {.name = "simulated stage",
                                              .duration_s = stage_duration_s,
                                              .close = stage_close,
                                              .check = stage_check,
-                                             .audit = stage_audit};
+                                             .audit = stage_audit,
+                                             .turns = stage_turns};

@@ -42,6 +42,13 @@ void gonio_controller_pause(const gonio_controller *c, int ms) {
     }
 }
 
+gonio_status gonio_controller_contacts(const gonio_controller_status *s, gonio_error *error) {
+    const char *what = (s->inputs >> CONTROLLER_CONTACT_estop & 1) != 0  ? "the emergency stop is pressed"
+                       : (s->inputs >> CONTROLLER_CONTACT_door & 1) != 0 ? "the door is open"
+                                                                         : NULL;
+    return what == NULL ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "controller: %s", what);
+}
+
 gonio_status gonio_controller_alarm(const gonio_controller_status *s, gonio_error *error) {
     if (s->state != CONTROLLER_STATE_ALARM && s->state != CONTROLLER_STATE_ESTOP) {
         return GONIO_OK;
@@ -231,6 +238,8 @@ static void decode(const uint16_t *words, gonio_controller_status *s) {
                                    .monitor_us = VALUE(monitor_time),
                                    .time_us = VALUE(time),
                                    .trigger_count = (uint32_t)VALUE(trigger_count),
+                                   .generation = (uint32_t)VALUE(generation),
+                                   .checksum = (uint32_t)VALUE(checksum),
                                    .owner = (uint32_t)VALUE(owner)};
     for (int k = 0; k < GONIO_CONTROLLER_AXES; k++) {
         s->position[k] =

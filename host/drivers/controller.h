@@ -49,6 +49,7 @@ typedef struct gonio_controller_status {
     double lamp_output, temperature_c, monitor; // fractions of full scale, degrees Celsius
     int64_t monitor_us, time_us;                // the controller's clock
     uint32_t trigger_count;
+    uint32_t generation, checksum;                  // of the parameters
     uint32_t owner;                                 // who holds the rig; 0: nobody
     int32_t home_difference[GONIO_CONTROLLER_AXES]; // steps
 } gonio_controller_status;
@@ -101,6 +102,8 @@ gonio_status gonio_controller_wait(gonio_controller *controller, uint32_t id, do
 bool gonio_controller_cancelled(const gonio_controller *controller);
 // CLEAR a standing alarm whose cause is gone; harmless where none stands.
 gonio_status gonio_controller_clear(gonio_controller *controller, gonio_error *error);
+// GONIO_E_DEVICE where the emergency stop is pressed or the door is open, alarm or not.
+gonio_status gonio_controller_contacts(const gonio_controller_status *status, gonio_error *error);
 // GONIO_E_DEVICE naming the alarm, its number and its axis, where one stands.
 gonio_status gonio_controller_alarm(const gonio_controller_status *status, gonio_error *error);
 

@@ -3,6 +3,7 @@
 #ifndef GONIO_DRIVERS_CONTROLLER_MAP_H
 #define GONIO_DRIVERS_CONTROLLER_MAP_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum { CONTROLLER_WORDS_u16 = 1, CONTROLLER_WORDS_u32 = 2, CONTROLLER_WORDS_i32 = 2, CONTROLLER_WORDS_i64 = 4 };
@@ -39,10 +40,22 @@ enum controller_lamp {
 #define LAMP(value, name, text) CONTROLLER_LAMP_##name = (value),
 #include "firmware/regmap.def"
 };
+enum controller_contact {
+#define CONTACT(address, name, text) CONTROLLER_CONTACT_##name = (address),
+#include "firmware/regmap.def"
+};
 enum controller_coil {
 #define COIL(address, name, text) CONTROLLER_COIL_##name = (address),
 #include "firmware/regmap.def"
 };
+
+// A register whose values are written: words of one, whether they may be negative, and its bounds (equal: any).
+typedef struct controller_register_info {
+    int address, words;
+    bool is_signed;
+    int64_t minimum, maximum;
+} controller_register_info;
+const controller_register_info *gonio_controller_register(int address); // by its first word; NULL: none
 
 // Names and texts of the numbers; "unknown" where the table has none. Static storage.
 const char *gonio_controller_state_text(int state);

@@ -96,8 +96,12 @@ gonio_status gonio_controller_clear(gonio_controller *c, gonio_error *error) {
     if (result != GONIO_OK || (status.state != CONTROLLER_STATE_ALARM && status.state != CONTROLLER_STATE_ESTOP)) {
         return result;
     }
-    gonio_controller_tell(c, "alarm-cleared", "alarm %d %s", status.alarm, gonio_controller_alarm_name(status.alarm));
-    return gonio_controller_command(c, CONTROLLER_COMMAND_CLEAR, 0, NULL, NULL, error);
+    const gonio_status cleared = gonio_controller_command(c, CONTROLLER_COMMAND_CLEAR, 0, NULL, NULL, error);
+    if (cleared == GONIO_OK) {
+        gonio_controller_tell(c, "alarm-cleared", "alarm %d %s", status.alarm,
+                              gonio_controller_alarm_name(status.alarm));
+    }
+    return cleared;
 }
 
 // Stop the axes and wait until they rest; the reason for it stays the error.

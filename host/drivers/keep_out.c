@@ -63,8 +63,8 @@ static double between_deg(const double rad[GONIO_AXES]) {
     return gonio_degrees(2 * asin(fmin(1, sqrt(fmax(0, a * a + sin(ti) * sin(to) * b * b)))));
 }
 
-gonio_status gonio_keep_out_check(const gonio_keep_out *keep_out, const double from_rad[GONIO_AXES],
-                                  const double to_rad[GONIO_AXES], gonio_error *error) {
+static gonio_status check_line(const gonio_keep_out *keep_out, const double from_rad[GONIO_AXES],
+                               const double to_rad[GONIO_AXES], const char *what, gonio_error *error) {
     double from_deg[GONIO_AXES], to_deg[GONIO_AXES], where = 0;
     for (int k = 0; k < GONIO_AXES; k++) {
         from_deg[k] = gonio_degrees(from_rad[k]);
@@ -85,17 +85,31 @@ gonio_status gonio_keep_out_check(const gonio_keep_out *keep_out, const double f
                 at[k] = from_deg[k] + where * (to_deg[k] - from_deg[k]);
             }
             return gonio_fail(error, GONIO_E_RANGE,
-                              "keep-out zone '%s': the way meets it at light %.4g, %.4g and camera %.4g, %.4g deg",
-                              zone->name, at[0], at[1], at[2], at[3]);
+                              "keep-out zone '%s': the way%s meets it at light %.4g, %.4g and camera %.4g, %.4g deg",
+                              zone->name, what, at[0], at[1], at[2], at[3]);
         }
     }
+    return GONIO_OK;
+}
+
+gonio_status gonio_keep_out_check(const gonio_keep_out *keep_out, const double from_rad[GONIO_AXES],
+                                  const double turn_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                                  gonio_error *error) {
+    static const char take_up[] = ", with the take-up of backlash,";
+    gonio_status status = GONIO_OK;
+    if (turn_rad != NULL) {
+        status = check_line(keep_out, from_rad, turn_rad, take_up, error);
+        status = status == GONIO_OK ? check_line(keep_out, turn_rad, to_rad, take_up, error) : status;
+    } else {
+        status = check_line(keep_out, from_rad, to_rad, "", error);
+    }
     const double apart = between_deg(to_rad);
-    if (apart < keep_out->retro_deg) {
+    if (status == GONIO_OK && apart < keep_out->retro_deg) {
         return gonio_fail(error, GONIO_E_RANGE,
                           "unmeasurable: the camera shadows the light, %.4g deg from it; at least %g are needed", apart,
                           keep_out->retro_deg);
     }
-    return GONIO_OK;
+    return status;
 }
 
 // ---- the guard ----
@@ -112,19 +126,32 @@ static gonio_status guard_home(void *device, double timeout_s, gonio_error *erro
     return g->stage->home(g->device, timeout_s, error);
 }
 
+static bool guard_turns(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                        double turn_rad[GONIO_AXES]) {
+    const guard *g = device;
+    return g->stage->turns != NULL && g->stage->turns(g->device, from_rad, to_rad, turn_rad);
+}
+
+static gonio_status check_zones(guard *g, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                                gonio_error *error) {
+    double turn_rad[GONIO_AXES];
+    const bool turns = guard_turns(g, from_rad, to_rad, turn_rad);
+    return gonio_keep_out_check(&g->keep_out, from_rad, turns ? turn_rad : NULL, to_rad, error);
+}
+
 static gonio_status guard_check(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
                                 gonio_error *error) {
-    const guard *g = device;
-    const gonio_status status = gonio_keep_out_check(&g->keep_out, from_rad, to_rad, error);
+    guard *g = device;
+    const gonio_status status = check_zones(g, from_rad, to_rad, error);
     return status == GONIO_OK && g->stage->check != NULL ? g->stage->check(g->device, from_rad, to_rad, error) : status;
 }
 
 static gonio_status guard_move(void *device, const double target_rad[GONIO_AXES], uint32_t id, const gonio_stamp *stamp,
                                double timeout_s, gonio_error *error) {
-    const guard *g = device;
+    guard *g = device;
     double now[GONIO_AXES];
     gonio_status status = g->stage->position(g->device, now, error);
-    status = status == GONIO_OK ? gonio_keep_out_check(&g->keep_out, now, target_rad, error) : status;
+    status = status == GONIO_OK ? check_zones(g, now, target_rad, error) : status;
     return status == GONIO_OK ? g->stage->move(g->device, target_rad, id, stamp, timeout_s, error) : status;
 }
 
@@ -161,7 +188,8 @@ static const gonio_stage_ops guard_ops = {.name = "guarded by keep-out zones",
                                           .stop = guard_stop,
                                           .duration_s = guard_duration_s,
                                           .close = guard_close,
-                                          .check = guard_check};
+                                          .check = guard_check,
+                                          .turns = guard_turns};
 
 gonio_status gonio_keep_out_guard(const gonio_keep_out *keep_out, gonio_rig *rig, gonio_error *error) {
     guard *g = malloc(sizeof *g);

@@ -2,7 +2,8 @@
 // Keep-out zones: combinations of axis positions that must not be reached, nor passed.
 //
 // A zone is a box in the four axes (user degrees; an axis that is not named is free), or a narrow angle between camera
-// and light, where one shadows the other. Moves are coordinated, so their path is a straight line in the axes.
+// and light, where one shadows the other. Moves are coordinated, so their path is a straight line in the axes, or
+// two where they take up backlash.
 #ifndef GONIO_DRIVERS_KEEP_OUT_H
 #define GONIO_DRIVERS_KEEP_OUT_H
 
@@ -24,10 +25,11 @@ typedef struct gonio_keep_out {
 
 // The zone's number by name, made where it is new (-1: there is no room).
 int gonio_keep_out_zone(gonio_keep_out *keep_out, const char *name);
-// GONIO_E_RANGE naming the zone that the straight path meets; from == to checks a pose. Shadowing counts at the end of
-// the path alone: passing through it harms nothing.
+// GONIO_E_RANGE naming the zone that the path meets, straight or by way of `turn` (NULL: straight); from == to checks a
+// pose. Shadowing counts at the end of the path alone: passing through it harms nothing.
 gonio_status gonio_keep_out_check(const gonio_keep_out *keep_out, const double from_rad[GONIO_AXES],
-                                  const double to_rad[GONIO_AXES], gonio_error *error);
+                                  const double turn_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                                  gonio_error *error);
 
 // Put the zones before the rig's stage: such moves are refused before anything moves. The rig's stage is closed with
 // it.

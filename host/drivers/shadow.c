@@ -60,6 +60,12 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
     return s->real->check != NULL ? s->real->check(s->real_device, from_rad, to_rad, error) : GONIO_OK;
 }
 
+static bool stage_turns(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                        double turn_rad[GONIO_AXES]) {
+    const stage *s = device;
+    return s->real->turns != NULL && s->real->turns(s->real_device, from_rad, to_rad, turn_rad);
+}
+
 static gonio_status stage_audit(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error) {
     stage *s = device;
     const gonio_status status = s->real->audit(s->real_device, timeout_s, difference_rad, error);
@@ -85,7 +91,8 @@ static const gonio_stage_ops stage_ops = {.name = "modbus, followed by the simul
                                           .duration_s = stage_duration_s,
                                           .close = stage_close,
                                           .check = stage_check,
-                                          .audit = stage_audit};
+                                          .audit = stage_audit,
+                                          .turns = stage_turns};
 
 gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, void *device, gonio_error *error) {
     stage *s = malloc(sizeof *s);

@@ -7,9 +7,11 @@
 
 #include "host/drivers/controller_map.h"
 #include "host/drivers/driver.h"
+#include "host/drivers/stage_parameters.h"
 
 enum { ALL_AXES = 15 };
 
+// As the rig file wants it.
 typedef struct axis {
     double steps_per_deg, speed, acceleration, jerk; // steps, seconds
     int64_t minimum, maximum, backlash;              // steps
@@ -20,11 +22,14 @@ typedef struct axis {
 typedef struct stage {
     gonio_stage_modbus_config config;
     gonio_controller *controller;
+    gonio_stage_parameters held, wanted;
+    bool applied;                  // the controller has what is wanted, in its
+    uint32_t generation, checksum; // ... parameters of this generation
     axis axes[GONIO_AXES];
     int64_t lost_steps;
 } stage;
 
-static const char *const axis_names[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
+static const char *const *const axis_names = gonio_stage_axis_names;
 
 void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
     *config = (gonio_stage_modbus_config){.audit_deg = 0.01, .home_pressed = -1};
@@ -33,97 +38,53 @@ void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
     }
 }
 
-// ---- parameters ----
+// ---- parameters: read when it is opened, written before something moves ----
 
-// One axis's value of a parameter: written where `wanted` is a number, then read.
-static gonio_status parameter(const stage *s, int base, int words, int k, double wanted, double *value,
-                              gonio_error *error) {
-    uint16_t held[4];
-    const int address = base + k * words;
-    if (isfinite(wanted)) {
-        gonio_controller_pack(held, words, (int64_t)llround(wanted));
-        const gonio_status status = gonio_controller_write(s->controller, address, words, held, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-        *value = (double)llround(wanted);
-        return GONIO_OK;
+static void take_axes(stage *s) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const int64_t *values = s->wanted.axis[k];
+        s->axes[k] = (axis){.steps_per_deg = (double)values[GONIO_PARAMETER_STEPS_PER_DEG] / 1000,
+                            .speed = (double)values[GONIO_PARAMETER_SPEED],
+                            .acceleration = (double)values[GONIO_PARAMETER_ACCELERATION],
+                            .jerk = (double)values[GONIO_PARAMETER_JERK],
+                            .minimum = values[GONIO_PARAMETER_MIN],
+                            .maximum = values[GONIO_PARAMETER_MAX],
+                            .backlash = values[GONIO_PARAMETER_BACKLASH],
+                            .zero_deg = s->config.axes[k].zero_deg,
+                            .sign = s->config.axes[k].invert ? -1 : 1};
     }
-    const gonio_status status = gonio_controller_read(s->controller, address, words, held, error);
+}
+
+static gonio_status compare(stage *s, gonio_error *error) {
+    gonio_status status = gonio_stage_parameters_read(s->controller, &s->held, error);
+    status = status == GONIO_OK ? gonio_stage_parameters_want(&s->config, &s->held, &s->wanted, error) : status;
     if (status == GONIO_OK) {
-        // Only the 64-bit and the signed values of the table can be negative; speeds and scales are below 2^31.
-        *value = (double)gonio_controller_unpack(held, words);
+        take_axes(s);
     }
     return status;
 }
 
-#define PARAMETER(name, wanted, value) parameter(s, CONTROLLER_##name, CONTROLLER_EACH_##name, k, wanted, value, error)
-
-static gonio_status set_up_motion(stage *s, int k, gonio_error *error) {
-    const gonio_axis_config *c = &s->config.axes[k];
-    axis *a = &s->axes[k];
-    double scale = 0;
-    gonio_status status = PARAMETER(steps_per_deg, c->steps_per_deg * 1000, &scale);
-    a->steps_per_deg = scale / 1000;
-    if (status == GONIO_OK && !(a->steps_per_deg > 0)) {
-        return gonio_fail(error, GONIO_E_DEVICE, "axis %s: the controller says %g steps a degree", axis_names[k],
-                          a->steps_per_deg);
+gonio_status gonio_stage_modbus_apply(void *device, gonio_error *error) {
+    stage *s = device;
+    gonio_controller_status now;
+    gonio_status status = gonio_controller_claim(s->controller, error);
+    status = status == GONIO_OK ? gonio_controller_read_status(s->controller, &now, error) : status;
+    if (status != GONIO_OK || (s->applied && now.generation == s->generation && now.checksum == s->checksum)) {
+        return status;
     }
-    status = status == GONIO_OK ? PARAMETER(speed_max, c->speed_deg_per_s * a->steps_per_deg, &a->speed) : status;
+    if (s->applied) {
+        gonio_controller_tell(s->controller, "parameters", "%s",
+                              "somebody else has changed the controller's parameters");
+    }
+    s->applied = false;
+    status = compare(s, error);
+    status = status == GONIO_OK ? gonio_stage_parameters_write(s->controller, &s->held, &s->wanted, error) : status;
+    status = status == GONIO_OK ? gonio_controller_read_status(s->controller, &now, error) : status;
     if (status == GONIO_OK) {
-        status = PARAMETER(acceleration, c->acceleration_deg_per_s2 * a->steps_per_deg, &a->acceleration);
-    }
-    return status == GONIO_OK ? PARAMETER(jerk, c->jerk_deg_per_s3 * a->steps_per_deg, &a->jerk) : status;
-}
-
-static gonio_status set_up_limits(stage *s, int k, gonio_error *error) {
-    const gonio_axis_config *c = &s->config.axes[k];
-    axis *a = &s->axes[k];
-    double value = 0;
-    gonio_status status = PARAMETER(backlash, c->backlash_deg * a->steps_per_deg, &value);
-    a->backlash = (int64_t)value;
-    if (status == GONIO_OK) {
-        // The take-up overshoots a target by the backlash, and the controller holds that against its limits too.
-        const double room = fabs(value);
-        status = PARAMETER(soft_min, floor(c->min_deg * a->steps_per_deg) - room, &value);
-        a->minimum = (int64_t)value + (int64_t)room;
-        if (status == GONIO_OK) {
-            status = PARAMETER(soft_max, ceil(c->max_deg * a->steps_per_deg) + room, &value);
-            a->maximum = (int64_t)value - (int64_t)room;
-        }
-    }
-    return status;
-}
-
-static gonio_status set_up_homing(stage *s, int k, gonio_error *error) {
-    const gonio_axis_config *c = &s->config.axes[k];
-    const double scale = s->axes[k].steps_per_deg;
-    double unused;
-    gonio_status status = PARAMETER(home_position, c->home_deg * scale, &unused);
-    status = status == GONIO_OK ? PARAMETER(home_fast, c->home_fast_deg_per_s * scale, &unused) : status;
-    status = status == GONIO_OK ? PARAMETER(home_slow, c->home_slow_deg_per_s * scale, &unused) : status;
-    if (status == GONIO_OK && isfinite(c->home_travel_deg)) { // of no use to the host: not read
-        status = PARAMETER(home_travel, c->home_travel_deg * scale, &unused);
-    }
-    if (status == GONIO_OK) {
-        status = PARAMETER(home_order, c->home_order < 0 ? (double)NAN : c->home_order, &unused);
-    }
-    return status == GONIO_OK ? PARAMETER(home_up, c->home_up < 0 ? (double)NAN : c->home_up, &unused) : status;
-}
-
-static gonio_status set_up(stage *s, gonio_error *error) {
-    gonio_status status = GONIO_OK;
-    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
-        s->axes[k].zero_deg = s->config.axes[k].zero_deg;
-        s->axes[k].sign = s->config.axes[k].invert ? -1 : 1;
-        status = set_up_motion(s, k, error);
-        status = status == GONIO_OK ? set_up_limits(s, k, error) : status;
-        status = status == GONIO_OK ? set_up_homing(s, k, error) : status;
-    }
-    if (status == GONIO_OK && s->config.home_pressed >= 0) {
-        const int k = 0; // the axes share it
-        double unused;
-        status = PARAMETER(home_pressed, s->config.home_pressed, &unused);
+        s->held = s->wanted;
+        s->generation = now.generation;
+        s->checksum = now.checksum;
+        s->applied = true;
     }
     return status;
 }
@@ -138,6 +99,13 @@ static double to_rad(const axis *a, int64_t steps) {
     return gonio_radians(a->sign * ((double)steps / a->steps_per_deg - a->zero_deg));
 }
 
+// Where an axis stands: the controller's steps are of the scale that it holds, whatever the rig file wants.
+static double standing_rad(const stage *s, int k, int64_t steps) {
+    axis a = s->axes[k];
+    a.steps_per_deg = (double)s->held.axis[k][GONIO_PARAMETER_STEPS_PER_DEG] / 1000;
+    return to_rad(&a, steps);
+}
+
 static gonio_status watch(void *context, gonio_error *error) {
     const stage *s = context;
     return s->config.interlock != NULL ? s->config.interlock->check(s->config.interlock_device, error) : GONIO_OK;
@@ -148,6 +116,7 @@ static gonio_status stage_home(void *device, double timeout_s, gonio_error *erro
     stage *s = device;
     gonio_status status = watch(s, error);
     status = status == GONIO_OK ? gonio_controller_clear(s->controller, error) : status;
+    status = status == GONIO_OK ? gonio_stage_modbus_apply(s, error) : status;
     uint32_t id = 0;
     if (status == GONIO_OK) {
         status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_HOME, ALL_AXES, NULL, &id, error);
@@ -156,18 +125,39 @@ static gonio_status stage_home(void *device, double timeout_s, gonio_error *erro
     return status == GONIO_OK ? gonio_controller_wait(s->controller, id, timeout_s, watch, s, &now, error) : status;
 }
 
-static gonio_status check_targets(const stage *s, const int64_t targets[GONIO_AXES], unsigned axes,
-                                  gonio_error *error) {
+// The end of the way before the final approach; the target itself where there is no backlash to take up.
+static int64_t turning_point(const axis *a, int64_t from, int64_t to) {
+    return (a->backlash > 0 && to < from) || (a->backlash < 0 && to > from) ? to - a->backlash : to;
+}
+
+static gonio_status beyond(const stage *s, int k, double user_deg, const char *how, gonio_error *error) {
+    double low, high;
+    gonio_stage_modbus_limits(s, k, &low, &high);
+    return gonio_fail(error, GONIO_E_RANGE, "%s cannot go to %.6g deg%s; its limits are %g and %g deg", axis_names[k],
+                      user_deg, how, low, high);
+}
+
+// Limits hold for every place that an axis passes, its take-up of backlash among them, and for what is asked for, not
+// for the step next to it.
+static gonio_status check_way(const stage *s, const int64_t from[GONIO_AXES], const double target_rad[GONIO_AXES],
+                              unsigned axes, gonio_error *error) {
+    const double slack = 1e-6; // of a step: degrees and radians and back
     for (int k = 0; k < GONIO_AXES; k++) {
         const axis *a = &s->axes[k];
+        const gonio_axis_config *c = &s->config.axes[k];
         if ((axes >> k & 1) == 0) {
             continue;
         }
-        if (targets[k] < a->minimum || targets[k] > a->maximum) {
-            double low, high;
-            gonio_stage_modbus_limits(s, k, &low, &high);
-            return gonio_fail(error, GONIO_E_RANGE, "%s cannot go to %.6g deg; its limits are %g and %g deg",
-                              axis_names[k], gonio_degrees(to_rad(a, targets[k])), low, high);
+        const double user_deg = gonio_degrees(target_rad[k]);
+        const double at = (a->sign * user_deg + a->zero_deg) * a->steps_per_deg;
+        const double low = isfinite(c->min_deg) ? c->min_deg * a->steps_per_deg : (double)a->minimum,
+                     high = isfinite(c->max_deg) ? c->max_deg * a->steps_per_deg : (double)a->maximum;
+        if (!(at >= low - slack && at <= high + slack)) {
+            return beyond(s, k, user_deg, "", error);
+        }
+        const int64_t turn = turning_point(a, from[k], llround(at));
+        if (turn < a->minimum || turn > a->maximum) {
+            return beyond(s, k, user_deg, " from this side: taking up its backlash would pass a limit", error);
         }
     }
     return GONIO_OK;
@@ -181,7 +171,7 @@ static gonio_status check_arrival(stage *s, const int64_t targets[GONIO_AXES], c
             gonio_controller_tell(s->controller, "lost-steps", "%s stands at %lld steps, asked for %lld", axis_names[k],
                                   (long long)now->position[k], (long long)targets[k]);
             return gonio_fail(error, GONIO_E_DEVICE, "%s stands at %.6g deg, asked for %.6g deg", axis_names[k],
-                              gonio_degrees(to_rad(&s->axes[k], now->position[k])),
+                              gonio_degrees(standing_rad(s, k, now->position[k])),
                               gonio_degrees(to_rad(&s->axes[k], targets[k])));
         }
     }
@@ -214,17 +204,18 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
     (void)stamp;
     stage *s = device;
     int64_t targets[GONIO_AXES];
-    for (int k = 0; k < GONIO_AXES; k++) {
-        targets[k] = to_steps(&s->axes[k], target_rad[k]);
-    }
     gonio_controller_status now;
     gonio_status status = watch(s, error);
+    status = status == GONIO_OK ? gonio_stage_modbus_apply(s, error) : status;
+    for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
+        targets[k] = to_steps(&s->axes[k], target_rad[k]);
+    }
     status = status == GONIO_OK ? gonio_controller_read_status(s->controller, &now, error) : status;
     unsigned axes = status == GONIO_OK ? changed_axes(targets, &now) : 0;
-    status = status == GONIO_OK ? check_targets(s, targets, axes, error) : status;
+    status = status == GONIO_OK ? check_way(s, now.position, target_rad, axes, error) : status;
     // A move of no length settles, and triggers, as any other, with whatever axes the controller would move at all.
     for (int k = 0; k < GONIO_AXES && status == GONIO_OK && axes == 0; k++) {
-        axes = check_targets(s, targets, 1u << k, NULL) == GONIO_OK ? 1u << k : 0;
+        axes = check_way(s, now.position, target_rad, 1u << k, NULL) == GONIO_OK ? 1u << k : 0;
     }
     if (status == GONIO_OK && axes == 0) {
         return GONIO_OK;
@@ -247,19 +238,31 @@ static gonio_status stage_move(void *device, const double target_rad[GONIO_AXES]
 
 static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],
                                 gonio_error *error) {
-    (void)from_rad;
     const stage *s = device;
-    int64_t targets[GONIO_AXES];
+    int64_t from[GONIO_AXES];
     for (int k = 0; k < GONIO_AXES; k++) {
-        targets[k] = to_steps(&s->axes[k], to_rad_[k]);
+        from[k] = to_steps(&s->axes[k], from_rad[k]);
     }
-    return check_targets(s, targets, ALL_AXES, error);
+    return check_way(s, from, to_rad_, ALL_AXES, error);
+}
+
+static bool stage_turns(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],
+                        double turn_rad[GONIO_AXES]) {
+    const stage *s = device;
+    bool turns = false;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const axis *a = &s->axes[k];
+        const int64_t to = to_steps(a, to_rad_[k]), turn = turning_point(a, to_steps(a, from_rad[k]), to);
+        turns = turns || turn != to;
+        turn_rad[k] = turn == to ? to_rad_[k] : to_rad(a, turn);
+    }
+    return turns;
 }
 
 void gonio_stage_modbus_position(const void *device, const gonio_controller_status *now,
                                  double position_rad[GONIO_AXES]) {
     for (int k = 0; k < GONIO_AXES; k++) {
-        position_rad[k] = to_rad(&((const stage *)device)->axes[k], now->position[k]);
+        position_rad[k] = standing_rad(device, k, now->position[k]);
     }
 }
 
@@ -346,7 +349,8 @@ const gonio_stage_ops gonio_stage_modbus = {.name = "modbus",
                                             .duration_s = stage_duration_s,
                                             .close = stage_close,
                                             .check = stage_check,
-                                            .audit = stage_audit};
+                                            .audit = stage_audit,
+                                            .turns = stage_turns};
 
 gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
                                      void **device, gonio_error *error) {
@@ -360,7 +364,7 @@ gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, go
     }
     s->config = *config;
     s->controller = controller;
-    const gonio_status status = set_up(s, error);
+    const gonio_status status = compare(s, error);
     if (status != GONIO_OK) {
         free(s);
         return status;

@@ -31,9 +31,13 @@ typedef struct gonio_stage_modbus_config {
 void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config);
 
 extern const gonio_stage_ops gonio_stage_modbus;
-// Write the axes' parameters that differ and read the rest; nothing moves. Shares the controller.
+// Read the axes' parameters; nothing is written before the first move or homing. Shares the controller. GONIO_E_INPUT
+// where the controller cannot have what is configured.
 gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
                                      void **device, gonio_error *error);
+// Write what differs from the configuration, telling each as an event "parameters"; a move and a homing begin so. What
+// makes positions mean something else makes them unknown.
+gonio_status gonio_stage_modbus_apply(void *device, gonio_error *error);
 // What the last homing found: degrees by which each axis had drifted. GONIO_E_MISMATCH where one exceeds audit_deg.
 gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_AXES], gonio_error *error);
 // The limits of an axis in user coordinates, as the controller holds them.

@@ -70,6 +70,10 @@ typedef struct gonio_stage_ops {
     // lost. The stage is homed either way.
     gonio_status (*audit)(void *device, double timeout_s, double difference_rad[GONIO_AXES], gonio_error *error);
     bool independent; // the axes move each at its own pace: a move may pass any place of the box between its ends
+    // Optional: whether this move, which is straight else, passes its target to take up backlash; it then goes straight
+    // to `turn`, and from there to the target.
+    bool (*turns)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                  double turn_rad[GONIO_AXES]);
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----

@@ -66,6 +66,29 @@ sample=ward:rho_d=0.3,rho_s=0.2,alpha=0.15
 
 exits "identify" 0 "$GONIO" rig identify --rig "$work/tcp.ini" --sample $sample --json
 check "its controller is named" grep -q '"controller":{"firmware"' "$work/out"
+exits "selftest" 0 "$GONIO" rig selftest --rig "$work/tcp.ini" --sample $sample
+exits "its words" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
+check "it has moved nothing, and nobody holds the rig" grep -q '"homed":0,.*"held":"by nobody"' "$work/out"
+echo "hold door 1" >&8
+sleep 0.1
+exits "a lamp is not switched on at an open door" 1 "$GONIO" rig lamp 1 --rig "$work/tcp.ini" --sample $sample --set lamp.driver=modbus
+check "and nobody says so" sh -c "! grep -q lamp_level '$work/out'"
+exits "selftest sees the door" 1 "$GONIO" rig selftest --rig "$work/tcp.ini" --sample $sample
+says "of the controller" "the door is open"
+echo "release door" >&8
+echo "hold estop 1" >&8
+sleep 0.1
+exits "selftest sees the held stop" 1 "$GONIO" rig selftest --rig "$work/tcp.ini" --sample $sample
+says "of the controller" "emergency stop is pressed"
+exits "an alarm is not cleared while its cause stands" 1 "$GONIO" rig clear --rig "$work/tcp.ini" --sample $sample
+check "and nobody says so" sh -c "! grep -q alarm-cleared '$work/out' '$work/err'"
+echo "release estop" >&8
+sleep 0.1
+exits "then it is" 0 "$GONIO" rig clear --rig "$work/tcp.ini" --sample $sample
+exits "usb" 0 "$GONIO" rig usb
+check "says what there is, or none" grep -q '^instruments' "$work/out"
+exits "a speed beyond the controller is bad input" 3 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.speed_deg_per_s=700"
+says "naming key, value and the largest" "[axis light_theta] speed_deg_per_s = 700: the controller's largest is 625"
 exits "a move before homing is refused" 1 "$GONIO" rig move light_theta=10 --rig "$work/tcp.ini" --sample $sample
 says "and says so" "not homed"
 exits "home" 0 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample --json
@@ -73,6 +96,15 @@ check "homing tells what had drifted" grep -q home_difference_deg "$work/out"
 exits "a move" 0 "$GONIO" rig move light_theta=10 camera_theta=-20 --rig "$work/tcp.ini" --sample $sample --json
 exits "which another program finds" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
 check "where it ended" grep -q 'position_deg.*10[.,].*-20[.,]' "$work/out"
+# An edited rig file: looking at it changes nothing, moving by it asks for homing.
+edited="axis light_phi.steps_per_deg=150"
+exits "status with another scale" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "$edited" --json
+check "leaves all axes homed" grep -q '"homed":15' "$work/out"
+exits "a move with another scale is refused" 1 "$GONIO" rig move light_phi=20 --rig "$work/tcp.ini" --sample $sample --set "$edited"
+says "naming the difference" "light_phi steps_per_deg: the controller had 100, the rig file has 150; home it again"
+exits "and that axis is not homed" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
+check "but the others are" grep -q '"homed":13' "$work/out"
+exits "home with the rig file" 0 "$GONIO" rig home --rig "$work/tcp.ini" --sample $sample
 exits "a move beyond the limits is refused" 1 "$GONIO" rig move light_theta=400 --rig "$work/tcp.ini" --sample $sample
 says "with the limits" "limits are"
 exits "a wrong axis is wrong usage" 2 "$GONIO" rig move shoulder=4 --rig "$work/tcp.ini" --sample $sample
@@ -215,7 +247,7 @@ if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
     exits "an independent slave is identified" 0 "$GONIO" rig identify --rig "$work/slave.ini" --sample $sample --json
     check "with what it says" grep -q '"firmware":"7.8.9","protocol":2,"board":77' "$work/out"
     exits "its alarm is named" 1 "$GONIO" rig home --rig "$work/slave.ini" --sample $sample --set controller.retries=1
-    says "with its number" "alarm 6 HOME_MISSING"
+    says "with its number" "alarm: 6 HOME_MISSING"
 else
     skip "an independent slave" "python3-pymodbus is not installed"
 fi

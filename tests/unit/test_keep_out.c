@@ -58,7 +58,7 @@ static void test_paths_against_sampling(void **state) {
             near = near || inside(z, at, 0.2); // a step of the sampling is at most 0.095 deg
         }
         gonio_error error = {0};
-        const gonio_status status = gonio_keep_out_check(&keep_out, from, to, &error);
+        const gonio_status status = gonio_keep_out_check(&keep_out, from, NULL, to, &error);
         if (deep) {
             assert_int_equal(status, GONIO_E_RANGE);
             assert_non_null(strstr(error.message, "arms"));
@@ -87,13 +87,14 @@ static void test_shadowing(void **state) {
         const double dot = l.x * c.x + l.y * c.y + l.z * c.z;
         const double apart = gonio_degrees(acos(fmax(-1, fmin(1, dot))));
         if (fabs(apart - 6) > 1e-3) {
-            assert_int_equal(gonio_keep_out_check(&keep_out, pose, pose, NULL), apart < 6 ? GONIO_E_RANGE : GONIO_OK);
+            assert_int_equal(gonio_keep_out_check(&keep_out, pose, NULL, pose, NULL),
+                             apart < 6 ? GONIO_E_RANGE : GONIO_OK);
         }
     }
     // Passing by is allowed, ending there is not.
     const double from[GONIO_AXES] = {0.5, 0, 0, 0}, far[GONIO_AXES] = {0.5, 0, 1, 0}, on[GONIO_AXES] = {0.5, 0, 0.5, 0};
-    assert_int_equal(gonio_keep_out_check(&keep_out, from, far, NULL), GONIO_OK);
-    assert_int_equal(gonio_keep_out_check(&keep_out, from, on, NULL), GONIO_E_RANGE);
+    assert_int_equal(gonio_keep_out_check(&keep_out, from, NULL, far, NULL), GONIO_OK);
+    assert_int_equal(gonio_keep_out_check(&keep_out, from, NULL, on, NULL), GONIO_E_RANGE);
 }
 
 static void test_guard_refuses_before_anything_moves(void **state) {
@@ -116,6 +117,50 @@ static void test_guard_refuses_before_anything_moves(void **state) {
     gonio_rig_close(&rig);
 }
 
+// Takes up 5 degrees of backlash from below, whatever the axis.
+static bool turns(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
+                  double turn_rad[GONIO_AXES]) {
+    (void)device;
+    bool any = false;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        const bool down = to_rad[k] < from_rad[k];
+        turn_rad[k] = to_rad[k] - (down ? gonio_radians(5) : 0);
+        any = any || down;
+    }
+    return any;
+}
+
+// A zone on the way there, behind the target, and where the take-up leads back.
+static void test_the_take_up_keeps_out_too(void **state) {
+    (void)state;
+    static const struct {
+        double low, high, from, to;
+        gonio_status status;
+    } ways[] = {{30, 40, 60, 42, GONIO_E_RANGE}, {30, 40, 60, 44.9, GONIO_E_RANGE}, {30, 40, 60, 45.1, GONIO_OK},
+                {30, 40, 0, 29, GONIO_OK},       {41, 41.5, 60, 42, GONIO_E_RANGE}, {50, 51, 60, 42, GONIO_E_RANGE}};
+    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++) {
+        gonio_rig rig = {0};
+        gonio_keep_out keep_out = {0};
+        gonio_zone *z = &keep_out.zones[gonio_keep_out_zone(&keep_out, "post")];
+        z->minimum_deg[GONIO_CAMERA_THETA] = ways[i].low;
+        z->maximum_deg[GONIO_CAMERA_THETA] = ways[i].high;
+        const gonio_stamp stamp = {0};
+        const double from[GONIO_AXES] = {0, 0, gonio_radians(ways[i].from), 0},
+                     to[GONIO_AXES] = {0, 0, gonio_radians(ways[i].to), 0};
+        assert_int_equal(gonio_null_rig_open(&rig, NULL), GONIO_OK);
+        gonio_stage_ops ops = *rig.stage;
+        ops.turns = turns;
+        rig.stage = &ops;
+        assert_int_equal(rig.stage->move(rig.stage_device, from, 1, &stamp, 1, NULL), GONIO_OK);
+        assert_int_equal(gonio_keep_out_guard(&keep_out, &rig, NULL), GONIO_OK);
+        gonio_error error = {0};
+        assert_int_equal(rig.stage->check(rig.stage_device, from, to, &error), ways[i].status);
+        assert_int_equal(rig.stage->move(rig.stage_device, to, 2, &stamp, 1, &error), ways[i].status);
+        assert_true(ways[i].status == GONIO_OK || strstr(error.message, "take-up") != NULL);
+        gonio_rig_close(&rig);
+    }
+}
+
 static void test_zones_by_name(void **state) {
     (void)state;
     gonio_keep_out keep_out = {0};
@@ -133,6 +178,7 @@ int main(void) {
         cmocka_unit_test(test_paths_against_sampling),
         cmocka_unit_test(test_shadowing),
         cmocka_unit_test(test_guard_refuses_before_anything_moves),
+        cmocka_unit_test(test_the_take_up_keeps_out_too),
         cmocka_unit_test(test_zones_by_name),
     };
     return cmocka_run_group_tests_name("keep_out", tests, NULL, NULL);
