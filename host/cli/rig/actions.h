@@ -11,6 +11,7 @@ typedef struct rig_request {
     const char *arguments[RIG_ARGUMENTS];
     int n;
     bool dial;          // positions are the controller's own
+    bool home;          // selftest: home as well
     double exposure_s;  // capture
     const char *output; // capture
 } rig_request;

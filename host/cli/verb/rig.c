@@ -39,13 +39,17 @@ static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *e
         if (status != GONIO_OK) {
             return status;
         }
-        char alarm[96];
+        char alarm[96], checksum[16];
+        snprintf(checksum, sizeof checksum, "%08x", now.checksum);
         snprintf(alarm, sizeof alarm, "%d %s", now.alarm, gonio_controller_alarm_name(now.alarm));
         json_object_set_new(*out, "controller",
-                            json_pack("{s:s,s:s,s:i,s:i,s:s,s:f,s:s}", "state", gonio_controller_state_text(now.state),
-                                      "alarm", alarm, "homed", (int)now.homed, "inputs", (int)now.inputs, "lamp",
-                                      gonio_controller_lamp_name(now.lamp_state), "temperature_c", now.temperature_c,
-                                      "started_by", gonio_controller_cause_text(now.reset_cause)));
+                            json_pack("{s:s,s:s,s:i,s:i,s:s,s:f,s:s,s:s,s:I,s:s}", "state",
+                                      gonio_controller_state_text(now.state), "alarm", alarm, "homed", (int)now.homed,
+                                      "inputs", (int)now.inputs, "lamp", gonio_controller_lamp_name(now.lamp_state),
+                                      "temperature_c", now.temperature_c, "started_by",
+                                      gonio_controller_cause_text(now.reset_cause), "held",
+                                      now.owner != 0 ? "by a program" : "by nobody", "parameter_changes",
+                                      (json_int_t)now.generation, "parameter_checksum", checksum));
     }
     if (r->interlock != NULL) {
         status = r->interlock->check(r->interlock_device, &why);
@@ -65,6 +69,9 @@ static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *e
 static void print_list(const char *name, json_t *list) {
     size_t i;
     json_t *item;
+    if (json_array_size(list) == 0) {
+        printf("%-16s none\n", name);
+    }
     json_array_foreach(list, i, item) {
         char *text = json_dumps(item, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_ENCODE_ANY);
         printf("%-16s %s\n", name, text != NULL ? cli_text(text) : "");
@@ -231,6 +238,7 @@ static int run(int argc, char **argv) {
     const cli_option options[] = {
         CLI_RIG_OPTIONS(rig_options),
         {"dial", 0, CLI_FLAG, &request.dial, NULL, NULL, "move: positions as the controller counts them"},
+        {"home", 0, CLI_FLAG, &request.home, NULL, NULL, "selftest: also home all axes, twice"},
         {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S",
          "capture, burst: exposure in seconds (the shortest)"},
         {"output", 'o', CLI_OUTPUT, &request.output, NULL, "PGM", "capture: the frame's file"},
