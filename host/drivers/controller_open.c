@@ -65,11 +65,12 @@ static gonio_status start_feeding(gonio_controller *c, gonio_error *error) {
     if (c->config.mode == GONIO_TAPE_REPLAY) {
         return GONIO_OK;
     }
-    pthread_mutex_lock(&c->lock);
-    c->feeding = pthread_create(&c->feeder, NULL, feed, c) == 0;
-    pthread_mutex_unlock(&c->lock);
-    return c->feeding ? GONIO_OK
-                      : gonio_fail(error, GONIO_E_FAILED, "no thread to feed the controller's dead-man with");
+    c->feeding = true; // before the thread looks at it
+    if (pthread_create(&c->feeder, NULL, feed, c) == 0) {
+        return GONIO_OK;
+    }
+    c->feeding = false;
+    return gonio_fail(error, GONIO_E_FAILED, "no thread to feed the controller's dead-man with");
 }
 
 static void stop_feeding(gonio_controller *c) {

@@ -236,6 +236,8 @@ static gonio_status open_rig(gonio_hardware **hardware, gonio_session **session,
     camera_render = render;
     usb_power = power;
     status = gonio_hardware_open(*hardware, rig, true, error);
+    // The one thread of this process (clock.c) is that which feeds the dead-man.
+    status = status == GONIO_OK ? gonio_controller_claim(gonio_hardware_controller(*hardware), error) : status;
     if (status == GONIO_OK) {
         bench.meter = rig->meter;
         bench.meter_device = rig->meter_device;

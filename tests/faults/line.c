@@ -158,6 +158,9 @@ static void deliver(const uint8_t *bytes, int n) {
         }
     }
     world_pass(4 * CHARACTER_US + 2000);
+    for (int i = 0; i < 100 && m->core.modbus.sending && !w->controller_off; i++) { // a line that takes its time
+        world_pass(500);
+    }
     uint8_t reply[MACHINE_SENT_MAX];
     const int sent = (int)m->sent_length;
     memcpy(reply, m->sent, (size_t)sent);

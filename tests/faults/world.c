@@ -134,6 +134,14 @@ static void begin(fault *f) {
         w->machine.temperature = f->kind == FAULT_lamp_too_hot ? 120000 : INT32_MIN;
         f->hits++;
         break;
+    case FAULT_line_echo:
+        w->machine.echo = true;
+        w->machine.echo_us = f->parameter % 90;
+        f->hits++;
+        break;
+    case FAULT_rig_file_edited:
+        f->until_us = INT64_MAX; // until somebody comes by
+        break;
     case FAULT_adapter_unplugged:
         w->line_broken = true;
         f->hits++;
@@ -182,6 +190,9 @@ static void end(fault *f) {
     case FAULT_lamp_sensor_broken:
         w->machine.temperature = 25000;
         break;
+    case FAULT_line_echo:
+        w->machine.echo = false;
+        break;
     default:
         break;
     }
@@ -204,6 +215,68 @@ void world_repair(void) {
         end(f);
         f->over = f->over || f->used > 0;
     }
+}
+
+// ---- other programs ----
+
+enum { SECOND_CHANNEL = 77, SECOND_NUMBER = 4711, SECOND_PERIOD_US = 100000 };
+
+static unsigned say(const uint8_t *pdu, size_t length) {
+    uint8_t reply[FW_PDU_MAX];
+    const size_t n = gonio_fw_modbus_pdu(&w->machine.core, SECOND_CHANNEL, pdu, length, reply);
+    return n == 2 && (reply[0] & 0x80) != 0 ? reply[1] : 0;
+}
+
+// A second master that looks on, and writes what it must not: the dead-man off, a scale, a light, a move of its own.
+static void speak(fault *f) {
+    static const uint8_t status[] = {23, 0, 0x10, 0, 0x40, 0, 0x10, 0, 1, 2, 5, 5};
+    static const uint8_t deadman[] = {16, 2, 0x92, 0, 2, 4, 0, 0, 0, 0}, scale[] = {16, 2, 0, 0, 2, 4, 0, 0, 0, 99},
+                         shutter[] = {5, 0, 1, 0xFF, 0}, level[] = {6, 1, 0x18, 0, 9};
+    uint8_t move[6 + 42] = {16, 1, 0, 0, 21, 42, 0x7F, 0, 0, 1, 0, 1, 3, 0xE8};
+    move[sizeof move - 1] = FW_COMMAND_MOVE;
+    if (w->controller_off || w->now_us - w->spoke_us < SECOND_PERIOD_US) {
+        return;
+    }
+    w->spoke_us = w->now_us;
+    f->hits++;
+    bool taken = say(status, sizeof status) != 0;
+    if (w->machine.core.owner.number != 0) { // else it may
+        taken |= say(deadman, sizeof deadman) == 0 || say(scale, sizeof scale) == 0 ||
+                 say(shutter, sizeof shutter) == 0 || say(level, sizeof level) == 0 || say(move, sizeof move) == 0;
+    }
+    if (taken) {
+        world_trouble("what a second master wrote was taken; ");
+    }
+}
+
+static void put(int address, int words, int64_t value) {
+    uint8_t pdu[14] = {16, (uint8_t)(address >> 8), (uint8_t)address, 0, (uint8_t)words, (uint8_t)(2 * words)};
+    for (int i = 0; i < 2 * words; i++) {
+        pdu[6 + i] = (uint8_t)((uint64_t)value >> 8 * (2 * words - 1 - i));
+    }
+    if (say(pdu, 6 + 2 * (size_t)words) != 0 && w->verbose) {
+        printf("%10.3f s  the visitor is refused\n", (double)w->now_us * 1e-6);
+    }
+}
+
+void world_visit(void) {
+    fault *f = find(FAULT_rig_file_edited);
+    if (f == NULL || !f->standing || w->controller_off) {
+        return;
+    }
+    static const struct {
+        int address, words;
+        int64_t value;
+    } edits[] = {{FW_REGISTER_steps_per_deg, 2, 200000},
+                 {FW_REGISTER_home_position, 4, -950},
+                 {FW_REGISTER_soft_max, 4, 300},
+                 {FW_REGISTER_speed_max, 2, 500}};
+    const unsigned which = f->parameter % 4, axis = f->parameter / 4 % FW_AXES;
+    put(FW_REGISTER_heartbeat, 2, SECOND_NUMBER);
+    put(edits[which].address + (int)axis * edits[which].words, edits[which].words, edits[which].value);
+    f->hits++;
+    f->standing = false;
+    f->over = true;
 }
 
 // ---- time ----
@@ -271,6 +344,10 @@ void world_pass(int64_t us) {
         run_machine(to - w->now_us);
         see_homing();
         w->now_us = to;
+        fault *second = find(FAULT_second_master);
+        if (second != NULL && second->standing) {
+            speak(second);
+        }
         w->counts[TIME_US] = to;
         events();
     } while (w->now_us < until);

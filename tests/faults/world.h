@@ -34,6 +34,8 @@ typedef enum unit { EXCHANGES, TIME_US, USB_TRANSFERS, FRAMES, DISK_WRITES, UNIT
     X(busy_exception, EXCHANGES, "Modbus")                                                                             \
     X(line_closed, EXCHANGES, "Modbus")                                                                                \
     X(line_dead, TIME_US, "Modbus")                                                                                    \
+    X(line_echo, TIME_US, "Modbus")                                                                                    \
+    X(second_master, TIME_US, "Modbus")                                                                                \
     X(adapter_unplugged, TIME_US, "Modbus")                                                                            \
     X(home_switch_missing, TIME_US, "motion")                                                                          \
     X(home_switch_stuck, TIME_US, "motion")                                                                            \
@@ -67,7 +69,8 @@ typedef enum unit { EXCHANGES, TIME_US, USB_TRANSFERS, FRAMES, DISK_WRITES, UNIT
     X(power_cut, DISK_WRITES, "host")                                                                                  \
     X(disk_full, DISK_WRITES, "host")                                                                                  \
     X(disk_error, DISK_WRITES, "host")                                                                                 \
-    X(ctrl_c, TIME_US, "host")
+    X(ctrl_c, TIME_US, "host")                                                                                         \
+    X(rig_file_edited, TIME_US, "host")
 
 typedef enum fault_kind {
 #define X(name, unit, area) FAULT_##name,
@@ -117,6 +120,7 @@ typedef struct world {
     bool line_broken;
     // invariants
     int64_t past_limit, moved_alone;
+    int64_t spoke_us;     // the second master
     int64_t slip_allowed; // steps
     // this host's
     bool host_runs, interrupted;
@@ -143,6 +147,8 @@ bool world_waits(fault_kind kind);
 // Whether a lasting fault of that kind stands; counts a hit.
 bool world_stands(fault_kind kind);
 void world_new(uint64_t seed);
+// Another program, with another rig file, while none measures: it writes its parameters and goes.
+void world_visit(void);
 void world_repair(void); // every fault that has struck is over
 void world_trouble(const char *format, ...) __attribute__((format(printf, 1, 2)));
 // Let the drivers' own thread have its turn (clock.c).
