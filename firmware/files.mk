@@ -32,8 +32,8 @@ deps-y   += gcc-arm-none-eabi qemu-system-arm mbpoll socat python3 python3-pymod
 ARM      ?= arm-none-eabi-
 ARMFLAGS := -mthumb -mfloat-abi=soft -O2 -g -std=c17 -ffreestanding -fno-common -ffunction-sections -fdata-sections \
             -ffp-contract=off $(WARN) -I. -fstack-usage -fcallgraph-info=su
-FLASH_LIMIT := 32768
-RAM_LIMIT   := 8192
+FLASH_LIMIT := 49152
+RAM_LIMIT   := 12288
 fw-flags-lm3s6965evb := -mcpu=cortex-m3
 fw-flags-stm32f405   := -mcpu=cortex-m4
 # MHz, flash wait states at that speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without caches)

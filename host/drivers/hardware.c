@@ -20,7 +20,7 @@ typedef struct controller_settings {
 GONIO_KEY_NAMES(parities, "N", "E", "O")
 #define CONTROLLER(text, kind, member) .section = "controller", GONIO_KEY_NAMED(controller_settings, member, text, kind)
 const gonio_key gonio_controller_keys[] = {{CONTROLLER("port", LINE, config.modbus.port)},
-                                           {CONTROLLER("baud", INTEGER, config.modbus.baud), 1200, 1e6},
+                                           {CONTROLLER("baud", INTEGER, config.modbus.baud), 2400, 1e6},
                                            {CONTROLLER("parity", NAME, config.modbus.parity), .names = parities},
                                            {CONTROLLER("slave", INTEGER, config.modbus.slave), 1, 247},
                                            {CONTROLLER("timeout_ms", INTEGER, config.modbus.timeout_ms), 5, 10000},

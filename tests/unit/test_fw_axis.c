@@ -81,6 +81,28 @@ static void refuses_what_it_must(void **state) {
     free(m);
 }
 
+// At the ends of what registers hold: refused, and nothing overflows.
+static void the_ends_of_the_numbers(void **state) {
+    (void)state;
+    static const uint16_t registers[] = {FW_REGISTER_soft_min, FW_REGISTER_soft_max, FW_REGISTER_home_position};
+    static const int64_t values[] = {INT64_MIN, INT64_MIN + 1, -(INT64_C(1) << 53) - 1, (INT64_C(1) << 53) + 1,
+                                     INT64_MAX};
+    struct machine *m = rig_homed();
+    for (unsigned i = 0; i < 3; i++)
+        for (unsigned k = 0; k < 5; k++) {
+            const uint64_t v = (uint64_t)values[k];
+            const uint16_t words[4] = {(uint16_t)(v >> 48), (uint16_t)(v >> 32), (uint16_t)(v >> 16), (uint16_t)v};
+            assert_int_equal(gonio_fw_registers_write(&m->core, registers[i], 4, words), FW_EXCEPTION_VALUE);
+        }
+    for (int32_t backlash = -1000000; backlash <= 1000000; backlash += 1000000)
+        for (unsigned k = 0; k < 5; k++) {
+            m->core.registers.backlash[0] = backlash;
+            const int64_t target[FW_AXES] = {values[k], 0, 0, 0};
+            assert_int_equal(gonio_machine_move(m, 1, target), FW_REFUSAL_SOFT_LIMIT);
+        }
+    free(m);
+}
+
 static void backlash_arrives_from_one_side(void **state) {
     (void)state;
     struct machine *m = rig_homed();
@@ -232,6 +254,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(arrives_exactly),
                                        cmocka_unit_test(axes_keep_together),
                                        cmocka_unit_test(refuses_what_it_must),
+                                       cmocka_unit_test(the_ends_of_the_numbers),
                                        cmocka_unit_test(backlash_arrives_from_one_side),
                                        cmocka_unit_test(target_is_latched),
                                        cmocka_unit_test(stop_decelerates_and_knows),

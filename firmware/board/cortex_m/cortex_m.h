@@ -10,17 +10,21 @@
 #include "firmware/contract/watchdog.h"
 #include "firmware/core/core.h"
 
+#ifndef REG32 // a test has registers of its own
 #define REG32(address) (*(volatile uint32_t *)(uintptr_t)(address))
+#define REG8(address) (*(volatile uint8_t *)(uintptr_t)(address))
+#endif
 
 #define SYST_CSR REG32(0xE000E010)
 #define SYST_RVR REG32(0xE000E014)
 #define SYST_CVR REG32(0xE000E018)
 #define NVIC_ISER(n) REG32(0xE000E100 + 4 * (n))
 #define NVIC_ISPR(n) REG32(0xE000E200 + 4 * (n))
-#define NVIC_IPR(irq) (*(volatile uint8_t *)(uintptr_t)(0xE000E400 + (irq)))
+#define NVIC_IPR(irq) REG8(0xE000E400 + (irq))
 #define SCB_ICSR REG32(0xE000ED04)
+#define SCB_VTOR REG32(0xE000ED08)
 #define SCB_AIRCR REG32(0xE000ED0C)
-#define SCB_SHPR(n) (*(volatile uint8_t *)(uintptr_t)(0xE000ED18 - 4 + (n))) // n: exception number 4..15
+#define SCB_SHPR(n) REG8(0xE000ED18 - 4 + (n)) // n: exception number 4..15
 #define SCB_SHCSR REG32(0xE000ED24)
 
 enum { ICSR_PENDSTSET = 1 << 26, ICSR_PENDSVSET = 1 << 28 };
