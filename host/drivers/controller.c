@@ -174,7 +174,7 @@ gonio_status gonio_controller_write(gonio_controller *c, int address, int n, con
     if (n > 123) {
         return gonio_fail(error, GONIO_E_RANGE, "%d registers in one write; at most 123", n);
     }
-    gonio_status status = gonio_controller_claim(c, error);
+    gonio_status status = c->claim(c, error);
     status = status == GONIO_OK ? gonio_controller_read(c, address, n, held, error) : status;
     const size_t size = (size_t)n * sizeof *words;
     for (int attempt = 0; attempt < 3 && status == GONIO_OK && memcmp(held, words, size) != 0; attempt++) {
@@ -201,7 +201,7 @@ static gonio_modbus_fault once_coil(gonio_controller *c, void *request) {
 
 gonio_status gonio_controller_coil(gonio_controller *c, int coil, bool on, gonio_error *error) {
     int exception = 0;
-    const gonio_status claimed = on ? gonio_controller_claim(c, error) : GONIO_OK; // off is free to all
+    const gonio_status claimed = on ? c->claim(c, error) : GONIO_OK; // off is free to all
     if (claimed != GONIO_OK) {
         return claimed;
     }
@@ -284,6 +284,23 @@ gonio_modbus_fault gonio_controller_feed(gonio_controller *c) {
         gonio_modbus_write(c->modbus, CONTROLLER_heartbeat, CONTROLLER_SIZE_heartbeat, words);
     c->last_fed_ms = fault == GONIO_MODBUS_GOOD ? gonio_clock_ms() : c->last_fed_ms;
     return fault;
+}
+
+int64_t gonio_controller_feed_period_ms(const gonio_controller *c) {
+    return c->config.deadman_s > 0 ? (int64_t)(c->config.deadman_s * 1000 / 4) : 1000;
+}
+
+void gonio_controller_feed_when_due(gonio_controller *c) {
+    if (!c->feeding || gonio_clock_ms() - c->last_fed_ms < gonio_controller_feed_period_ms(c)) {
+        return;
+    }
+    gonio_modbus_mute(c->modbus, true);
+    const gonio_modbus_fault fault = gonio_controller_feed(c);
+    if (fault == GONIO_MODBUS_SILENT || fault == GONIO_MODBUS_NOISE) {
+        gonio_modbus_drain(c->modbus, c->config.modbus.timeout_ms);
+    }
+    gonio_modbus_mute(c->modbus, false);
+    c->counts.feeds++;
 }
 
 static gonio_status check_rest(gonio_controller *c, const gonio_controller_status *now, gonio_error *error) {

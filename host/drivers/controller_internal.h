@@ -18,6 +18,7 @@ struct gonio_controller {
     bool feeding, closing;
     uint32_t number; // this program's, as the controller knows it (firmware/core/owner.h)
     bool holds;      // it has claimed the rig
+    gonio_status (*claim)(gonio_controller *controller, gonio_error *error); // before the first write
     int64_t last_fed_ms;
     int users;
     uint16_t token;

@@ -53,7 +53,7 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
     command_block block;
     // STOP and HALT act at once, leave no id, and need not hold the rig.
     const bool stops = command == CONTROLLER_COMMAND_STOP || command == CONTROLLER_COMMAND_HALT;
-    const gonio_status claimed = stops ? GONIO_OK : gonio_controller_claim(c, error);
+    const gonio_status claimed = stops ? GONIO_OK : c->claim(c, error);
     if (claimed != GONIO_OK) {
         return claimed;
     }

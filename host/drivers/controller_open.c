@@ -24,23 +24,6 @@ static gonio_status set_deadman(gonio_controller *c, double seconds, gonio_error
     return gonio_controller_write(c, CONTROLLER_deadman, CONTROLLER_SIZE_deadman, words, error);
 }
 
-int64_t gonio_controller_feed_period_ms(const gonio_controller *c) {
-    return c->config.deadman_s > 0 ? (int64_t)(c->config.deadman_s * 1000 / 4) : 1000;
-}
-
-void gonio_controller_feed_when_due(gonio_controller *c) {
-    if (!c->feeding || gonio_clock_ms() - c->last_fed_ms < gonio_controller_feed_period_ms(c)) {
-        return;
-    }
-    gonio_modbus_mute(c->modbus, true);
-    const gonio_modbus_fault fault = gonio_controller_feed(c);
-    if (fault == GONIO_MODBUS_SILENT || fault == GONIO_MODBUS_NOISE) {
-        gonio_modbus_drain(c->modbus, c->config.modbus.timeout_ms);
-    }
-    gonio_modbus_mute(c->modbus, false);
-    c->counts.feeds++;
-}
-
 // Now and then, so that the controller knows that the host lives: without a dead-man, that it still holds the rig.
 static void *feed(void *argument) {
     gonio_controller *c = argument;
@@ -197,6 +180,7 @@ gonio_status gonio_controller_open(const gonio_controller_config *config, gonio_
     c->config = *config;
     c->users = 1;
     c->number = own_number(config);
+    c->claim = gonio_controller_claim;
     pthread_mutex_init(&c->lock, NULL);
     pthread_mutex_init(&c->last_lock, NULL);
     pthread_condattr_t monotonic;

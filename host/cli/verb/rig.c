@@ -19,6 +19,18 @@ const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] --rig RIG.ini|sim",
 
 #define STOP_TIMEOUT_S 30
 
+static json_t *describe_controller(const gonio_controller_status *now) {
+    char alarm[96], checksum[16];
+    snprintf(checksum, sizeof checksum, "%08x", now->checksum);
+    snprintf(alarm, sizeof alarm, "%d %s", now->alarm, gonio_controller_alarm_name(now->alarm));
+    return json_pack("{s:s,s:s,s:i,s:i,s:s,s:f,s:s,s:s,s:I,s:s}", "state", gonio_controller_state_text(now->state),
+                     "alarm", alarm, "homed", (int)now->homed, "inputs", (int)now->inputs, "lamp",
+                     gonio_controller_lamp_name(now->lamp_state), "temperature_c", now->temperature_c, "started_by",
+                     gonio_controller_cause_text(now->reset_cause), "held",
+                     now->owner != 0 ? "by a program" : "by nobody", "parameter_changes", (json_int_t)now->generation,
+                     "parameter_checksum", checksum);
+}
+
 static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *error) {
     const gonio_rig *r = &rig->rig;
     double position[GONIO_AXES];
@@ -39,17 +51,7 @@ static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *e
         if (status != GONIO_OK) {
             return status;
         }
-        char alarm[96], checksum[16];
-        snprintf(checksum, sizeof checksum, "%08x", now.checksum);
-        snprintf(alarm, sizeof alarm, "%d %s", now.alarm, gonio_controller_alarm_name(now.alarm));
-        json_object_set_new(*out, "controller",
-                            json_pack("{s:s,s:s,s:i,s:i,s:s,s:f,s:s,s:s,s:I,s:s}", "state",
-                                      gonio_controller_state_text(now.state), "alarm", alarm, "homed", (int)now.homed,
-                                      "inputs", (int)now.inputs, "lamp", gonio_controller_lamp_name(now.lamp_state),
-                                      "temperature_c", now.temperature_c, "started_by",
-                                      gonio_controller_cause_text(now.reset_cause), "held",
-                                      now.owner != 0 ? "by a program" : "by nobody", "parameter_changes",
-                                      (json_int_t)now.generation, "parameter_checksum", checksum));
+        json_object_set_new(*out, "controller", describe_controller(&now));
     }
     if (r->interlock != NULL) {
         status = r->interlock->check(r->interlock_device, &why);
