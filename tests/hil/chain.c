@@ -34,7 +34,8 @@ int main(int argc, char **argv) {
     const gonio_controller_identity *identity = gonio_controller_identify(controller);
     check(identity->board == atoi(argv[2]), "it is the expected board", "board %d", identity->board);
     void *stage = NULL;
-    const bool there = gonio_stage_modbus_open(&axes, controller, &stage, &error) == GONIO_OK;
+    const bool there = gonio_stage_modbus_open(&axes, controller, &stage, &error) == GONIO_OK &&
+                       gonio_stage_modbus_apply(stage, &error) == GONIO_OK;
     if (check(there, "its parameters are written and read back", "%s", error.message)) {
         const double to[GONIO_AXES] = {0.2, -0.15, 0.1, -0.05};
         const gonio_stamp stamp = {0};
