@@ -383,7 +383,7 @@ void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud) {
 // A transceiver whose receiver stays on while it sends hears the reply itself. Nobody else may speak then, nor for 3.5
 // characters after it (SL 2.5.1.1), of which the echo's last byte may take one.
 static bool echo_of_reply(struct fw_modbus *modbus, uint32_t now) {
-    modbus->echoing = modbus->echoing && now - modbus->driven_until <= 2 * modbus->character;
+    modbus->echoing = modbus->echoing && now - modbus->driven_until <= modbus->character;
     return modbus->sending || modbus->echoing;
 }
 
