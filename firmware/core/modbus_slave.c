@@ -380,11 +380,14 @@ void gonio_fw_modbus_setup(struct fw_core *core, uint32_t baud) {
     gonio_fw_board_uart_drive(core, false);
 }
 
-// A transceiver whose receiver stays on while it sends hears the reply itself. Nobody else may speak then, nor for 3.5
-// characters after it (SL 2.5.1.1), of which the echo's last byte may take one.
+// A transceiver whose receiver stays on while it sends hears the reply itself. Nobody else may speak then, and no
+// request's first byte can have ended within a character of it; the last byte of an echo may, where there is one.
 static bool echo_of_reply(struct fw_modbus *modbus, uint32_t now) {
-    modbus->echoing = modbus->echoing && now - modbus->driven_until <= modbus->character;
-    return modbus->sending || modbus->echoing;
+    const bool outstanding = modbus->echoed > 0 && modbus->echoed < modbus->reply_length;
+    if (!modbus->sending && !(outstanding && now - modbus->driven_until < modbus->character))
+        return false;
+    modbus->echoed = (uint16_t)(modbus->echoed + 1);
+    return true;
 }
 
 void gonio_fw_modbus_receive(struct fw_core *core, uint8_t byte, uint32_t now) {
@@ -436,6 +439,7 @@ static void serve_frame(struct fw_core *core) {
     modbus->reply[reply + 2] = (uint8_t)(crc >> 8);
     modbus->reply_length = (uint16_t)(reply + 3);
     modbus->reply_sent = 0;
+    modbus->echoed = 0;
     modbus->sending = true;
     gonio_fw_board_uart_drive(core, true);
 }
@@ -451,7 +455,6 @@ static void send(struct fw_core *core) {
         return;
     gonio_fw_board_uart_drive(core, false);
     modbus->driven_until = gonio_fw_board_now(core);
-    modbus->echoing = true;
     modbus->sending = false;
 }
 

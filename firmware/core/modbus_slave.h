@@ -39,8 +39,8 @@ struct fw_modbus {
     uint8_t reply[FW_ADU_MAX];
     uint16_t reply_length, reply_sent;
     volatile bool sending;          // the line is driven: what is received is the reply's own echo
-    volatile bool echoing;          // the reply has left, and the last bytes of its echo may still come
-    volatile uint32_t driven_until; // tick at which it had left
+    volatile uint16_t echoed;       // bytes of that echo so far; 0: the receiver is off while the line is driven
+    volatile uint32_t driven_until; // tick at which the reply had left
     uint32_t channel;               // of the request in hand (core/owner.h)
     bool listen_only;               // on that channel
     uint32_t listen_channel;
