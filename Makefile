@@ -78,7 +78,7 @@ test-build: all ## build what `make test` runs
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 unit: $(UNIT_BINS) ## build the unit, property, golden and conformance tests, without sanitizers
 
-test-slow: deps ## a minute of fuzzing a target, the virtual machine and the packages, as CI runs them after the tests
+test-slow: deps ## a minute of fuzzing a target and of the durability campaign, the virtual machine and the packages, as CI runs them after the tests
 	$(Q)tests/slow.sh $(B)
 
 bench: deps ## speed and accuracy figures, as ratios against references of the same run
