@@ -19,6 +19,7 @@ typedef struct gonio_scan_options {
     double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
     int window_width, window_height; // read-out window; 0: around the sample; -1: the full frame
     int audit_poses;                 // home and compare after so many poses, and at the end; 0: at the end alone
+    bool unsynced;                   // the session waits for no disk; not journalled: a resume waits again
     bool hands;                      // targets are put on the table by hand even where a sample changer is there
 } gonio_scan_options;
 

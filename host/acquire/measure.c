@@ -104,6 +104,7 @@ gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, co
     size_t n = 0;
     gonio_status status = prepare(rig, options, &setup, &steps, &n, error);
     status = status == GONIO_OK ? gonio_session_create(path, out, error) : status;
+    status = status == GONIO_OK && rig->scan.unsynced ? gonio_session_set_sync(*out, false, error) : status;
     status = status == GONIO_OK ? journal(*out, rig, options, &setup, steps, n, error) : status;
     free(steps);
     if (status != GONIO_OK) {

@@ -30,6 +30,7 @@ static bool parse_window(const char *text, void *value) {
 static const gonio_key_form window = {"auto, full, or WIDTHxHEIGHT in pixels", parse_window, NULL};
 GONIO_KEY_NAMES(hands, "changer", "operator")
 GONIO_KEY_NAMES(shapes, "flat", "sphere")
+GONIO_KEY_NAMES(switches, "on", "off")
 #define KEY(where, text, kind, member) .section = where, GONIO_KEY_NAMED(rig_keys, member, text, kind)
 
 const gonio_key gonio_rig_keys[] = {{KEY("rig", "driver", TEXT, driver), .standard = "sim"},
@@ -48,6 +49,7 @@ const gonio_key gonio_rig_keys[] = {{KEY("rig", "driver", TEXT, driver), .standa
                                     {KEY("scan", "exposure_max_s", REAL, scan.exposure_max_s), 0, 3600},
                                     {KEY("camera", "window", OWN, scan.window_width), .form = &window},
                                     {KEY("mount", "by", BOOLEAN, scan.hands), .names = hands},
+                                    {KEY("session", "sync", BOOLEAN, scan.unsynced), .names = switches},
                                     {KEY("reference", "brdf", TEXT, facts.reference_brdf)},
                                     {KEY("camera", "flat", TEXT, facts.flat_path)},
                                     {0}};

@@ -82,6 +82,11 @@ static const char *next_setting(const char *text) {
 // One setting as a line of its own, which is how the journal keeps it. Its value is taken as it stands: nothing in it
 // is a comment, as it would be in a rig file.
 static gonio_status append_setting(FILE *stream, const char *setting, size_t length, gonio_error *error) {
+    static const char sync[] = "sync="; // of the session, which has no other key: its section need not be told
+    if (length >= sizeof sync - 1 && strncmp(setting, sync, sizeof sync - 1) == 0) {
+        fprintf(stream, "session.%.*s\n", (int)length, setting);
+        return GONIO_OK;
+    }
     const char *equals = memchr(setting, '=', length);
     const char *dot = equals;
     while (dot != NULL && dot > setting && *dot != '.') {

@@ -54,7 +54,8 @@ struct gonio_session {
     int version; // of the format that the database is in
     bool writable;
     bool in_transaction;
-    bool plain; // frames are stored uncompressed
+    bool plain;    // frames are stored uncompressed
+    bool unsynced; // nothing waits for the disk
     session_budget budget;
     bool host_known;                      // this run has its row in `hosts`
     sqlite3_stmt *row_of[SESSION_TABLES]; // one row by its key, prepared at the first use
@@ -295,6 +296,8 @@ typedef struct session_file {
 } session_file;
 gonio_status gonio_session_file_write(gonio_session *session, const char *name, const session_png *png,
                                       session_file *file, gonio_error *error);
+// fsync, unless the session is not to wait for the disk.
+int gonio_session_sync(const gonio_session *session, int fd);
 // Sync them all, then give them their names. Where one fails, those without their name are removed; a file that has its
 // name and no row in the journal is swept when the session goes on.
 // replace: a file that has the name already gives way to the new one, whose pixels are the same; else it is set aside.

@@ -302,7 +302,7 @@ static gonio_status open_file(gonio_session *session, bool create, gonio_error *
             return GONIO_OK;
         }
         session->log.fd = openat(session->folder_fd, LOG, flags | O_CREAT | O_EXCL, 0666);
-        if (session->log.fd >= 0 && fsync(session->folder_fd) != 0) {
+        if (session->log.fd >= 0 && gonio_session_sync(session, session->folder_fd) != 0) {
             return fail(session, error);
         }
     }
@@ -349,7 +349,8 @@ static gonio_status append(gonio_session *session, const writer *w, gonio_error 
         status = keep_tail(session, w, error);
     }
     if (status == GONIO_OK && w->size > 0 &&
-        (!put_text(session->log.fd, session->log.size, w->text, w->size) || fsync(session->log.fd) != 0)) {
+        (!put_text(session->log.fd, session->log.size, w->text, w->size) ||
+         gonio_session_sync(session, session->log.fd) != 0)) {
         status = fail(session, error);
     }
     if (status == GONIO_OK) {

@@ -66,8 +66,10 @@ gonio_status gonio_session_file_write(gonio_session *session, const char *name, 
         return fail_file(session, file, why, error);
     }
 #ifdef SYNC_FILE_RANGE_WRITE
-    sync_file_range(file->fd, 0, 0,
-                    SYNC_FILE_RANGE_WRITE); // the disk begins at once; a hint, whose failure is harmless
+    if (!session->unsynced) {
+        sync_file_range(file->fd, 0, 0,
+                        SYNC_FILE_RANGE_WRITE); // the disk begins at once; a hint, whose failure is harmless
+    }
 #endif
     return GONIO_OK;
 }
@@ -99,10 +101,20 @@ static bool keep(gonio_session *session, session_file *file, bool replace, int *
     return *why == 0;
 }
 
+gonio_status gonio_session_set_sync(gonio_session *session, bool sync, gonio_error *error) {
+    session->unsynced = !sync;
+    // Not gonio_session_exec: within a transaction it cannot be changed, and it is no change of the journal.
+    const char *sql = sync ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = OFF";
+    return sqlite3_exec(session->db, sql, NULL, NULL, NULL) == SQLITE_OK ? GONIO_OK
+                                                                         : gonio_session_db_fail(session, error, sql);
+}
+
+int gonio_session_sync(const gonio_session *session, int fd) { return session->unsynced ? 0 : fsync(fd); }
+
 gonio_status gonio_session_files_keep(gonio_session *session, session_file *files, int n, bool replace,
                                       gonio_error *error) {
     int at = 0, why = 0;
-    while (at < n && fsync(files[at].fd) == 0) {
+    while (at < n && gonio_session_sync(session, files[at].fd) == 0) {
         at++;
     }
     if (at < n) {
@@ -111,7 +123,7 @@ gonio_status gonio_session_files_keep(gonio_session *session, session_file *file
         for (at = 0; at < n && keep(session, &files[at], replace, &why); at++) {
         }
     }
-    if (at == n && fsync(session->frames_fd) == 0) {
+    if (at == n && gonio_session_sync(session, session->frames_fd) == 0) {
         return GONIO_OK;
     }
     const gonio_status status =

@@ -97,6 +97,8 @@ gonio_status gonio_session_check_steps(gonio_session *session, gonio_error *erro
 // transaction.
 gonio_status gonio_session_finish_step(gonio_session *session, const gonio_step *step, const gonio_exposure *exposures,
                                        int n, const gonio_samples *samples, gonio_error *error);
+// Whether a step waits until the disk has it, so that no power cut loses it (true, from the start).
+gonio_status gonio_session_set_sync(gonio_session *session, bool sync, gonio_error *error);
 // Store frames as they are, not compressed (false: compressed, as from the start): as fast as the disk, and still a PNG
 // that any viewer opens.
 void gonio_session_set_plain(gonio_session *session, bool plain);
