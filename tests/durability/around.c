@@ -303,6 +303,29 @@ static void little_memory(worker *w) {
     }
 }
 
+// With sync=off a measure asks the disk for next to nothing, and gives the same.
+static void not_synced(worker *w) {
+    const char *words[SHIM_ARGUMENTS];
+    const shim_order order = case_order(w, SHIM_PASS, SHIM_SYNC);
+    int n = 0;
+    case_do(w, DO_MEASURE, &order);
+    const int64_t synced = w->last.calls;
+    tree_remove(w->session);
+    case_words(w, DO_MEASURE, words);
+    while (words[n] != NULL) {
+        n++;
+    }
+    const char *const more[] = {"--set", "sync=off", w->session, NULL};
+    memcpy(&words[n - 1], more, sizeof more);
+    run_free(&w->last);
+    run(w->run, &order, words, &w->last);
+    case_story(w, "%lld calls, %lld with sync=off", (long long)synced, (long long)w->last.calls);
+    if (strcmp(run_text(&w->last, "samples_sha256"), undisturbed.sha256) != 0 || 3 * w->last.calls > synced) {
+        case_trouble(w, "measure with sync=off ends with %d: %.150s", w->last.status, w->last.message);
+    }
+    case_finished(w);
+}
+
 const situation situations_around[] = {{"moved", moved},
                                        {"a read-only medium", read_only},
                                        {"a name", utf8_name},
@@ -314,4 +337,5 @@ const situation situations_around[] = {{"moved", moved},
                                        {"frames/ is a symbolic link", symbolic_link},
                                        {"files that are not Gonio's", own_files},
                                        {"little memory", little_memory},
+                                       {"sync=off", not_synced},
                                        {NULL, NULL}};
