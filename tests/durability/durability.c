@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -68,6 +69,7 @@ static void one_case(worker *w, const campaign *c, uint64_t seed, verdict *v) {
 
 static void work(const options *o, const campaign *c, int job, int count, verdict *verdicts, double until) {
     worker w;
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
     worker_start(&w, o->root, job, o->program, o->library);
     for (int i = job; i < count && (until == 0 || wall_s() < until); i += o->jobs) {
         verdict v;
@@ -261,6 +263,28 @@ static bool read_options(int argc, char **argv, options *o) {
     return argc % 2 == 1 && o->program != NULL && o->library != NULL && o->jobs > 0 && o->jobs <= JOBS_MAX;
 }
 
+static pid_t guarded;
+
+static void pass_on(int signal) { kill(guarded, signal); }
+
+// In a process of its own, so that whatever ends it, the folder goes.
+static int run_guarded(const options *o) {
+    int status;
+    guarded = fork();
+    if (guarded == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        const bool made = campaign_prepare(o->root, o->program, o->library);
+        exit(!made ? 1 : o->seed >= 0 ? run_one(o) : run_all(o));
+    }
+    signal(SIGINT, pass_on);
+    signal(SIGTERM, pass_on);
+    while (waitpid(guarded, &status, 0) < 0 && errno == EINTR) {
+    }
+    poll(NULL, 0, 50); // its workers die with it
+    tree_remove(o->root);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
 int main(int argc, char **argv) {
     options o;
     if (!read_options(argc, argv, &o)) {
@@ -281,15 +305,11 @@ int main(int argc, char **argv) {
     }
     // Sessions live in memory: what a disk does to them is the campaign's own doing.
     char root[] = "/dev/shm/gonio-durability-XXXXXX", elsewhere[] = "/tmp/gonio-durability-XXXXXX";
-    char *made = mkdtemp(root);
-    made = made != NULL ? made : mkdtemp(elsewhere);
-    o.root = made;
-    int status = made != NULL && campaign_prepare(made, program, library) ? 0 : 1;
-    if (status == 0) {
-        status = o.seed >= 0 ? run_one(&o) : run_all(&o);
+    o.root = mkdtemp(root);
+    o.root = o.root != NULL ? o.root : mkdtemp(elsewhere);
+    if (o.root == NULL) {
+        perror("no folder for the sessions");
+        return 1;
     }
-    if (made != NULL) {
-        tree_remove(made);
-    }
-    return status;
+    return run_guarded(&o);
 }
