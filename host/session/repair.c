@@ -188,7 +188,8 @@ static gonio_status mend_journal(session_repair *r, gonio_session *session, goni
     for (size_t i = 0; status == GONIO_OK && i < f->n_drop; i++) {
         status = gonio_session_put_step_samples(session, f->drop[i], NULL, error);
     }
-    if (status == GONIO_OK && !gonio_doctor_sound(r->report)) {
+    if (status == GONIO_OK && (f->n_undo > 0 || f->calibration || f->n_drop > 0 || r->report->rows_lost > 0 ||
+                               r->report->steps_missing > 0 || !r->report->results_ok)) {
         status = gonio_session_exec(session,
                                     "DELETE FROM final_samples; DELETE FROM settings WHERE key LIKE 'result.%'", error);
     }
