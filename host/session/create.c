@@ -158,10 +158,25 @@ static gonio_status sync_parent(gonio_session *session, gonio_error *error) {
                                     "cannot sync the folder that it stands in: %s", strerror(why));
 }
 
+// SQLite opens files whose whole path has at most 512 bytes, and its own journal of a new database has the longest
+// name.
+enum { PATH_BYTES = 480 };
+
+static gonio_status check_length(const char *path, gonio_error *error) {
+    char *folder = path[0] != '/' ? getcwd(NULL, 0) : NULL;
+    const size_t length = (folder != NULL ? strlen(folder) + 1 : 0) + strlen(path);
+    free(folder);
+    return length <= PATH_BYTES ? GONIO_OK
+                                : gonio_fail(error, GONIO_E_USAGE,
+                                             "a session's path of %zu bytes from the root on; at most %d are possible",
+                                             length, PATH_BYTES);
+}
+
 gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error) {
     *out = NULL;
     gonio_session *session = NULL;
-    gonio_status status = gonio_session_new(path, &session, error);
+    gonio_status status = check_length(path, error);
+    status = status == GONIO_OK ? gonio_session_new(path, &session, error) : status;
     if (status == GONIO_OK) {
         session->writable = true;
         status = make_folder(session, error);
