@@ -206,8 +206,8 @@ bool look_log_changed(const char *sound, const char *session) {
 }
 
 void look_missing(const char *before, const char *after, char *text, size_t room) {
-    static const char *const tables[] = {"settings ", "hosts ",         "steps ",   "frames ",
-                                         "samples ",  "final_samples ", "flagged ", "events "};
+    static const char *const tables[] = {"settings ",      "hosts ",   "steps ",    "frames ", "samples ",
+                                         "final_samples ", "flagged ", "radiance ", "files ",  "events "};
     text[0] = 0;
     for (const char *line = before; *line != 0; line += strcspn(line, "\n") + 1) {
         const size_t n = strcspn(line, "\n") + 1;
