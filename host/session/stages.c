@@ -6,7 +6,10 @@
 
 #include "host/session/internal.h"
 
-const char *const gonio_stage_names[GONIO_STAGES] = {"frames", "radiance", "samples", "final", "model"};
+const char *gonio_stage_name(gonio_stage stage) {
+    static const char *const names[GONIO_STAGES] = {"frames", "radiance", "samples", "final", "model"};
+    return names[stage];
+}
 
 gonio_status gonio_session_put_radiance(gonio_session *session, int64_t step, const gonio_step_radiance *radiance,
                                         gonio_error *error) {

@@ -80,6 +80,7 @@ measure --rig sim --sample lambert:rho=0.5 --plan d/plan.csv --model new.session
 measure --rig sim --sample lambert:rho=0.5 --plan d/plan.csv --model s/day.session/model.gonio new.session
 measure --rig sim --sample lambert:rho=0.5 --plan d/plan.csv s/day.session/inner.session
 resume s/day.session --model s/day.session/session.db
+merge s/day.session s/day.session -o s/day.session/x.csv
 replay s/day.session --model s/day.session/model.gonio
 replay s/day.session --model s/day.session/session.db
 rig capture --rig d/rig.ini -o d/rig.ini

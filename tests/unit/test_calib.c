@@ -208,7 +208,7 @@ static void test_given_response_is_undone(void **state) {
 static void test_bad_response_files(void **state) {
     (void)state;
     static const char *const texts[] = {"",          "0,0\n", "0,0\n1,x\n", "0,0\n0.5,0.7\n0.4,0.8\n", "0,0\n1,nan\n",
-                                        "0 0\n1 1\n"};
+                                        "0;0\n1;1\n"};
     static const long long lines[] = {-1, -1, 2, 3, 2, 1};
     char path[] = "/tmp/gonio-response-XXXXXX";
     close(mkstemp(path));

@@ -295,7 +295,7 @@ static void bad_samples(void **state) {
                  groups[k]);
         refused(text, 2, "systematic_group: expected 1 to 65535");
     }
-    refused(HEADER "r,sigma_r,systematic_group\n1,2,3,4,5,1,1\n", 1, "expected sigma_<channel>");
+    refused(HEADER "r,sigma_r,systematic_group\n1,2,3,4,5,1,1\n", 1, "systematic_group: of what is common to a group");
 }
 
 static void bad_files_of_other_formats(void **state) {

@@ -210,7 +210,7 @@ static void facts_name_the_curve(void **state) {
     (void)state;
     char path[] = "/tmp/gonio-curve-XXXXXX", setting[64];
     const int fd = mkstemp(path);
-    assert_int_equal(write(fd, "0,0\n0.25,0.5\n1,1\n", 18), 18);
+    assert_int_equal(write(fd, "0,0\n0.25,0.5\n1,1\n", 17), 17);
     close(fd);
     snprintf(setting, sizeof setting, "camera.response=%s", path);
     for (int known = 0; known < 2; known++) {

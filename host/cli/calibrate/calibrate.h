@@ -85,6 +85,7 @@ typedef struct frame_top {
     int bits; // that were taken: those given, or the files'
     bool given;
     unsigned top; // the largest word
+    unsigned any; // every bit that some word has
     size_t count; // how many there are of it
 } frame_top;
 // The image of a row, bits (0: the file's) put into it. GONIO_E_INPUT where a word lies beyond them.

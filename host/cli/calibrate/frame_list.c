@@ -117,6 +117,7 @@ gonio_status frame_image_read(const frame_row *row, bool grey, int bits, frame_t
             gonio_image_free(image);
             return refused;
         }
+        top->any |= word;
         if (word > top->top) {
             top->top = word;
             top->count = 0;
@@ -136,7 +137,9 @@ gonio_status frame_top_check(const char *list, const frame_top *top, gonio_error
         bits++;
     }
     const bool clips = top->count >= CLIPPED_PIXELS && top->top == (1u << bits) - 1;
-    const bool dark = top->top < 1u << (top->bits - 4); // a sixteenth of the range: nobody exposes so
+    // A sixteenth of the range: nobody exposes so. Words whose lowest bits are never set stand at the top already, as
+    // a session's frames do: those are dark indeed.
+    const bool dark = top->top < 1u << (top->bits - 4) && (top->any & 1) != 0;
     return top->given || bits >= top->bits || (!clips && !dark)
                ? GONIO_OK
                : gonio_fail_line(

@@ -34,7 +34,7 @@ static int run(int argc, char **argv) {
     const char *output = NULL, *paths[SESSIONS_MAX];
     bool force = false;
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &output, NULL, "CSV", "the samples file to write"},
+        {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "the samples file to write"},
         {"force", 0, CLI_FLAG, &force, NULL, NULL,
          "let stated uncertainties and serial numbers differ; rig, camera, sample and calibration never may"},
         {0},

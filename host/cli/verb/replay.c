@@ -29,7 +29,7 @@ static json_t *stages_json(const gonio_replay_report *r) {
     for (int k = 0; k < GONIO_STAGES; k++) {
         const gonio_stage_report *s = &r->stages[k];
         json_array_append_new(list,
-                              json_pack("{s:s,s:o,s:o,s:o,s:I,s:o,s:o}", "stage", gonio_stage_names[k], "journalled",
+                              json_pack("{s:s,s:o,s:o,s:o,s:I,s:o,s:o}", "stage", gonio_stage_name(k), "journalled",
                                         cli_json_text(s->journalled), "again", cli_json_text(s->again), "equal",
                                         s->known ? json_boolean(s->equal) : json_null(), "steps_differing",
                                         (json_int_t)s->steps_differing, "first_step",
@@ -42,7 +42,7 @@ static json_t *stages_json(const gonio_replay_report *r) {
 static void print_stages(const gonio_replay_report *r) {
     for (int k = 0; k < GONIO_STAGES; k++) {
         const gonio_stage_report *s = &r->stages[k];
-        printf("stage      %-9s %s", gonio_stage_names[k],
+        printf("stage      %-9s %s", gonio_stage_name(k),
                !s->known  ? "not journalled, nothing to compare with"
                : s->equal ? "equal"
                           : "DIFFERENT");
@@ -55,7 +55,7 @@ static void print_stages(const gonio_replay_report *r) {
         putchar('\n');
     }
     if (r->first_stage >= 0) {
-        printf("the first stage that differs is %s; what comes after it follows\n", gonio_stage_names[r->first_stage]);
+        printf("the first stage that differs is %s; what comes after it follows\n", gonio_stage_name(r->first_stage));
     }
 }
 
@@ -75,7 +75,7 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
         json_object_set_new(object, "shares_of_bounds", cli_json_figures(shares, &r->agreement));
         json_object_set_new(object, "stages", stages_json(r));
         json_object_set_new(object, "first_stage_differing",
-                            r->first_stage >= 0 ? json_string(gonio_stage_names[r->first_stage]) : json_null());
+                            r->first_stage >= 0 ? json_string(gonio_stage_name(r->first_stage)) : json_null());
         if (outcome->model_path != NULL) {
             json_object_set_new(object, "model", json_string(outcome->model_path));
         }
