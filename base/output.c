@@ -31,10 +31,15 @@ static gonio_status cannot_write(gonio_output *output, gonio_error *error) {
     return status;
 }
 
-// A pipe, a terminal or /dev/stdout cannot be renamed over: what is there is written to.
+// A pipe or a terminal cannot be renamed over, and /dev/stdout must not be, though it lead to an ordinary file: what is
+// there is written to, after what it already holds.
 static bool is_special(const char *path) {
     struct stat facts;
-    return stat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
+    if (stat(path, &facts) != 0 || S_ISDIR(facts.st_mode)) {
+        return false;
+    }
+    return !S_ISREG(facts.st_mode) || strncmp(path, "/dev/std", 8) == 0 || strncmp(path, "/dev/fd/", 8) == 0 ||
+           strncmp(path, "/proc/", 6) == 0;
 }
 
 // A new file of a random name beside path; its name goes to temporary. Not mkstemp, whose files are the user's alone:
@@ -69,7 +74,7 @@ gonio_status gonio_output_open(const char *path, gonio_output **out, gonio_error
     }
     int fd;
     if (direct) {
-        fd = open(path, O_WRONLY | O_CLOEXEC);
+        fd = open(path, O_WRONLY | O_APPEND | O_CLOEXEC);
     } else {
         fd = create_beside(path, output->temporary, size);
     }

@@ -57,7 +57,7 @@ check "the model came along" sh -c "[ \$(sha256sum <b/model.gonio | cut -d' ' -f
 check "doctor finds it sound" tells 0 '"sound":true' "$GONIO" doctor --json b
 check "info tells the same events" sh -c "'$GONIO' info a | sed -n '/^events/,\$p' >ea && '$GONIO' info b | sed -n '/^events/,\$p' | cmp - ea"
 check "a third time, from the copy" sh -c "'$GONIO' convert b c.h5 && '$GONIO' convert c.h5 c && cmp a/session.log c/session.log"
-check "nothing is written over" tells 2 "already there" "$GONIO" convert a.h5 b
+check "nothing is written over" tells 2 "into the session" "$GONIO" convert a.h5 b
 check "samples cannot be made of it in one step" tells 3 "" "$GONIO" convert a.h5 x.csv
 head -c 100000 a.h5 >cut.h5
 check "a file that was cut short" tells 3 "not an HDF5 file" "$GONIO" convert cut.h5 d

@@ -19,6 +19,15 @@ check "directions from standard input" cmp "$work/stdin" "$work/want"
 check "-o writes a file" cmp "$work/file" "$work/want"
 "$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv" -o /dev/stdout | cat >"$work/piped"
 check "-o /dev/stdout writes into the pipe" cmp "$work/piped" "$work/want"
+for to in /dev/stdout /dev/fd/1 /proc/self/fd/1; do
+    echo before >"$work/appended"
+    "$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv" -o $to >>"$work/appended"
+    { echo before; cat "$work/want"; } | cmp - "$work/appended" >/dev/null
+    ok $? "-o $to writes after what is there"
+    "$GONIO" eval spec:lambert:rho=0.5/0.25/1 "$work/d.csv" -o $to >"$work/piped"
+    check "or into the file, which keeps being it" cmp "$work/piped" "$work/want"
+done
+check "and /dev/stdout stays what it is" [ -L /dev/stdout ]
 exits "eval --json" 0 "$GONIO" eval spec:lambert:rho=0.5 "$work/d.csv" --json
 check "its rows" json "len(d['rows'])==3 and abs(d['rows'][1]['values'][0]-0.15915494309189535)<1e-15 and d['rows'][1]['theta_i']==10.5"
 exits "an exact BRDF has no sigma" 1 "$GONIO" eval spec:lambert:rho=0.5 "$work/d.csv" --sigma
@@ -105,7 +114,10 @@ a, b = (json.load(open('$work/thesis%d' % k))['train']['rmse'] / deviation for k
 assert 0.07 <= a <= 0.09 and b < 1e-3, (a, b)"
     exits "one NIST element" 0 "$GONIO" convert "$GONIO_DATA/nist_ptfe/PTFE.data.csv" "$work/n.csv" --wavelength 633 --mueller f_r33
     check "becomes a samples file" grep -q '^theta_i,phi_i,theta_o,phi_o,633nm$' "$work/n.csv"
-    exits "an unknown wavelength" 3 "$GONIO" fit "$GONIO_DATA/cornell/garnet_red.brdf" --wavelength 555
+    exits "a wavelength between the bands takes the nearest" 0 "$GONIO" convert "$GONIO_DATA/cornell/garnet_red.brdf" \
+        "$work/555.csv" --wavelength 555
+    check "and says so" grep -q '555nm: 550nm, the nearest' "$work/err"
+    exits "one beyond them" 3 "$GONIO" convert "$GONIO_DATA/cornell/garnet_red.brdf" "$work/w.csv" --wavelength 2000
 else
     skip "real data" "no $GONIO_DATA/cornell"
 fi

@@ -46,7 +46,8 @@ valid 0 calibrate noise --rig sim -o "$odd.maps"
 # A path that is not there: every verb there is.
 for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     case $verb in
-    measure) valid 3 measure --rig "$odd/none" "$odd/x" ;;
+    measure) valid 3 measure --rig "$odd/none" "$odd.x" ;;
+    merge) valid 3 merge "$odd/none" "$odd/none2" -o "$odd.merged.csv" ;;
     rig) valid 3 rig status --rig "$odd/none" ;;
     calibrate) valid 3 calibrate camera "$odd/none.png" -o x ;;
     fit | render) valid 3 $verb "$odd/none" -o x ;;

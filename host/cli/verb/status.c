@@ -10,7 +10,7 @@
 
 static int run(int argc, char **argv);
 
-const cli_verb cmd_status = {"status", "SESSION [--watch] [--frame FILE.png]",
+const cli_verb cmd_status = {"status", "SESSION [--watch] [--frame IMAGE.png]",
                              "how far a session is and what its program does; the last frame as a file", run};
 
 typedef struct request {
@@ -72,7 +72,7 @@ static int run(int argc, char **argv) {
     request r = {0};
     const cli_option options[] = {
         {"watch", 'w', CLI_FLAG, &r.watch, NULL, NULL, "again every second, until nobody is at work on it"},
-        {"frame", 0, CLI_OUTPUT, &r.frame, NULL, "FILE.png", "write the last frame that was stored there"},
+        {"frame", 0, CLI_OUTPUT, &r.frame, NULL, "IMAGE.png", "write the last frame that was stored there"},
         {0}};
     const char *path;
     int count;
