@@ -126,6 +126,9 @@ fi
 "$GONIO" convert "spec:$truth" "$work/big.csv" --plan nusselt:60000
 "$GONIO" fit "$work/big.csv" -o "$work/stopped" --method mba --level 6 --folds 500 >/dev/null 2>"$work/err" &
 child=$!
+# Not before it listens: whom a shell starts in the background ignores it until then.
+listens() { [ $((0x0$(awk '/^SigCgt/ { print $2 }' /proc/$child/status 2>/dev/null) & 2)) -ne 0 ]; }
+for wait in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do listens || sleep 0.5; done
 sleep 1
 if kill -INT $child 2>/dev/null; then
     wait $child
