@@ -102,7 +102,7 @@ gonio_status gonio_session_copy_open(const char *from, const char *into, session
     }
     gonio_status status = gonio_session_check_database_files(folder, from, error);
     if (status == GONIO_OK) {
-        status = asprintf(&copy->path, "%s/.session.db.copy-%ld", into, (long)getpid()) >= 0
+        status = asprintf(&copy->path, "%s/old.db", into) >= 0
                      ? copy_parts(folder, from, copy, error)
                      : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
     }

@@ -2,6 +2,7 @@
 // A new session: in a folder where nothing is that a measure would write over.
 #include <errno.h>
 #include <fcntl.h>
+#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -158,24 +159,36 @@ static gonio_status sync_parent(gonio_session *session, gonio_error *error) {
                                     "cannot sync the folder that it stands in: %s", strerror(why));
 }
 
-// SQLite opens files whose whole path has at most 512 bytes, and its own journal of a new database has the longest
-// name.
-enum { PATH_BYTES = 480 };
+static size_t full_length(const char *folder, const char *path) {
+    return (folder != NULL ? strlen(folder) + 1 : 0) + strlen(path);
+}
 
-static gonio_status check_length(const char *path, gonio_error *error) {
-    char *folder = path[0] != '/' ? getcwd(NULL, 0) : NULL;
-    const size_t length = (folder != NULL ? strlen(folder) + 1 : 0) + strlen(path);
-    free(folder);
-    return length <= PATH_BYTES ? GONIO_OK
-                                : gonio_fail(error, GONIO_E_USAGE,
-                                             "a session's path of %zu bytes from the root on; at most %d are possible",
-                                             length, PATH_BYTES);
+gonio_status gonio_session_check_length(const char *path, gonio_error *error) {
+    char *here = path[0] != '/' ? getcwd(NULL, 0) : NULL, *copies[2] = {strdup(path), strdup(path)};
+    char *real = copies[0] != NULL ? realpath(dirname(copies[0]), NULL) : NULL;
+    const char *base = copies[1] != NULL ? basename(copies[1]) : "";
+    const size_t name = strlen(base), given = full_length(here, path), followed = full_length(real, base);
+    const size_t length = given > followed ? given : followed;
+    free(here);
+    free(real);
+    free(copies[0]);
+    free(copies[1]);
+    if (length > SESSION_PATH_BYTES) {
+        return gonio_fail(error, GONIO_E_USAGE,
+                          "a session's path of %zu bytes from the root on; at most %d are possible", length,
+                          SESSION_PATH_BYTES);
+    }
+    return name <= SESSION_NAME_BYTES ? GONIO_OK
+                                      : gonio_fail(error, GONIO_E_USAGE,
+                                                   "a session's name of %zu bytes; at most %d are possible, so that a "
+                                                   "repaired one has room beside it",
+                                                   name, SESSION_NAME_BYTES);
 }
 
 gonio_status gonio_session_create(const char *path, gonio_session **out, gonio_error *error) {
     *out = NULL;
     gonio_session *session = NULL;
-    gonio_status status = check_length(path, error);
+    gonio_status status = gonio_session_check_length(path, error);
     status = status == GONIO_OK ? gonio_session_new(path, &session, error) : status;
     if (status == GONIO_OK) {
         session->writable = true;

@@ -54,13 +54,13 @@ int gonio_folder_exchange(int folder, const char *a, const char *b) {
     return renameat2(folder, a, folder, b, RENAME_EXCHANGE);
 }
 
-// The prefix and six random digits; false with errno.
-static bool random_name(const char *prefix, char name[FOLDER_NAME]) {
+// The prefix and random digits; false with errno.
+static bool random_name(const char *prefix, int digits, char name[FOLDER_NAME]) {
     uint32_t number;
     if (getrandom(&number, sizeof number, 0) != sizeof number) {
         return false;
     }
-    if (snprintf(name, FOLDER_NAME, "%s%06x", prefix, number & 0xffffff) >= FOLDER_NAME) {
+    if (snprintf(name, FOLDER_NAME, "%s%0*x", prefix, digits, number & ((1u << 4 * digits) - 1)) >= FOLDER_NAME) {
         errno = ENAMETOOLONG;
         return false;
     }
@@ -68,7 +68,7 @@ static bool random_name(const char *prefix, char name[FOLDER_NAME]) {
 }
 
 int gonio_folder_make(int parent, const char *prefix, char name[FOLDER_NAME]) {
-    while (random_name(prefix, name)) {
+    while (random_name(prefix, 5, name)) {
         if (mkdirat(parent, name, 0700) == 0) {
             const int fd = gonio_folder_open(parent, name);
             if (fd < 0) {
@@ -84,7 +84,7 @@ int gonio_folder_make(int parent, const char *prefix, char name[FOLDER_NAME]) {
 }
 
 int gonio_folder_temporary(int folder, const char *prefix, char name[FOLDER_NAME]) {
-    while (random_name(prefix, name)) {
+    while (random_name(prefix, 6, name)) {
         const int fd = gonio_folder_create(folder, name, NULL);
         if (fd >= 0 || errno != EEXIST) {
             return fd;

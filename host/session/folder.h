@@ -22,7 +22,8 @@ int gonio_folder_rename(int from, const char *old_name, int to, const char *new_
 // Swap what two names of one folder stand for, at once. -1 with EINVAL, ENOSYS or EOPNOTSUPP where the file system
 // cannot.
 int gonio_folder_exchange(int folder, const char *a, const char *b);
-// Make a folder, or a file, whose name is the prefix and six random hexadecimal digits; the whole name goes to name.
+// Make a folder, or a file, whose name is the prefix and random hexadecimal digits, five of a folder, which
+// SESSION_PATH_BYTES counts on, six of a file; the whole name goes to name.
 int gonio_folder_make(int parent, const char *prefix, char name[FOLDER_NAME]);
 int gonio_folder_temporary(int folder, const char *prefix, char name[FOLDER_NAME]);
 // A new file: mode and owner are those of like (NULL: the umask's). -1 with EEXIST where the name is taken.

@@ -34,6 +34,10 @@ static gonio_status make_folder(const char *path, char **made, gonio_error *erro
     struct stat there;
     uint32_t number;
     *made = NULL;
+    const gonio_status fits = gonio_session_check_length(path, error);
+    if (fits != GONIO_OK) {
+        return fits;
+    }
     if (lstat(path, &there) == 0) {
         return gonio_fail_line(error, GONIO_E_USAGE, path, -1, "something is already there; name a new session");
     }

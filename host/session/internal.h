@@ -228,6 +228,12 @@ gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error);
 
 // The name that a new session.db has until it is whole, before six random letters.
 #define SESSION_NEW_JOURNAL "session.db.new"
+// SQLite opens files whose whole path, with the 8 bytes of "-journal", has at most 512 bytes. The longest are
+// SESSION/session.db.new-XXXXXX and, in a repair, SESSION.repair-XXXXX/session.db, 24 more than the session's. A file's
+// name has at most 255 bytes, SESSION.damaged-N too.
+enum { SESSION_PATH_BYTES = 480, SESSION_NAME_BYTES = 224 };
+// GONIO_E_USAGE where a new session would have a longer path or name, as it is given or with every link followed.
+gonio_status gonio_session_check_length(const char *path, gonio_error *error);
 
 // ---- row.c: rows of the journal, read with the types and bounds that they must have ----
 // A query's rows. The first value that is not what it must be ends the reading: the error names table, row and column,

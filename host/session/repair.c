@@ -71,7 +71,7 @@ static gonio_status open_parent(session_repair *r, const char *path, gonio_error
     r->path = real;
     char *slash = strrchr(real, '/');
     r->base = slash + 1;
-    if (slash == real || strlen(r->base) > FOLDER_NAME - 32) {
+    if (slash == real || strlen(r->base) > SESSION_NAME_BYTES) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
                                "a session whose name has room for a second one beside it is expected");
     }
@@ -95,6 +95,20 @@ static gonio_status open_places(session_repair *r, const char *path, gonio_error
     return gonio_session_lock(r->folder, r->path, error);
 }
 
+// *path: NULL for no memory.
+int gonio_repair_make_folder(const session_repair *r, char name[FOLDER_NAME], char **path) {
+    char prefix[FOLDER_NAME];
+    *path = NULL;
+    snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
+    const int fd = gonio_folder_make(r->parent, prefix, name);
+    if (fd < 0) {
+        name[0] = 0;
+    } else if (asprintf(path, "%.*s/%s", (int)(r->base - 1 - r->path), r->path, name) < 0) {
+        *path = NULL;
+    }
+    return fd;
+}
+
 static gonio_status make_beside(session_repair *r, gonio_error *error) {
     char prefix[FOLDER_NAME], left[FOLDER_NAME];
     snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
@@ -104,16 +118,11 @@ static gonio_status make_beside(session_repair *r, gonio_error *error) {
                           "copies, and may be removed",
                           left);
     }
-    r->beside = gonio_folder_make(r->parent, prefix, r->name);
+    r->beside = gonio_repair_make_folder(r, r->name, &r->beside_path);
     if (r->beside < 0) {
-        r->name[0] = 0;
         return fail(r, GONIO_E_IO, error, "cannot make a folder beside it");
     }
-    if (asprintf(&r->beside_path, "%.*s/%s", (int)(r->base - 1 - r->path), r->path, r->name) < 0) {
-        r->beside_path = NULL;
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
-    return GONIO_OK;
+    return r->beside_path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
 }
 
 static void leave(session_repair *r) {

@@ -16,12 +16,16 @@ typedef struct session_repair {
     char *beside_path;
     int beside;
     gonio_session *session; // the session with the journal that the new one will have
+    char *old_path;         // of a folder with a copy of the session's database; NULL: none
     bool journal_kept;      // that journal is the session's own
     session_findings findings;
 } session_repair;
 
 // Is there an entry beside the session whose name begins with the prefix?
 bool gonio_repair_leftover(const session_repair *r, const char *prefix, char found[FOLDER_NAME]);
+
+// A new folder beside the session, open; -1 with errno. The caller frees *path, which is NULL where there is no memory.
+int gonio_repair_make_folder(const session_repair *r, char name[FOLDER_NAME], char **path);
 
 // repair_parts.c
 // Make the new session's journal, a copy or of what can be read of the old one, and open r->session on it.

@@ -10,29 +10,24 @@
 
 #include "host/session/repair.h"
 
-#define OLD_JOURNAL ".journal"
-
 // ---- the journal ----
 
-static char *beside_file(const session_repair *r, const char *name) {
+static char *database_in(const char *folder) {
     char *path;
-    return asprintf(&path, "%s/%s", r->beside_path, name) < 0 ? NULL : path;
+    return asprintf(&path, "%s/session.db", folder) < 0 ? NULL : path;
 }
 
-// The session as it lies there, with the journal of another folder: "." is the new session's.
+// The session as it lies there, with the journal of another folder.
 static gonio_status open_with(session_repair *r, const char *folder, gonio_session **out, gonio_error *error) {
     gonio_session *session;
     gonio_status status = gonio_session_new(r->path, &session, error);
     if (status != GONIO_OK) {
         return status;
     }
-    session->private_folder = beside_file(r, folder);
+    session->private_folder = strdup(folder);
+    session->private_path = database_in(folder);
     session->folder_fd = fcntl(r->folder, F_DUPFD_CLOEXEC, 0);
-    if (session->private_folder == NULL ||
-        asprintf(&session->private_path, "%s/session.db", session->private_folder) < 0) {
-        session->private_path = NULL;
-    }
-    if (session->private_path == NULL || session->folder_fd < 0) {
+    if (session->private_folder == NULL || session->private_path == NULL || session->folder_fd < 0) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for a session");
     }
     status = status == GONIO_OK ? gonio_session_open_database(session, error) : status;
@@ -66,7 +61,7 @@ static gonio_status copy_sound(session_repair *r, gonio_session *old, const char
 // The old journal proves itself; its log goes with it unless that does not.
 static gonio_status keep_journal(session_repair *r, gonio_session *old, const session_proof *proof,
                                  gonio_error *error) {
-    char *file = beside_file(r, "session.db");
+    char *file = database_in(r->beside_path);
     gonio_status status =
         file != NULL ? copy_sound(r, old, file, error) : gonio_fail(error, GONIO_E_MEMORY, "no memory");
     free(file);
@@ -99,7 +94,7 @@ static gonio_status make_anew(session_repair *r, bool salvage, gonio_error *erro
     if (status != GONIO_E_INPUT || !salvage) {
         return gonio_fail_line(error, status, r->path, -1, "%s; nothing was changed", why.message);
     }
-    char *damaged = beside_file(r, OLD_JOURNAL "/session.db"), *fresh = beside_file(r, "session.db");
+    char *damaged = database_in(r->old_path), *fresh = database_in(r->beside_path);
     status = damaged != NULL && fresh != NULL ? gonio_session_salvage(damaged, fresh, r->report, error)
                                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
     free(damaged);
@@ -111,7 +106,7 @@ static gonio_status make_anew(session_repair *r, bool salvage, gonio_error *erro
 static gonio_status keep_if_sound(session_repair *r, bool *anew, gonio_error *error) {
     gonio_session *old = NULL;
     session_proof proof;
-    gonio_status status = open_with(r, OLD_JOURNAL, &old, error);
+    gonio_status status = open_with(r, r->old_path, &old, error);
     status = status == GONIO_OK ? gonio_session_check_journal(old, &proof, r->report, error) : status;
     // What the log alone tells, or tells otherwise, is not thrown away for a database that is sound.
     *anew = status == GONIO_OK && (!proof.database || proof.log == SESSION_LOG_AHEAD || proof.log == SESSION_LOG_OTHER);
@@ -149,23 +144,29 @@ static gonio_status like_old(session_repair *r, gonio_error *error) {
                 : gonio_fail_line(error, GONIO_E_IO, r->path, -1, "cannot write the new journal: %s", strerror(why));
 }
 
+// The copy has a folder of its own beside the session: SQLite's paths are as long as may be, and no longer.
 gonio_status gonio_repair_journal(session_repair *r, gonio_error *error) {
-    const int fd = mkdirat(r->beside, OLD_JOURNAL, 0700) == 0 ? gonio_folder_open(r->beside, OLD_JOURNAL) : -1;
+    char name[FOLDER_NAME];
+    const int fd = gonio_repair_make_folder(r, name, &r->old_path);
     if (fd < 0) {
         return gonio_fail_line(error, GONIO_E_IO, r->path, -1, "cannot copy its journal: %s", strerror(errno));
     }
     struct stat facts;
     const bool database = fstatat(r->folder, "session.db", &facts, AT_SYMLINK_NOFOLLOW) == 0 || errno != ENOENT;
     bool room;
-    gonio_status status = database ? gonio_session_copy_journal(r->folder, r->path, fd, &room, error) : GONIO_OK;
-    close(fd);
+    gonio_status status = r->old_path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
     if (!database) {
         gonio_doctor_note(r->report, "its session.db is missing");
+    } else if (status == GONIO_OK) {
+        status = gonio_session_copy_journal(r->folder, r->path, fd, &room, error);
     }
+    close(fd);
     status = status == GONIO_OK ? make_journal(r, database, error) : status;
-    gonio_folder_discard(r->beside, OLD_JOURNAL);
+    gonio_folder_discard(r->parent, name);
+    free(r->old_path);
+    r->old_path = NULL;
     status = status == GONIO_OK ? like_old(r, error) : status;
-    return status == GONIO_OK ? open_with(r, ".", &r->session, error) : status;
+    return status == GONIO_OK ? open_with(r, r->beside_path, &r->session, error) : status;
 }
 
 // ---- the other files ----
