@@ -248,7 +248,8 @@ static gonio_status choose_place(const run *r, char **path, bool *own, gonio_err
         if (*own && asprintf(path, "%s/model.gonio", gonio_session_path(r->session)) < 0) {
             *path = NULL;
         }
-        status = status == GONIO_OK && *path != NULL ? check_place(r, *path, error) : status;
+        // What stands in the session's own place, a damaged model too, goes to lost+found/.
+        status = status == GONIO_OK && *path != NULL && !*own ? check_place(r, *path, error) : status;
     }
     return status == GONIO_OK && *path == NULL ? gonio_fail(error, GONIO_E_MEMORY, "no memory for a path") : status;
 }

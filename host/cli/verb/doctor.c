@@ -88,7 +88,7 @@ static void print(const char *path, const gonio_doctor_report *r, bool repair, j
                (long long)r->flagged);
     }
     if (r->strays > 0) {
-        printf("strays     %lld files; `gonio resume` moves them to lost+found/\n", (long long)r->strays);
+        printf("strays     %lld files; `gonio doctor --repair` moves them to lost+found/\n", (long long)r->strays);
     }
     cli_print_lines(r->detail);
     if (r->findings_cut > 0) {
@@ -147,6 +147,9 @@ static int fail_doctor(const cli_common *common, const char *path, const gonio_d
     if (common->json) {
         json_t *object = to_json(path, r);
         json_object_set_new(object, "refused", cli_json_text(error->message));
+        json_object_set_new(object, "error",
+                            json_pack("{s:i,s:s,s:o,s:o}", "status", gonio_status_exit(error->status), "message",
+                                      error->message, "file", cli_json_text(error->file), "line", json_null()));
         cli_json(object);
         plain.json = false;
     } else {
@@ -163,6 +166,8 @@ static gonio_status make_small(const char *path, const cli_common *common, gonio
         return status;
     }
     status = gonio_session_compress(session, common->threads, &saved, error);
+    // What an earlier one left when it was killed.
+    status = status == GONIO_OK ? gonio_session_sweep(session, NULL, error) : status;
     gonio_session_close(session);
     if (!common->json && status == GONIO_OK) {
         printf("compressed %lld bytes less\n", (long long)saved);
