@@ -82,7 +82,7 @@ int cli_usage(const cli_common *common, const char *format, ...) __attribute__((
 // Print the object as one line on stdout and release it; returns 0, or 1 where there was no memory for it (NULL).
 int cli_json(json_t *object);
 // Jansson's json_string and json_pack for what comes from outside, and in their place everywhere here. A byte that is
-// not UTF-8 becomes U+FFFD, a number that is not finite null, NULL null. pack knows { } [ ] s s? i I b f o.
+// not UTF-8 becomes U+FFFD, a number that is not finite null, NULL null. pack knows { } [ ] s s? i I b f o O.
 json_t *cli_json_string(const char *text);
 json_t *cli_json_pack(const char *format, ...);
 #define json_string cli_json_string

@@ -101,6 +101,9 @@ static json_t *pack(packing *p) {
     case 'o':
         value = va_arg(p->values, json_t *);
         return value != NULL ? value : json_null();
+    case 'O':
+        value = va_arg(p->values, json_t *);
+        return value != NULL ? json_incref(value) : json_null();
     default:
         return NULL;
     }
