@@ -12,6 +12,7 @@
 #include "gonio/acquire.h"
 #include "gonio/io.h"
 #include "host/acquire/acquire.h"
+#include "host/session/info.h"
 
 // Measure with a simulated rig of a tiny camera; more (NULL: none) settings.
 static inline gonio_status make_small_session(const char *path, const gonio_rig_file_options *texts,
@@ -185,10 +186,39 @@ static inline gonio_status read_as_replay(gonio_session *session, uint64_t *dige
     return status;
 }
 
+// What a replay holds its stages against, and what the session tells of itself.
+static inline gonio_status read_stages(gonio_session *session, uint64_t *digest, gonio_error *error) {
+    static const gonio_stage stages[] = {GONIO_STAGE_FRAMES, GONIO_STAGE_RADIANCE, GONIO_STAGE_SAMPLES};
+    gonio_step *steps;
+    size_t n;
+    char hex[GONIO_SHA256_HEX];
+    gonio_status status = gonio_session_steps(session, &steps, &n, error);
+    for (size_t i = 0; status == GONIO_OK && i < n; i++) {
+        gonio_step_radiance radiance;
+        status = gonio_session_radiance(session, steps[i].index, &radiance, error);
+        digest_bytes(digest, radiance.mean, (size_t)radiance.channels * sizeof(double));
+    }
+    free(steps);
+    for (size_t k = 0; status == GONIO_OK && k < sizeof stages / sizeof *stages; k++) {
+        status = gonio_session_stage_hash(session, stages[k], hex, error);
+        digest_bytes(digest, hex, strlen(hex));
+    }
+    return status;
+}
+
+static inline gonio_status read_info(gonio_session *session, uint64_t *digest, gonio_error *error) {
+    json_t *info = NULL;
+    const gonio_status status = gonio_session_info(session, &info, error);
+    const json_int_t files = (json_int_t)json_array_size(json_object_get(info, "files"));
+    digest_bytes(digest, &files, sizeof files);
+    json_decref(info);
+    return status;
+}
+
 // Every reader, each whatever the others say; the first failure, its reason, and a digest of what was read.
 static inline gonio_status read_everything(const char *path, uint64_t *digest, gonio_error *error) {
-    static gonio_status (*const readers[])(gonio_session *, uint64_t *, gonio_error *) = {read_steps, read_settings,
-                                                                                          read_sets, read_as_replay};
+    static gonio_status (*const readers[])(gonio_session *, uint64_t *, gonio_error *) = {
+        read_steps, read_settings, read_sets, read_stages, read_info, read_as_replay};
     gonio_session *session;
     gonio_doctor_report report;
     gonio_error why = {0};

@@ -26,18 +26,16 @@ gonio_status gonio_session_put_radiance(gonio_session *session, int64_t step, co
     return gonio_session_run(session, insert, error);
 }
 
-static bool read_radiance(sqlite3_stmt *row, gonio_step_radiance *radiance) {
-    const int channels = sqlite3_column_int(row, 0);
-    const void *means = sqlite3_column_blob(row, 1);
-    const char *hash = (const char *)sqlite3_column_text(row, 2);
-    if (channels < 1 || channels > 3 || means == NULL || hash == NULL || strlen(hash) != GONIO_SHA256_HEX - 1 ||
-        sqlite3_column_bytes(row, 1) != channels * (int)sizeof(double)) {
-        return false;
+static void read_radiance(session_rows *rows, gonio_step_radiance *radiance) {
+    const int channels = (int)gonio_row_integer(rows, 1, 1, 3);
+    const size_t bytes = (size_t)channels * sizeof(double);
+    const unsigned char *means = gonio_row_blob(rows, 2, bytes);
+    const char *hash = gonio_row_sha256(rows, 3);
+    if (rows->status == GONIO_OK) {
+        radiance->channels = channels;
+        memcpy(radiance->mean, means, bytes);
+        memcpy(radiance->sha256, hash, GONIO_SHA256_HEX);
     }
-    radiance->channels = channels;
-    memcpy(radiance->mean, means, (size_t)channels * sizeof(double));
-    memcpy(radiance->sha256, hash, GONIO_SHA256_HEX);
-    return true;
 }
 
 // Sessions of the first releases lack the table.
@@ -52,67 +50,62 @@ static gonio_status has_radiance(gonio_session *session, bool *has, gonio_error 
 gonio_status gonio_session_radiance(gonio_session *session, int64_t step, gonio_step_radiance *radiance,
                                     gonio_error *error) {
     bool has;
-    sqlite3_stmt *row;
     *radiance = (gonio_step_radiance){0};
-    gonio_status status = has_radiance(session, &has, error);
+    const gonio_status status = has_radiance(session, &has, error);
     if (status != GONIO_OK || !has) {
         return status;
     }
-    status = gonio_session_prepare(session, "SELECT channels, means, sha256 FROM radiance WHERE step = ?", &row, error);
-    if (status != GONIO_OK) {
-        return status;
+    session_rows rows;
+    if (gonio_rows_open(&rows, session, "radiance", 1,
+                        "SELECT step, channels, means, sha256 FROM radiance WHERE step = ?", error) == GONIO_OK) {
+        sqlite3_bind_int64(rows.statement, 1, step);
     }
-    sqlite3_bind_int64(row, 1, step);
-    const int code = sqlite3_step(row);
-    if (code == SQLITE_ROW && !read_radiance(row, radiance)) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, session->db_path, -1,
-                                 "table radiance, step %lld: not a row that a measure writes", (long long)step);
-    } else if (code != SQLITE_ROW && code != SQLITE_DONE) {
-        status = gonio_session_db_fail(session, error, "read a radiance");
+    if (gonio_rows_next(&rows)) {
+        read_radiance(&rows, radiance);
     }
-    sqlite3_finalize(row);
-    return status;
+    return gonio_rows_close(&rows);
 }
 
-static gonio_status hash_rows(gonio_session *session, sqlite3_stmt *rows, EVP_MD_CTX *hash, size_t *n,
-                              gonio_error *error) {
-    int code;
-    for (*n = 0; (code = sqlite3_step(rows)) == SQLITE_ROW; ++*n) {
-        const char *line = (const char *)sqlite3_column_text(rows, 0);
-        EVP_DigestUpdate(hash, line != NULL ? line : "", line != NULL ? strlen(line) : 0);
-        EVP_DigestUpdate(hash, "\n", 1);
+// Lines of the keys and the checksum behind them.
+static gonio_status hash_rows(session_rows *rows, EVP_MD_CTX *hash) {
+    while (gonio_rows_next(rows)) {
+        char line[48 + GONIO_SHA256_HEX];
+        int n = 0;
+        for (int k = 0; k < rows->keys; k++) {
+            n += snprintf(line + n, sizeof line - (size_t)n, "%lld ",
+                          (long long)gonio_row_integer(rows, k, 0, SESSION_STEP_MAX));
+        }
+        const char *sha256 = gonio_row_sha256(rows, rows->keys);
+        n += snprintf(line + n, sizeof line - (size_t)n, "%s\n", sha256 != NULL ? sha256 : "");
+        EVP_DigestUpdate(hash, line, (size_t)n);
     }
-    return code == SQLITE_DONE ? GONIO_OK : gonio_session_db_fail(session, error, "read checksums");
+    return gonio_rows_close(rows);
 }
 
 gonio_status gonio_session_stage_hash(gonio_session *session, gonio_stage stage, char hex[GONIO_SHA256_HEX],
                                       gonio_error *error) {
-    static const char *const queries[] = {
-        [GONIO_STAGE_FRAMES] = "SELECT step || ' ' || frame || ' ' || sha256 FROM frames ORDER BY step, frame",
-        [GONIO_STAGE_RADIANCE] = "SELECT step || ' ' || sha256 FROM radiance ORDER BY step",
-        [GONIO_STAGE_SAMPLES] = "SELECT step || ' ' || sha256 FROM samples ORDER BY step",
+    static const struct {
+        const char *table, *sql;
+        int keys;
+    } stages[] = {
+        [GONIO_STAGE_FRAMES] = {"frames", "SELECT step, frame, sha256 FROM frames ORDER BY step, frame", 2},
+        [GONIO_STAGE_RADIANCE] = {"radiance", "SELECT step, sha256 FROM radiance ORDER BY step", 1},
+        [GONIO_STAGE_SAMPLES] = {"samples", "SELECT step, sha256 FROM samples ORDER BY step", 1},
     };
     bool has = true;
-    size_t n = 0;
-    sqlite3_stmt *rows;
     EVP_MD_CTX *hash;
     hex[0] = 0;
     gonio_status status = stage == GONIO_STAGE_RADIANCE ? has_radiance(session, &has, error) : GONIO_OK;
+    status = status == GONIO_OK && has ? gonio_session_hash_begin(&hash, error) : status;
     if (status != GONIO_OK || !has) {
         return status;
     }
-    status = gonio_session_prepare(session, queries[stage], &rows, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    status = gonio_session_hash_begin(&hash, error);
-    if (status == GONIO_OK) {
-        status = hash_rows(session, rows, hash, &n, error);
-        gonio_session_hash_end(hash, hex);
-    }
-    if (n == 0) {
+    session_rows rows;
+    gonio_rows_open(&rows, session, stages[stage].table, stages[stage].keys, stages[stage].sql, error);
+    status = hash_rows(&rows, hash);
+    gonio_session_hash_end(hash, hex);
+    if (rows.n == 0) {
         hex[0] = 0;
     }
-    sqlite3_finalize(rows);
     return status;
 }
