@@ -1,6 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: BSD-3-Clause
-# --json prints one valid JSON object whatever a path is made of: a byte that is not UTF-8 in every path of every verb.
+# --json prints one valid JSON object whatever a path is made of: a byte that is not UTF-8 in every path of every verb,
+# and in every text of a session's journal.
 set -u
 . "$(dirname "$0")/lib.sh"
 if ! python3 -c 'import json' 2>/dev/null; then
@@ -46,10 +47,10 @@ valid 0 calibrate noise --rig sim -o "$odd.maps"
 # A path that is not there: every verb there is.
 for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     case $verb in
-    measure) valid 3 measure --rig "$odd/none" "$odd.x" ;;
-    merge) valid 3 merge "$odd/none" "$odd/none2" -o "$odd.merged.csv" ;;
+    measure) valid 3 measure --rig "$odd/none" x ;;
     rig) valid 3 rig status --rig "$odd/none" ;;
     calibrate) valid 3 calibrate camera "$odd/none.png" -o x ;;
+    merge) valid 3 merge "$odd/none" "$odd/none" -o x ;;
     fit | render) valid 3 $verb "$odd/none" -o x ;;
     convert) valid 3 convert "$odd/none" "$odd.2.csv" ;;
     eval | compare) valid 3 $verb "$odd/none" "$odd/none" ;;
@@ -58,6 +59,47 @@ for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     *) valid 3 "$verb" "$odd/none" ;;
     esac
 done
+# In every column of texts of every table of a session of either version. What no chain proves is refused or shown; a
+# repair, where the bytes are told of too, ends in some way.
+if python3 -c 'import sqlite3' 2>/dev/null; then
+    python3 - "$odd" "$GONIO" <<'PY' >told 2>&1
+import json, os, shutil, sqlite3, subprocess, sys
+session, gonio = os.fsencode(sys.argv[1]), sys.argv[2]
+def spoil(version, table, column):
+    shutil.rmtree(b'spoiled', ignore_errors=True)
+    shutil.copytree(session, b'spoiled')
+    db = sqlite3.connect('spoiled/session.db')
+    db.text_factory = bytes
+    if version == 1:
+        db.executescript('DROP TABLE chain; DROP TABLE hosts; PRAGMA user_version = 1;'
+            'ALTER TABLE steps DROP COLUMN utc; ALTER TABLE frames DROP COLUMN utc;'
+            'ALTER TABLE frames DROP COLUMN monotonic_s; ALTER TABLE frames DROP COLUMN bytes')
+        os.remove('spoiled/session.log')
+    if table is None:
+        return db.execute("SELECT m.name, c.name FROM sqlite_master AS m, pragma_table_info(m.name) AS c"
+            " WHERE m.type = 'table' AND c.type = 'TEXT'").fetchall()
+    db.execute('PRAGMA writable_schema = ON')
+    db.execute(f"UPDATE {table} SET {column} = CAST(x'61ff62c328' || substr({column}, 6) AS TEXT)"
+        f" WHERE {column} = (SELECT max({column}) FROM {table})")
+    db.commit()
+    db.close()
+tried = 0
+for version in (2, 1):
+    for table, column in [(t.decode(), c.decode()) for t, c in spoil(version, None, None)]:
+        repair = column in ('hash', 'value', 'text', 'file') # what a repair tells of
+        for verb in [['doctor'], ['info']] + [['doctor', '--repair']] * repair:
+            spoil(version, table, column)
+            end = subprocess.run([gonio, *verb, 'spoiled', '--json'], capture_output=True)
+            text = end.stdout.decode('utf-8')
+            where = (version, table, column, verb, end.returncode, text[:300], end.stderr[:300])
+            assert text.endswith('\n') and text.count('\n') == 1, where
+            found = json.loads(text)
+            assert isinstance(found, dict) and found and end.returncode in (0, 1, 3), where
+            tried += 1
+assert tried > 90, tried
+PY
+    ok $? "a journal's texts that are not UTF-8: $(tail -n 1 told | tr -cd ' -~')"
+fi
 python3 - answer.* <<'PY' >told 2>&1
 import json, sys
 for name in sys.argv[1:]:

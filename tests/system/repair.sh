@@ -74,6 +74,51 @@ check "nothing of it is lost" [ "$(field rows_lost)$(field steps_missing)$(field
 check "the earlier journal is still there" [ -e "$work/s.damaged-1/session.db" ]
 check "and the session is sound" "$GONIO" doctor "$work/s"
 
+# A model whose head is damaged is no model to look at: the session's own goes to lost+found/ all the same.
+for repair in yes no; do
+    fresh
+    printf spoiled | dd of="$work/s/model.gonio" conv=notrunc 2>/dev/null
+    cp "$work/s/model.gonio" "$work/spoiled"
+    check "doctor tells a model with a damaged head" tells 1 "not the model" "$GONIO" doctor "$work/s"
+    if [ $repair = yes ]; then check "doctor --repair calls its results gone" "$GONIO" doctor --repair "$work/s"; fi
+    check "resume fits it anew" "$GONIO" resume "$work/s"
+    check "to the same model" cmp "$work/s/model.gonio" "$work/good/model.gonio"
+    check "and keeps the damaged one" cmp "$work/s/lost+found/model.gonio" "$work/spoiled"
+    check "then it is sound" "$GONIO" doctor "$work/s"
+done
+
+# What a killed program left among the frames of a finished session.
+for verb in --repair --compress; do
+    fresh
+    echo half >"$work/s/frames/.000005-00.png.1f0a33c8.new"
+    check "doctor tells half a frame" tells 0 '"strays":1' "$GONIO" doctor --json "$work/s"
+    check "doctor $verb takes it away" "$GONIO" doctor $verb "$work/s"
+    check "to lost+found/" grep -q half "$work/s/lost+found/.000005-00.png.1f0a33c8.new"
+    check "and leaves none" tells 0 '"strays":0' "$GONIO" doctor --json "$work/s"
+    check "nor a frame less" none_lost "$work/s"
+done
+
+# Every path that measure takes can be repaired: the longest, whatever share of it is the session's name.
+for base in s "$(printf '%0224d' 0)"; do
+    deep=$work
+    while [ $((479 - ${#base} - ${#deep})) -gt 200 ]; do deep=$deep/$(printf '%0100d' 0); done
+    deep=$deep/$(printf "%0$((478 - ${#base} - ${#deep}))d" 0)
+    mkdir -p "$deep"
+    cp -a "$work/good" "$deep/$base"
+    for damage in "rm session.db" "rm session.log" "dd if=/dev/zero of=session.db bs=4096 seek=1 count=1 conv=notrunc"; do
+        (cd "$deep/$base" && $damage) 2>/dev/null
+        check "a path of $((${#deep} + 1 + ${#base})) bytes, $damage: doctor --repair" "$GONIO" doctor --repair "$deep/$base"
+        check "and it is sound" tells 0 '"sound":true' "$GONIO" doctor --json "$deep/$base"
+        check "to the same samples" sh -c "'$GONIO' samples '$work/good' >'$work/a.csv' && '$GONIO' samples '$deep/$base' | cmp - '$work/a.csv'"
+    done
+    if [ "$base" = s ]; then base=m; else base=1${base#0}; fi
+    check "measure takes such a path" "$GONIO" measure --sample lambert:rho=0.5 --plan nusselt:1 --set scan.trap_frames=0,scan.dark_frames=4 "$deep/$base"
+    check "and not a longer one" tells 2 "at most" "$GONIO" measure --sample lambert:rho=0.5 --plan nusselt:1 "$deep/${base}1"
+    check "of which nothing is made" [ ! -e "$deep/${base}1" ]
+    check "nor does convert" tells 2 "at most" sh -c "'$GONIO' convert '$work/good' '$work/x.h5' && '$GONIO' convert '$work/x.h5' '$deep/${base}1'"
+    rm -f "$work/x.h5"
+done
+
 # ---- not damage ----
 fresh
 rm "$work/s/session.db"
