@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: BSD-3-Clause
 # Run every test program of a build folder and sum up. Each prints TAP ("ok", "not ok", "ok ... # SKIP"). Programs run as
-# many at a time as there are processors; the scripts that drive the program, which itself takes all of them, one by one.
+# many at a time as there are processors; the scripts that drive the program, which itself takes all of them, one by one;
+# beside both, two at a time, those that wait.
 # usage: tests/run.sh BUILD_FOLDER [NAME ...]     only the tests whose path holds one of the names
 # Exit status 1 when anything failed; last line "N passed, N failed, N skipped".
 set -u
@@ -44,15 +45,17 @@ wanted() {
 }
 mkdir -p "$logs"
 rm -f "$logs"/*.count "$logs"/*.told
-# The longest first, so that no processor waits for one at the end.
-long='lobe_spline|extrapolation|smooth|calib_budget|sigma|conformance|controller|intrinsics'
 programs() { find "$build/asan/tests" -type f -perm -u+x 2>/dev/null | sort; }
-{ programs | grep -E "$long"; programs | grep -vE "$long"; } | wanted "$@" | xargs -r -P "$(nproc)" -n 1 "$0" "$build" --one
-# Scripts that use one processor or wait for a machine's clock go beside the others.
-light='/(board|calibrate_rig|faults|firmware)\.sh$'
 scripts() { find tests/system -name '*.sh' ! -name 'lib.sh' | sort; }
-scripts | grep -E "$light" | wanted "$@" | xargs -r -n 1 "$0" "$build" --one &
-scripts | grep -vE "$light" | wanted "$@" | xargs -r -n 1 "$0" "$build" --one
+# What mostly waits for a machine's clock, or uses one processor for minutes, goes beside all the others from the
+# beginning.
+waiting='/(board|calibrate_rig|control|faults|firmware)\.sh$|/test_(camera_aravis|control|controller|stage_lines|stage_modbus|usbtmc)$'
+# The longest first, so that no processor waits for one at the end.
+long='firmware\.sh|board|faults|lobe_spline|extrapolation|smooth|calib_budget|sigma|conformance|intrinsics'
+longest_first() { awk -v long="$long" '$0 ~ long { print; next } { rest = rest $0 "\n" } END { printf "%s", rest }'; }
+{ scripts; programs; } | grep -E "$waiting" | longest_first | wanted "$@" | xargs -r -P 2 -n 1 "$0" "$build" --one &
+programs | grep -vE "$waiting" | longest_first | wanted "$@" | xargs -r -P "$(nproc)" -n 1 "$0" "$build" --one
+scripts | grep -vE "$waiting" | wanted "$@" | xargs -r -n 1 "$0" "$build" --one
 wait
 cat "$logs"/*.count 2>/dev/null | awk '{ p += $1; f += $2; s += $3 }
     END { printf "%d passed, %d failed, %d skipped\n", p, f, s; exit f > 0 || p + s == 0 }' >"$logs/summary"
