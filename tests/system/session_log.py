@@ -13,6 +13,8 @@ COLUMNS = {
               " monotonic_s bytes",
     "samples": "step n channels rows sha256",
     "final_samples": "step n channels rows sha256",
+    "radiance": "step channels means sha256",
+    "files": "key role name sha256 size bytes",
     "flagged": "step",
     "events": "event utc kind text",
 }
