@@ -39,8 +39,8 @@ fresh() {
 }
 field() { sed -n "s/.*\"$1\":\([^,}]*\).*/\1/p" "$work/told" | head -n 1; }
 
-"$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.3 --plan nusselt:12 \
-    --set scan.dark_frames=4,scan.reference_frames=4,scan.trap_frames=2 "$work/good" >"$work/measure.log" 2>&1
+small=scan.dark_frames=4,scan.reference_frames=4,scan.trap_frames=2,camera.width=48,camera.height=48,sample.region_radius_mm=1
+"$GONIO" measure --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.3 --plan nusselt:12 --set $small --method mba --level 2 "$work/good" >"$work/measure.log" 2>&1
 ok $? "measure"
 
 # ---- sound ----
@@ -112,7 +112,7 @@ for base in s "$(printf '%0224d' 0)"; do
         check "to the same samples" sh -c "'$GONIO' samples '$work/good' >'$work/a.csv' && '$GONIO' samples '$deep/$base' | cmp - '$work/a.csv'"
     done
     if [ "$base" = s ]; then base=m; else base=1${base#0}; fi
-    check "measure takes such a path" "$GONIO" measure --sample lambert:rho=0.5 --plan nusselt:1 --set scan.trap_frames=0,scan.dark_frames=4 "$deep/$base"
+    check "measure takes such a path" "$GONIO" measure --sample lambert:rho=0.5 --plan nusselt:1 --set $small "$deep/$base"
     check "and not a longer one" tells 2 "at most" "$GONIO" measure --sample lambert:rho=0.5 --plan nusselt:1 "$deep/${base}1"
     check "of which nothing is made" [ ! -e "$deep/${base}1" ]
     check "nor does convert" tells 2 "at most" sh -c "'$GONIO' convert '$work/good' '$work/x.h5' && '$GONIO' convert '$work/x.h5' '$deep/${base}1'"
