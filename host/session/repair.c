@@ -95,20 +95,6 @@ static gonio_status open_places(session_repair *r, const char *path, gonio_error
     return gonio_session_lock(r->folder, r->path, error);
 }
 
-// *path: NULL for no memory.
-int gonio_repair_make_folder(const session_repair *r, char name[FOLDER_NAME], char **path) {
-    char prefix[FOLDER_NAME];
-    *path = NULL;
-    snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
-    const int fd = gonio_folder_make(r->parent, prefix, name);
-    if (fd < 0) {
-        name[0] = 0;
-    } else if (asprintf(path, "%.*s/%s", (int)(r->base - 1 - r->path), r->path, name) < 0) {
-        *path = NULL;
-    }
-    return fd;
-}
-
 static gonio_status make_beside(session_repair *r, gonio_error *error) {
     char prefix[FOLDER_NAME], left[FOLDER_NAME];
     snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);

@@ -24,10 +24,9 @@ typedef struct session_repair {
 // Is there an entry beside the session whose name begins with the prefix?
 bool gonio_repair_leftover(const session_repair *r, const char *prefix, char found[FOLDER_NAME]);
 
+// repair_parts.c
 // A new folder beside the session, open; -1 with errno. The caller frees *path, which is NULL where there is no memory.
 int gonio_repair_make_folder(const session_repair *r, char name[FOLDER_NAME], char **path);
-
-// repair_parts.c
 // Make the new session's journal, a copy or of what can be read of the old one, and open r->session on it.
 gonio_status gonio_repair_journal(session_repair *r, gonio_error *error);
 // Give every other file of the session a second name in the new one.

@@ -10,6 +10,19 @@
 
 #include "host/session/repair.h"
 
+int gonio_repair_make_folder(const session_repair *r, char name[FOLDER_NAME], char **path) {
+    char prefix[FOLDER_NAME];
+    *path = NULL;
+    snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
+    const int fd = gonio_folder_make(r->parent, prefix, name);
+    if (fd < 0) {
+        name[0] = 0;
+    } else if (asprintf(path, "%.*s/%s", (int)(r->base - 1 - r->path), r->path, name) < 0) {
+        *path = NULL;
+    }
+    return fd;
+}
+
 // ---- the journal ----
 
 static char *database_in(const char *folder) {
