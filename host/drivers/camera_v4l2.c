@@ -9,9 +9,6 @@
 #include <string.h>
 
 #include "host/drivers/camera_controls.h"
-#include "host/drivers/camera_keys.h"
-#include "host/drivers/driver.h"
-#include "host/drivers/lamp_gpio.h"
 #include "host/transport/clock.h"
 
 enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, LATENCY_MAX = 30, TRIES = 3 };
@@ -28,10 +25,16 @@ typedef struct camera {
     char card[33];
     int64_t exposure_steps, gain_steps; // as set; -1: not yet
     double exposure_s, gain_db;
+    double longest_s;               // exposure that a frame may have that comes next: the one before the last change
+    double interval_s, interval0_s; // between frames: now, and the driver's own choice; 0: the driver tells none
+    bool capped;                    // the longest interval ends the range of exposures
+    char warning[80];
     int stale_left; // frames that may have been in the queue already, counted where they carry no usable time
     int to_discard; // frames that may still have older settings
     bool sequence_known;
     uint32_t sequence; // of the last frame
+    int64_t time_ns;   // its stamp
+    double step_s;     // from the stamp before it
 } camera;
 
 void gonio_camera_v4l2_defaults(gonio_camera_v4l2_config *config) {
@@ -64,6 +67,23 @@ static gonio_status choose_format(camera *c, gonio_error *error) {
     return GONIO_OK;
 }
 
+// An exposure is no longer than the interval between frames.
+static void find_intervals(camera *c) {
+    gonio_camera_controls *k = &c->controls;
+    c->interval_s = 0;
+    c->capped = false;
+    if (gonio_v4l2_get_interval(c->v4l2, &c->interval_s, NULL) != GONIO_OK) {
+        c->interval_s = 0;
+    }
+    c->interval0_s = c->interval_s;
+    const double longest_s = c->interval_s > 0 ? gonio_camera_interval(c->v4l2, &c->format, INFINITY) : 0;
+    if (k->exposure != 0 && longest_s > 0 && longest_s < (double)k->exposure_max * k->exposure_unit_s) {
+        const int64_t most = (int64_t)(longest_s / k->exposure_unit_s * (1 + 1e-6));
+        k->exposure_max = most > k->exposure_min ? most : k->exposure_min;
+        c->capped = true;
+    }
+}
+
 static gonio_status configure(camera *c, gonio_error *error) {
     gonio_status status = choose_format(c, error);
     if (status != GONIO_OK) {
@@ -71,7 +91,7 @@ static gonio_status configure(camera *c, gonio_error *error) {
     }
     c->format = (gonio_v4l2_format){.fourcc = c->pixels->fourcc, .width = c->config.width, .height = c->config.height};
     status = gonio_v4l2_set_format(c->v4l2, &c->format, error);
-    status = status == GONIO_OK ? gonio_camera_autos_off(c->v4l2, error) : status;
+    status = status == GONIO_OK ? gonio_camera_autos_off(c->v4l2, c->warning, sizeof c->warning, error) : status;
     if (status == GONIO_OK) {
         status = gonio_camera_controls_find(c->v4l2, c->config.exposure_unit_s, &c->controls, error);
     }
@@ -80,6 +100,9 @@ static gonio_status configure(camera *c, gonio_error *error) {
                             "camera %s (%s) has no exposure control in seconds: give exposure_unit_us (of its own "
                             "control) or fixed_exposure_ms",
                             c->config.path, gonio_v4l2_card(c->v4l2));
+    }
+    if (status == GONIO_OK) {
+        find_intervals(c);
     }
     return status;
 }
@@ -125,27 +148,54 @@ static gonio_status reconnect(camera *c, gonio_deadline deadline, gonio_error *e
     return status;
 }
 
+// The driver cuts an exposure to the interval between frames without a word: a longer interval first, for which the
+// stream must stand still, and the driver's own again when that is enough.
+static gonio_status fit_interval(camera *c, double exposure_s, gonio_error *error) {
+    if (!(c->interval0_s > 0)) {
+        return GONIO_OK;
+    }
+    const double least_s = fmax(c->interval0_s, exposure_s),
+                 offered_s = gonio_camera_interval(c->v4l2, &c->format, least_s);
+    double wanted_s = offered_s > 0 ? offered_s : least_s;
+    if (fabs(wanted_s - c->interval_s) > 1e-4 * wanted_s) {
+        gonio_v4l2_stop(c->v4l2);
+        gonio_status status = gonio_v4l2_set_interval(c->v4l2, &wanted_s, error);
+        c->interval_s = wanted_s > 0 ? wanted_s : c->interval_s;
+        status = status == GONIO_OK ? start(c, error) : status;
+        if (status != GONIO_OK) {
+            return status;
+        }
+    }
+    return exposure_s <= c->interval_s * (1 + 1e-4)
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_RANGE,
+                            "camera %s: exposure of %g s asked for, but the frame interval of %g s, longer than which "
+                            "the driver gives none, caps it",
+                            c->config.path, exposure_s, c->interval_s);
+}
+
 static gonio_status set_exposure(camera *c, double exposure_s, gonio_error *error) {
     const gonio_camera_controls *k = &c->controls;
-    if (k->exposure == 0) {
-        c->exposure_s = c->config.fixed_exposure_s;
-    } else {
-        const int64_t steps = gonio_camera_nearest_step(exposure_s / k->exposure_unit_s, k->exposure_min,
-                                                        k->exposure_max, k->exposure_step);
-        if (steps != c->exposure_steps) {
-            const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->exposure, (int32_t)steps, error);
-            if (status != GONIO_OK) {
-                return status;
-            }
-            c->exposure_steps = steps;
-            c->to_discard = c->config.settle_frames;
+    const int64_t steps = k->exposure == 0 ? 0
+                                           : gonio_camera_nearest_step(exposure_s / k->exposure_unit_s, k->exposure_min,
+                                                                       k->exposure_max, k->exposure_step);
+    const double nearest_s = k->exposure == 0 ? c->config.fixed_exposure_s : (double)steps * k->exposure_unit_s;
+    if (!(fabs(nearest_s - exposure_s) <= c->config.exposure_tolerance * exposure_s)) {
+        return gonio_fail(error, GONIO_E_RANGE, "camera %s: exposure of %g s asked for, the nearest it has is %g s%s",
+                          c->config.path, exposure_s, nearest_s,
+                          c->capped && nearest_s < exposure_s ? ", which its longest frame interval caps" : "");
+    }
+    if (k->exposure != 0 && steps != c->exposure_steps) {
+        gonio_status status = fit_interval(c, nearest_s, error);
+        status = status == GONIO_OK ? gonio_v4l2_set_control(c->v4l2, k->exposure, steps, error) : status;
+        if (status != GONIO_OK) {
+            return status;
         }
-        c->exposure_s = (double)steps * k->exposure_unit_s;
+        c->exposure_steps = steps;
+        c->to_discard = c->config.settle_frames;
     }
-    if (!(fabs(c->exposure_s - exposure_s) <= c->config.exposure_tolerance * exposure_s)) {
-        return gonio_fail(error, GONIO_E_RANGE, "camera %s: exposure of %g s asked for, the nearest it has is %g s",
-                          c->config.path, exposure_s, c->exposure_s);
-    }
+    c->longest_s = fmax(c->longest_s, nearest_s);
+    c->exposure_s = nearest_s;
     return GONIO_OK;
 }
 
@@ -172,7 +222,7 @@ static gonio_status set_gain(camera *c, double gain_db, gonio_error *error) {
                           c->config.path, gain_db, c->gain_db);
     }
     if (steps != c->gain_steps) {
-        const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->gain, (int32_t)steps, error);
+        const gonio_status status = gonio_v4l2_set_control(c->v4l2, k->gain, steps, error);
         if (status != GONIO_OK) {
             return status;
         }
@@ -182,28 +232,44 @@ static gonio_status set_gain(camera *c, double gain_db, gonio_error *error) {
     return GONIO_OK;
 }
 
+// From the exposure's begin to the stamp, at most. Stamps stand at the exposure's start, at its end (the first packet
+// of a UVC camera) or at the end of the read-out, and uvcvideo flags all its frames as the first: the longest way
+// counts. A read-out that is not stated takes no longer than the interval between frames.
+static double stamp_delay_s(const camera *c, const gonio_v4l2_buffer *buffer) {
+    if (c->config.trigger != NULL) { // it begins after its own pulse, before which the queue was emptied
+        return buffer->start_of_exposure ? 0 : c->exposure_s;
+    }
+    const double read_out_s = c->config.info.read_out_s > 0 ? c->config.info.read_out_s
+                              : c->interval0_s > 0          ? c->interval0_s
+                                                            : c->step_s;
+    return fmax(c->longest_s, c->exposure_s) + read_out_s;
+}
+
 // Was the frame's exposure begun after `since_ns`? Without a usable time, that is told by count.
 static bool exposed_after(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns) {
     if (buffer->time_ns < 0) {
         return c->stale_left-- <= 0;
     }
-    const double length_s = buffer->start_of_exposure ? 0 : c->exposure_s;
-    return buffer->time_ns - (int64_t)(length_s * 1e9) >= since_ns;
+    return buffer->time_ns - (int64_t)(stamp_delay_s(c, buffer) * 1e9) >= since_ns;
 }
 
-static void note_sequence(camera *c, uint32_t sequence) {
-    const uint32_t missing = sequence - c->sequence - 1;
+static void note_sequence(camera *c, const gonio_v4l2_buffer *buffer) {
+    const uint32_t missing = buffer->sequence - c->sequence - 1;
     if (c->sequence_known && missing != 0 && missing < UINT32_MAX / 2) {
         c->counts.gaps++;
         c->counts.lost += missing;
     }
+    if (c->sequence_known && missing == 0 && buffer->time_ns > c->time_ns && c->time_ns >= 0) {
+        c->step_s = (double)(buffer->time_ns - c->time_ns) * 1e-9;
+    }
     c->sequence_known = true;
-    c->sequence = sequence;
+    c->sequence = buffer->sequence;
+    c->time_ns = buffer->time_ns;
 }
 
 // Whether this frame is the one; what is wrong with it is counted, and in *bad.
 static bool accept(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns, int *bad) {
-    note_sequence(c, buffer->sequence);
+    note_sequence(c, buffer);
     if (buffer->damaged) {
         c->counts.damaged++;
         (*bad)++;
@@ -225,6 +291,7 @@ static bool accept(camera *c, const gonio_v4l2_buffer *buffer, int64_t since_ns,
         c->counts.discarded++;
         return false;
     }
+    c->longest_s = c->exposure_s;
     return true;
 }
 
@@ -237,7 +304,7 @@ static gonio_status drop_waiting(camera *c, gonio_error *error) {
         if (status != GONIO_OK) {
             return status == GONIO_E_TIMEOUT ? GONIO_OK : status;
         }
-        note_sequence(c, buffer.sequence);
+        note_sequence(c, &buffer);
         c->counts.discarded++;
         status = gonio_v4l2_give(c->v4l2, buffer.index, error);
         if (status != GONIO_OK) {
@@ -291,7 +358,7 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
     if (status != GONIO_OK) {
         return status;
     }
-    c->stale_left = c->config.buffers + 1; // the queue's, and the one being exposed
+    c->stale_left = c->config.buffers + 2; // the queue's, the one that is read out, and the one that is exposed
     if (c->config.trigger != NULL) {
         status = drop_waiting(c, error);
         if (status != GONIO_OK) {
@@ -396,6 +463,7 @@ const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device) {
 }
 
 const gonio_pixel_format *gonio_camera_v4l2_format(const void *device) { return ((const camera *)device)->pixels; }
+const char *gonio_camera_v4l2_warning(const void *device) { return ((const camera *)device)->warning; }
 
 gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double gain_db, double timeout_s,
                                       gonio_error *error) {
@@ -407,7 +475,7 @@ gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double ga
     if (status != GONIO_OK) {
         return status;
     }
-    c->stale_left = c->config.buffers + 1;
+    c->stale_left = c->config.buffers + 2;
     gonio_v4l2_buffer buffer;
     status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
     return status == GONIO_OK ? gonio_v4l2_give(c->v4l2, buffer.index, error) : status;
@@ -484,87 +552,3 @@ gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s
     *frames = settled;
     return GONIO_OK;
 }
-
-// ---- the driver: a record or a replay of the line, and a trigger, around the camera ----
-
-typedef struct settings {
-    gonio_camera_v4l2_config config;
-    char record[256], replay[256];
-    gonio_trigger_gpio trigger; // its line empty: none
-    gonio_tape *tape;
-    gonio_v4l2_recorder *recorder;
-} settings;
-
-#define KEY(text, kind, member) GONIO_CAMERA_KEY(settings, text, kind, member)
-static const gonio_key keys[] = {
-    {KEY("device", LINE, config.path)},
-    {KEY("format", LINE, config.format)},
-    {KEY("width", INTEGER, config.width), 8, 65536},
-    {KEY("height", INTEGER, config.height), 8, 65536},
-    {KEY("bits", INTEGER, config.bits), 8, 16},
-    {KEY("shift_bits", INTEGER, config.shift), 0, 15},
-    {KEY("settle_frames", INTEGER, config.settle_frames), 0, 100},
-    {KEY("buffers", INTEGER, config.buffers), 2, 16},
-    {KEY("exposure_unit_us", REAL, config.exposure_unit_s), 1e-3, 1e6, .times = 1e6},
-    {KEY("fixed_exposure_ms", REAL, config.fixed_exposure_s), 1e-3, 1e6, .times = 1000},
-    {KEY("exposure_tolerance_percent", REAL, config.exposure_tolerance), 0, 1000, .times = 100},
-    {KEY("gain_db_per_step", REAL, config.gain_unit_db), 0, 20},
-    {KEY("replug_s", REAL, config.replug_s), 0, 3600},
-    GONIO_CAMERA_INFO_KEYS(settings, config.info),
-    {KEY("record", LINE, record)},
-    {KEY("replay", LINE, replay)},
-    {KEY("trigger_line", LINE, trigger.line)},
-    {KEY("trigger_low", BOOLEAN, trigger.low)},
-    {KEY("trigger_settle_ms", REAL, trigger.settle_s), 0, 1e5, .times = 1000},
-    {KEY("trigger_pulse_ms", REAL, trigger.pulse_s), 0, 1e3, .times = 1000},
-    {0}};
-
-static void defaults(void *of) {
-    settings *s = of;
-    gonio_camera_v4l2_defaults(&s->config);
-    s->trigger = (gonio_trigger_gpio){.io = &gonio_gpio_system, .pulse_s = 0.001};
-}
-
-static gonio_status make(void *of, const gonio_driver_context *context, void **device, gonio_error *error) {
-    settings *s = of;
-    gonio_status status = GONIO_OK;
-    if (s->trigger.line[0] != 0) {
-        s->config.trigger = gonio_trigger_gpio_fire;
-        s->config.trigger_context = &s->trigger;
-        status = gonio_trigger_gpio_open(&s->trigger, error);
-    }
-    status = status == GONIO_OK ? gonio_tape_choose(s->record, s->replay, &s->tape, error) : status;
-    if (status == GONIO_OK && s->tape != NULL) {
-        status = gonio_v4l2_recorder_new(s->tape, &gonio_v4l2_system, NULL, &s->recorder, error);
-    }
-    const gonio_v4l2_io *io = s->replay[0] != 0   ? &gonio_v4l2_replaying
-                              : s->record[0] != 0 ? &gonio_v4l2_recording
-                                                  : &gonio_v4l2_system;
-    status = status == GONIO_OK ? gonio_camera_v4l2_open(&s->config, io, s->recorder, device, error) : status;
-    const gonio_pixel_format *format = status == GONIO_OK ? gonio_camera_v4l2_format(*device) : NULL;
-    if (format != NULL && format->fitness == GONIO_FIT_WITH_WARNING && context->event != NULL) {
-        char text[160];
-        snprintf(text, sizeof text, "%s is %s", format->name, format->why);
-        context->event(context->event_context, "camera", text);
-    }
-    return status;
-}
-
-static void let_go(void *of) {
-    settings *s = of;
-    if (s->trigger.handle != NULL) {
-        gonio_trigger_gpio_close(&s->trigger);
-    }
-    gonio_v4l2_recorder_free(s->recorder);
-    gonio_tape_close(s->tape);
-}
-
-const gonio_driver gonio_driver_camera_v4l2 = {.name = "v4l2",
-                                               .device = GONIO_DEVICE_CAMERA,
-                                               .summary = "any V4L2 camera with a linear, uncompressed format",
-                                               .keys = keys,
-                                               .settings = sizeof(settings),
-                                               .defaults = defaults,
-                                               .ops = &gonio_camera_v4l2,
-                                               .open = make,
-                                               .release = let_go};

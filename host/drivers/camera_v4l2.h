@@ -41,6 +41,7 @@ gonio_status gonio_camera_v4l2_open(const gonio_camera_v4l2_config *config, cons
                                     void **device, gonio_error *error);
 const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device);
 const gonio_pixel_format *gonio_camera_v4l2_format(const void *device);
+const char *gonio_camera_v4l2_warning(const void *device); // what stays on and does no harm; empty: nothing
 
 // Every frame, at the camera's own rate. stream: set exposure and gain and wait until frames have them. next: the frame
 // after the last one, unpacked into frame->pixels; frame->stamp.clock_s is its time in seconds (CLOCK_MONOTONIC).

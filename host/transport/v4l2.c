@@ -208,26 +208,85 @@ gonio_status gonio_v4l2_find_control(gonio_v4l2 *device, uint32_t id, bool next,
     return GONIO_OK;
 }
 
-gonio_status gonio_v4l2_get_control(gonio_v4l2 *device, uint32_t id, int32_t *value, gonio_error *error) {
-    struct v4l2_control control = {.id = id};
-    const int code = CALL(device, VIDIOC_G_CTRL, &control);
-    *value = control.value;
-    return code == 0 ? GONIO_OK : fail_call(device, code, "VIDIOC_G_CTRL", error);
+// Get or set by the call that the control's type asks for: VIDIOC_G_CTRL and VIDIOC_S_CTRL refuse those of 64 bits.
+static gonio_status move_control(gonio_v4l2 *device, uint32_t id, bool set, int64_t *value, gonio_error *error) {
+    gonio_v4l2_control about;
+    const gonio_status status = gonio_v4l2_find_control(device, id, false, &about, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (about.type == V4L2_CTRL_TYPE_INTEGER64) {
+        struct v4l2_ext_control one = {.id = id, .value64 = set ? *value : 0};
+        struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &one};
+        const int code = set ? CALL(device, VIDIOC_S_EXT_CTRLS, &all) : CALL(device, VIDIOC_G_EXT_CTRLS, &all);
+        *value = one.value64;
+        return code == 0 ? GONIO_OK : fail_call(device, code, set ? "VIDIOC_S_EXT_CTRLS" : "VIDIOC_G_EXT_CTRLS", error);
+    }
+    struct v4l2_control one = {.id = id, .value = set ? (int32_t)*value : 0};
+    const int code = set ? CALL(device, VIDIOC_S_CTRL, &one) : CALL(device, VIDIOC_G_CTRL, &one);
+    *value = one.value;
+    return code == 0 ? GONIO_OK : fail_call(device, code, set ? "VIDIOC_S_CTRL" : "VIDIOC_G_CTRL", error);
 }
 
-gonio_status gonio_v4l2_set_control(gonio_v4l2 *device, uint32_t id, int32_t value, gonio_error *error) {
-    struct v4l2_control control = {.id = id, .value = value};
-    const int code = CALL(device, VIDIOC_S_CTRL, &control);
-    if (code != 0) {
-        return fail_call(device, code, "VIDIOC_S_CTRL", error);
-    }
-    int32_t now = 0;
-    const gonio_status status = gonio_v4l2_get_control(device, id, &now, error);
+gonio_status gonio_v4l2_get_control(gonio_v4l2 *device, uint32_t id, int64_t *value, gonio_error *error) {
+    return move_control(device, id, false, value, error);
+}
+
+gonio_status gonio_v4l2_set_control(gonio_v4l2 *device, uint32_t id, int64_t value, gonio_error *error) {
+    int64_t now = value;
+    gonio_status status = move_control(device, id, true, &now, error);
+    status = status == GONIO_OK ? move_control(device, id, false, &now, error) : status;
     if (status == GONIO_OK && now != value) {
-        return gonio_fail(error, GONIO_E_DEVICE, "camera %s: control 0x%08x set to %d reads back %d", device->path, id,
-                          value, now);
+        return gonio_fail(error, GONIO_E_DEVICE, "camera %s: control 0x%08x set to %lld reads back %lld", device->path,
+                          id, (long long)value, (long long)now);
     }
     return status;
+}
+
+static double seconds(struct v4l2_fract f) { return f.denominator > 0 ? (double)f.numerator / f.denominator : 0; }
+
+gonio_status gonio_v4l2_offered_interval(gonio_v4l2 *device, const gonio_v4l2_format *format, int index,
+                                         gonio_v4l2_interval *interval, gonio_error *error) {
+    struct v4l2_frmivalenum e = {.index = (uint32_t)index,
+                                 .pixel_format = format->fourcc,
+                                 .width = (uint32_t)format->width,
+                                 .height = (uint32_t)format->height};
+    const int code = CALL(device, VIDIOC_ENUM_FRAMEINTERVALS, &e);
+    if (code == -EINVAL || code == -ENOTTY) {
+        return gonio_fail(error, GONIO_E_RANGE, "no frame interval %d", index);
+    }
+    if (code != 0) {
+        return fail_call(device, code, "VIDIOC_ENUM_FRAMEINTERVALS", error);
+    }
+    if (e.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
+        interval->shortest_s = interval->longest_s = seconds(e.discrete);
+        interval->step_s = 0;
+    } else {
+        *interval = (gonio_v4l2_interval){seconds(e.stepwise.min), seconds(e.stepwise.max),
+                                          e.type == V4L2_FRMIVAL_TYPE_CONTINUOUS ? 0 : seconds(e.stepwise.step)};
+    }
+    return GONIO_OK;
+}
+
+gonio_status gonio_v4l2_get_interval(gonio_v4l2 *device, double *interval_s, gonio_error *error) {
+    struct v4l2_streamparm parm = {.type = buffer_type(device)};
+    const int code = CALL(device, VIDIOC_G_PARM, &parm);
+    if (code != 0 && code != -EINVAL && code != -ENOTTY) {
+        return fail_call(device, code, "VIDIOC_G_PARM", error);
+    }
+    *interval_s = seconds(parm.parm.capture.timeperframe);
+    return code == 0 && (parm.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0 && *interval_s > 0
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_UNSUPPORTED, "camera %s has no frame interval to set", device->path);
+}
+
+gonio_status gonio_v4l2_set_interval(gonio_v4l2 *device, double *interval_s, gonio_error *error) {
+    struct v4l2_streamparm parm = {.type = buffer_type(device)};
+    // In units of 100 ns, which are those of UVC.
+    parm.parm.capture.timeperframe = (struct v4l2_fract){(uint32_t)(*interval_s * 1e7 + 0.5), 10000000};
+    const int code = CALL(device, VIDIOC_S_PARM, &parm);
+    *interval_s = seconds(parm.parm.capture.timeperframe);
+    return code == 0 ? GONIO_OK : fail_call(device, code, "VIDIOC_S_PARM", error);
 }
 
 static void init_buffer(const gonio_v4l2 *device, struct v4l2_buffer *buffer, struct v4l2_plane *plane) {

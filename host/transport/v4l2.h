@@ -56,7 +56,7 @@ typedef struct gonio_v4l2_buffer {
     size_t n;
     uint32_t sequence;
     int64_t time_ns;        // CLOCK_MONOTONIC; -1 where the driver's clock is another
-    bool start_of_exposure; // time_ns is the exposure's start, else the frame's end
+    bool start_of_exposure; // the driver says that time_ns is the exposure's start, which uvcvideo says of every frame
     bool damaged;           // the driver says that the content is
 } gonio_v4l2_buffer;
 
@@ -82,9 +82,22 @@ gonio_status gonio_v4l2_set_format(gonio_v4l2 *device, gonio_v4l2_format *format
 // The control, or with next the first one after that id; GONIO_E_UNSUPPORTED where there is none.
 gonio_status gonio_v4l2_find_control(gonio_v4l2 *device, uint32_t id, bool next, gonio_v4l2_control *control,
                                      gonio_error *error);
-gonio_status gonio_v4l2_get_control(gonio_v4l2 *device, uint32_t id, int32_t *value, gonio_error *error);
+// Controls of 32 and of 64 bits.
+gonio_status gonio_v4l2_get_control(gonio_v4l2 *device, uint32_t id, int64_t *value, gonio_error *error);
 // Set and read back; GONIO_E_DEVICE where the device took another value.
-gonio_status gonio_v4l2_set_control(gonio_v4l2 *device, uint32_t id, int32_t value, gonio_error *error);
+gonio_status gonio_v4l2_set_control(gonio_v4l2 *device, uint32_t id, int64_t value, gonio_error *error);
+
+// Intervals between frames, in seconds. A range has a step, a single interval has shortest = longest.
+typedef struct gonio_v4l2_interval {
+    double shortest_s, longest_s, step_s;
+} gonio_v4l2_interval;
+// The index-th that the driver offers for a format; GONIO_E_RANGE past the last.
+gonio_status gonio_v4l2_offered_interval(gonio_v4l2 *device, const gonio_v4l2_format *format, int index,
+                                         gonio_v4l2_interval *interval, gonio_error *error);
+// GONIO_E_UNSUPPORTED where the driver has no interval that can be set.
+gonio_status gonio_v4l2_get_interval(gonio_v4l2 *device, double *interval_s, gonio_error *error);
+// *interval_s comes back as the driver took it. Not while streaming.
+gonio_status gonio_v4l2_set_interval(gonio_v4l2 *device, double *interval_s, gonio_error *error);
 
 gonio_status gonio_v4l2_start(gonio_v4l2 *device, int buffers, gonio_error *error);
 void gonio_v4l2_stop(gonio_v4l2 *device); // gives every buffer back; harmless where it does not stream

@@ -95,18 +95,23 @@ gonio_status gonio_v4l2_recorder_new(gonio_tape *tape, const gonio_v4l2_io *inne
 
 void gonio_v4l2_recorder_free(gonio_v4l2_recorder *recorder) { free(recorder); }
 
-// An ioctl's argument as it goes on the tape: the request's number, the argument without the address in it, and the
-// plane that the address leads to.
+// An ioctl's argument as it goes on the tape: the request's number, the argument without the address in it, and what
+// the address leads to: a plane, or a control.
 typedef struct packed {
     uint32_t request;
     uint8_t bytes[512];
     size_t n;
-    struct v4l2_plane *planes;
+    void *beyond;
+    size_t beyond_n;
 } packed;
 
 static bool is_buffer(uint32_t request) {
     return request == (uint32_t)VIDIOC_QUERYBUF || request == (uint32_t)VIDIOC_QBUF ||
            request == (uint32_t)VIDIOC_DQBUF;
+}
+
+static bool is_control(uint32_t request) {
+    return request == (uint32_t)VIDIOC_G_EXT_CTRLS || request == (uint32_t)VIDIOC_S_EXT_CTRLS;
 }
 
 static bool pack(packed *p, unsigned long request, const void *argument, size_t size) {
@@ -120,21 +125,35 @@ static bool pack(packed *p, unsigned long request, const void *argument, size_t 
         struct v4l2_buffer buffer;
         memcpy(&buffer, argument, sizeof buffer);
         if (buffer.type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE) {
-            p->planes = buffer.m.planes;
+            p->beyond = buffer.m.planes;
+            p->beyond_n = sizeof *buffer.m.planes;
             buffer.m.planes = NULL;
             memcpy(p->bytes, &buffer, sizeof buffer);
-            memcpy(p->bytes + size, p->planes, sizeof *p->planes);
-            p->n += sizeof *p->planes;
         }
+    } else if (is_control(p->request)) {
+        struct v4l2_ext_controls controls;
+        memcpy(&controls, argument, sizeof controls);
+        p->beyond = controls.controls;
+        p->beyond_n = sizeof *controls.controls;
+        controls.controls = NULL;
+        memcpy(p->bytes, &controls, sizeof controls);
+    }
+    if (p->beyond != NULL) {
+        memcpy(p->bytes + size, p->beyond, p->beyond_n);
+        p->n += p->beyond_n;
     }
     return true;
 }
 
 static void unpack(const packed *p, void *argument, size_t size) {
     memcpy(argument, p->bytes, size);
-    if (p->planes != NULL) {
-        ((struct v4l2_buffer *)argument)->m.planes = p->planes;
-        memcpy(p->planes, p->bytes + size, sizeof *p->planes);
+    if (p->beyond != NULL && is_buffer(p->request)) {
+        ((struct v4l2_buffer *)argument)->m.planes = p->beyond;
+    } else if (p->beyond != NULL) {
+        ((struct v4l2_ext_controls *)argument)->controls = p->beyond;
+    }
+    if (p->beyond != NULL) {
+        memcpy(p->beyond, p->bytes + size, p->beyond_n);
     }
 }
 
@@ -143,10 +162,10 @@ static size_t frame_of(const gonio_v4l2_recorder *recorder, const packed *p, voi
     struct v4l2_buffer buffer;
     memcpy(&buffer, p->bytes, sizeof buffer);
     struct v4l2_plane plane = {0};
-    if (p->planes != NULL) {
+    if (p->beyond != NULL) {
         memcpy(&plane, p->bytes + sizeof buffer, sizeof plane);
     }
-    const size_t used = p->planes != NULL ? plane.bytesused : buffer.bytesused;
+    const size_t used = p->beyond != NULL ? plane.bytesused : buffer.bytesused;
     if (buffer.index >= BUFFERS_MAX || recorder->maps[buffer.index].memory == NULL) {
         return 0;
     }

@@ -34,21 +34,23 @@ static void *open_camera(const gonio_camera_v4l2_config *c) {
     return device;
 }
 
-static gonio_status capture(void *device, double exposure_s, gonio_frame *frame, gonio_error *error) {
+static gonio_status capture_within(double timeout_s, void *device, double exposure_s, gonio_frame *frame,
+                                   gonio_error *error) {
     const gonio_stamp stamp = {7, 2, 1.5};
     frame->pixels = pixels;
-    return gonio_camera_v4l2.capture(device, &all, exposure_s, 0, &stamp, 1, frame, error);
+    return gonio_camera_v4l2.capture(device, &all, exposure_s, 0, &stamp, timeout_s, frame, error);
+}
+
+static gonio_status capture(void *device, double exposure_s, gonio_frame *frame, gonio_error *error) {
+    return capture_within(1, device, exposure_s, frame, error);
 }
 
 // Take one frame; how many of 300 random captures had another exposure, or began before they were asked for.
-static int wrong_frames(int latency, int settle, bool clockless, bool start_of_exposure, bool multiplanar) {
-    cam_new(&model);
-    model.latency = latency;
-    model.clockless = clockless;
-    model.start_of_exposure = start_of_exposure;
-    model.multiplanar = multiplanar;
+static int wrong_frames_of(const v4l2_model *like, int settle, double read_out_s) {
+    model = *like;
     gonio_camera_v4l2_config c = config();
     c.settle_frames = settle;
+    c.info.read_out_s = read_out_s;
     void *device = open_camera(&c);
     uint32_t seed = 99;
     int wrong = 0;
@@ -58,7 +60,7 @@ static int wrong_frames(int latency, int settle, bool clockless, bool start_of_e
         cam_pass(&model, model.now_ns + (int64_t)(seed >> 20) * 100000); // the host was busy with something else
         const int64_t asked_ms = model.now_ns / 1000000;
         gonio_frame frame = {0};
-        assert_int_equal(capture(device, steps * 1e-4, &frame, NULL), GONIO_OK);
+        assert_int_equal(capture_within(10, device, steps * 1e-4, &frame, NULL), GONIO_OK);
         assert_true(fabs(frame.exposure_s - steps * 1e-4) < 1e-12);
         assert_int_equal(frame.stamp.pose, 7);
         wrong += pixels[1] != steps || (int16_t)(pixels[0] - (uint16_t)asked_ms) < 0;
@@ -67,18 +69,92 @@ static int wrong_frames(int latency, int settle, bool clockless, bool start_of_e
     return wrong;
 }
 
+// Whatever the stamps are and the flag says; with a read-out of up to 50 ms that is stated, that the frame interval
+// bounds, or that nothing tells but the frames.
 static void test_frames_are_fresh_and_exposed_as_asked(void **state) {
     (void)state;
     for (int latency = 0; latency <= 3; latency++) {
-        for (int mode = 0; mode < 8; mode++) {
-            const int wrong = wrong_frames(latency, 3, mode & 1, mode & 2, mode & 4);
+        for (int mode = 0; mode < 4 * STAMPS * 5; mode++) {
+            v4l2_model like;
+            cam_new(&like);
+            like.latency = latency;
+            like.clockless = mode & 1;
+            like.multiplanar = mode & 2;
+            like.stamp = (v4l2_stamp)(mode / 4 % STAMPS);
+            const int read_out = mode / (4 * STAMPS); // 0: none; stated, told by the interval, not told; short
+            like.read_out_ns = read_out == 0 ? 0 : read_out < 4 ? 50000000 : 2000000;
+            like.period_ns = read_out == 0 || read_out == 4 ? 20000000 : 60000000;
+            like.has_intervals = read_out == 2;
+            const int wrong = wrong_frames_of(&like, 3, read_out == 1 ? 0.05 : 0);
             if (wrong != 0) {
-                fail_msg("latency %d, mode %d: %d wrong frames of 300", latency, mode, wrong);
+                fail_msg("latency %d, mode %d (stamp %d, read-out %d): %d wrong frames of 300", latency, mode,
+                         like.stamp, read_out, wrong);
             }
         }
     }
     // The model does show what the discarding is for.
-    assert_true(wrong_frames(3, 0, false, false, false) > 50);
+    v4l2_model like;
+    cam_new(&like);
+    like.latency = 3;
+    assert_true(wrong_frames_of(&like, 0, 0) > 50);
+}
+
+// Without a frame to settle, too: the one that is being exposed while the exposure changes has the longer one.
+static void test_an_older_exposure_does_not_make_a_frame_look_fresh(void **state) {
+    (void)state;
+    for (int stamp = 0; stamp < STAMPS; stamp++) {
+        v4l2_model like;
+        cam_new(&like);
+        like.stamp = (v4l2_stamp)stamp;
+        like.read_out_ns = 1000000;
+        like.latency = 0;
+        assert_int_equal(wrong_frames_of(&like, 1, 0.001), 0);
+    }
+}
+
+// uvcvideo cuts an exposure to the frame interval without a word.
+static void test_exposures_beyond_the_frame_interval(void **state) {
+    (void)state;
+    for (int stamp = 0; stamp < STAMPS; stamp++) {
+        cam_new(&model);
+        model.stamp = (v4l2_stamp)stamp;
+        model.has_intervals = true;
+        model.exposure_max = 50000; // 5 s
+        const gonio_camera_v4l2_config c = config();
+        void *device = open_camera(&c);
+        gonio_camera_info info;
+        assert_int_equal(gonio_camera_v4l2.info(device, &info, NULL), GONIO_OK);
+        assert_true(fabs(info.exposure_max_s - 1) < 1e-9); // of the longest interval
+        static const int asked[] = {100, 300, 600, 10000, 150}, interval_ms[] = {20, 50, 100, 1000, 20};
+        for (int i = 0; i < 5; i++) {
+            gonio_frame frame = {0};
+            assert_int_equal(capture_within(30, device, asked[i] * 1e-4, &frame, NULL), GONIO_OK);
+            assert_int_equal(pixels[1], asked[i]);
+            assert_int_equal(model.period_ns / 1000000, interval_ms[i]);
+        }
+        gonio_frame frame = {0};
+        gonio_error error = {0};
+        assert_int_equal(capture_within(30, device, 3, &frame, &error), GONIO_E_RANGE);
+        assert_non_null(strstr(error.message, "frame interval"));
+        assert_int_equal(capture_within(30, device, 0.015, &frame, NULL), GONIO_OK);
+        model.interval_sticks = true;
+        assert_int_equal(capture_within(30, device, 0.5, &frame, &error), GONIO_E_RANGE);
+        assert_non_null(strstr(error.message, "frame interval of 0.02 s"));
+        assert_int_equal(capture_within(30, device, 0.015, &frame, &error), GONIO_OK);
+        gonio_camera_v4l2.close(device);
+    }
+}
+
+static void test_controls_of_64_bits(void **state) {
+    (void)state;
+    cam_new(&model);
+    model.wide = true;
+    const gonio_camera_v4l2_config c = config();
+    void *device = open_camera(&c);
+    gonio_frame frame = {0};
+    assert_int_equal(capture(device, 0.0123, &frame, NULL), GONIO_OK);
+    assert_int_equal(pixels[1], 123);
+    gonio_camera_v4l2.close(device);
 }
 
 static void test_latency_is_measured(void **state) {
@@ -115,6 +191,14 @@ static void test_automatic_functions(void **state) {
     assert_int_equal(gonio_camera_v4l2_open(&c, &cam_io, &model, &device, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "automatic exposure"));
     assert_null(device);
+
+    // The mains' frequency that some cameras ask for, and have no "off", changes no pixel of a manual exposure.
+    cam_new(&model);
+    model.power_line = true;
+    device = open_camera(&c);
+    assert_int_equal(capture(device, 0.01, &frame, NULL), GONIO_OK);
+    assert_non_null(strstr(gonio_camera_v4l2_warning(device), "power line"));
+    gonio_camera_v4l2.close(device);
 }
 
 static void test_refusals(void **state) {
@@ -327,6 +411,7 @@ static void test_record_and_replay(void **state) {
             gonio_v4l2_recorder *recorder = NULL;
             cam_new(&model);
             model.multiplanar = planes;
+            model.wide = planes; // what an address in an argument leads to is on the tape, too
             assert_int_equal((replay ? gonio_tape_open : gonio_tape_create)(path, &tape, NULL), GONIO_OK);
             assert_int_equal(gonio_v4l2_recorder_new(tape, &cam_io, &model, &recorder, NULL), GONIO_OK);
             const gonio_camera_v4l2_config c = config();
@@ -358,6 +443,9 @@ static void test_record_and_replay(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frames_are_fresh_and_exposed_as_asked),
+        cmocka_unit_test(test_an_older_exposure_does_not_make_a_frame_look_fresh),
+        cmocka_unit_test(test_exposures_beyond_the_frame_interval),
+        cmocka_unit_test(test_controls_of_64_bits),
         cmocka_unit_test(test_latency_is_measured),
         cmocka_unit_test(test_automatic_functions),
         cmocka_unit_test(test_refusals),

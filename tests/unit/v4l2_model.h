@@ -6,6 +6,7 @@
 
 #include <errno.h>
 #include <linux/videodev2.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -15,13 +16,24 @@
 
 enum { CAM_WIDTH = 8, CAM_HEIGHT = 4, CAM_BUFFERS = 8, CAM_FRAME = CAM_WIDTH * CAM_HEIGHT * 2 };
 
+// What a frame's stamp is. Of UVC: its first packet, which comes after the exposure, and flagged as the exposure's
+// start all the same (uvcvideo flags every frame so).
+typedef enum v4l2_stamp { STAMP_END, STAMP_START, STAMP_UVC, STAMPS } v4l2_stamp;
+
 typedef struct v4l2_model {
-    bool multiplanar, plugged, streaming, clockless, start_of_exposure;
+    bool multiplanar, plugged, streaming, clockless;
+    v4l2_stamp stamp;
     bool auto_exposure_sticks, no_exposure, mjpeg_only, plain;
+    bool wide;          // the exposure control has 64 bits
+    bool power_line;    // a compensation that cannot be switched off
+    bool has_intervals; // the frame interval can be set, and cuts the exposure
+    bool interval_sticks;
+    int32_t exposure_max;
+    int64_t read_out_ns;
     const char *card;
     int64_t now_ns, period_ns, next_end_ns;
     int latency; // frames after a change that still have the old exposure
-    int32_t exposure, auto_exposure, white_balance, gain;
+    int32_t exposure, auto_exposure, white_balance, gain, power_line_frequency;
     int32_t history[64]; // exposure that each of the last frames was made with
     uint32_t sequence;
     int queue[CAM_BUFFERS], queued, done[CAM_BUFFERS], ready, buffers;
@@ -39,6 +51,8 @@ static void cam_new(v4l2_model *m) {
                       .card = "Model",
                       .period_ns = 20000000,
                       .exposure = 100,
+                      .exposure_max = 180,
+                      .power_line_frequency = 1,
                       .auto_exposure = 3,
                       .white_balance = 1,
                       .gain = 16};
@@ -52,14 +66,14 @@ static void cam_fill(v4l2_model *m, int index) {
         pixels[i] = (uint16_t)(exposure & 0xffff);
     }
     // Pixel 0 tells when the exposure began, in ms, unless frames are to be plain.
-    const int64_t begin_ns = m->next_end_ns - (int64_t)exposure * 100000;
+    const int64_t exposed_ns = m->next_end_ns - m->read_out_ns, begin_ns = exposed_ns - (int64_t)exposure * 100000;
     pixels[0] = m->plain ? pixels[1] : (uint16_t)(begin_ns / 1000000);
-    const int64_t time = m->start_of_exposure ? begin_ns : m->next_end_ns;
+    const int64_t time = m->stamp == STAMP_START ? begin_ns : m->stamp == STAMP_UVC ? exposed_ns : m->next_end_ns;
     *b = (struct v4l2_buffer){.index = (uint32_t)index,
                               .bytesused = CAM_FRAME,
                               .flags =
                                   (m->clockless ? V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN : V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) |
-                                  (m->start_of_exposure ? V4L2_BUF_FLAG_TSTAMP_SRC_SOE : 0),
+                                  (m->stamp != STAMP_END ? V4L2_BUF_FLAG_TSTAMP_SRC_SOE : 0),
                               .sequence = m->sequence};
     b->timestamp.tv_sec = time / 1000000000;
     b->timestamp.tv_usec = time % 1000000000 / 1000;
@@ -82,7 +96,8 @@ static void cam_pass(v4l2_model *m, int64_t until_ns) {
             continue;
         }
         m->fired -= m->triggered;
-        m->history[m->sequence % 64] = m->exposure;
+        const int32_t cap = m->has_intervals ? (int32_t)(m->period_ns / 100000) : INT32_MAX;
+        m->history[m->sequence % 64] = m->exposure < cap ? m->exposure : cap;
         if (m->silent > 0) {
             m->silent--;
         } else if (m->skip > 0) {
@@ -122,8 +137,15 @@ static int cam_query_control(const v4l2_model *m, struct v4l2_query_ext_ctrl *q)
         *q = (struct v4l2_query_ext_ctrl){.id = id, .type = V4L2_CTRL_TYPE_BOOLEAN, .maximum = 1, .step = 1};
         return 0;
     case V4L2_CID_EXPOSURE_ABSOLUTE:
-        *q = (struct v4l2_query_ext_ctrl){.id = id, .minimum = 1, .maximum = 180, .step = 1};
+        *q = (struct v4l2_query_ext_ctrl){.id = id,
+                                          .type = m->wide ? V4L2_CTRL_TYPE_INTEGER64 : V4L2_CTRL_TYPE_INTEGER,
+                                          .minimum = 1,
+                                          .maximum = m->exposure_max,
+                                          .step = 1};
         return m->no_exposure ? -EINVAL : 0;
+    case V4L2_CID_POWER_LINE_FREQUENCY:
+        *q = (struct v4l2_query_ext_ctrl){.id = id, .type = V4L2_CTRL_TYPE_MENU, .minimum = 1, .maximum = 2, .step = 1};
+        return m->power_line ? 0 : -EINVAL;
     case V4L2_CID_GAIN:
         *q = (struct v4l2_query_ext_ctrl){.id = id, .minimum = 0, .maximum = 96, .step = 4};
         return 0;
@@ -133,22 +155,90 @@ static int cam_query_control(const v4l2_model *m, struct v4l2_query_ext_ctrl *q)
 }
 
 static int32_t *cam_control(v4l2_model *m, uint32_t id) {
-    return id == V4L2_CID_EXPOSURE_AUTO        ? &m->auto_exposure
-           : id == V4L2_CID_AUTO_WHITE_BALANCE ? &m->white_balance
-           : id == V4L2_CID_EXPOSURE_ABSOLUTE  ? &m->exposure
-           : id == V4L2_CID_GAIN               ? &m->gain
-                                               : NULL;
+    return id == V4L2_CID_EXPOSURE_AUTO          ? &m->auto_exposure
+           : id == V4L2_CID_AUTO_WHITE_BALANCE   ? &m->white_balance
+           : id == V4L2_CID_EXPOSURE_ABSOLUTE    ? &m->exposure
+           : id == V4L2_CID_GAIN                 ? &m->gain
+           : id == V4L2_CID_POWER_LINE_FREQUENCY ? &m->power_line_frequency
+                                                 : NULL;
 }
 
-static int cam_set_control(v4l2_model *m, const struct v4l2_control *control) {
-    int32_t *value = cam_control(m, control->id);
+static int cam_set_control(v4l2_model *m, uint32_t id, int64_t to) {
+    int32_t *value = cam_control(m, id);
     if (value == NULL) {
         return -EINVAL;
     }
-    if (!(control->id == V4L2_CID_EXPOSURE_AUTO && m->auto_exposure_sticks)) {
-        *value = control->value;
+    if (id == V4L2_CID_POWER_LINE_FREQUENCY && (to < 1 || to > 2)) {
+        return -ERANGE;
+    }
+    if (!(id == V4L2_CID_EXPOSURE_AUTO && m->auto_exposure_sticks)) {
+        *value = (int32_t)to;
     }
     return 0;
+}
+
+// VIDIOC_G_CTRL and VIDIOC_S_CTRL, which know nothing of 64 bits.
+static int cam_plain_control(v4l2_model *m, bool set, struct v4l2_control *c) {
+    const int32_t *value = cam_control(m, c->id);
+    if (value == NULL || (c->id == V4L2_CID_EXPOSURE_ABSOLUTE && m->wide)) {
+        return -EINVAL;
+    }
+    if (set) {
+        return cam_set_control(m, c->id, c->value);
+    }
+    c->value = *value;
+    return 0;
+}
+
+static int cam_extended_control(v4l2_model *m, bool set, struct v4l2_ext_controls *all) {
+    struct v4l2_ext_control *c = all->controls;
+    const int32_t *value = all->count == 1 ? cam_control(m, c->id) : NULL;
+    const bool wide = c->id == V4L2_CID_EXPOSURE_ABSOLUTE && m->wide;
+    if (value == NULL) {
+        return -EINVAL;
+    }
+    if (set) {
+        return cam_set_control(m, c->id, wide ? c->value64 : c->value);
+    }
+    if (wide) {
+        c->value64 = *value;
+    } else {
+        c->value = *value;
+    }
+    return 0;
+}
+
+static const int cam_intervals_ms[] = {20, 50, 100, 1000};
+
+// Only while it stands still, and to what is nearest, as uvcvideo does it.
+static int cam_set_interval(v4l2_model *m, struct v4l2_streamparm *parm) {
+    struct v4l2_fract *f = &parm->parm.capture.timeperframe;
+    if (m->streaming) {
+        return -EBUSY;
+    }
+    const double asked_ms = 1000.0 * f->numerator / f->denominator;
+    double nearest = INFINITY;
+    for (size_t i = 0; i < sizeof cam_intervals_ms / sizeof *cam_intervals_ms && !m->interval_sticks; i++) {
+        const double distance = fabs(cam_intervals_ms[i] - asked_ms);
+        if (distance < nearest) {
+            nearest = distance;
+            m->period_ns = cam_intervals_ms[i] * INT64_C(1000000);
+        }
+    }
+    *f = (struct v4l2_fract){(uint32_t)(m->period_ns / 1000), 1000000};
+    return 0;
+}
+
+static int cam_interval(const v4l2_model *m, struct v4l2_streamparm *parm) {
+    parm->parm.capture.capability = V4L2_CAP_TIMEPERFRAME;
+    parm->parm.capture.timeperframe = (struct v4l2_fract){(uint32_t)(m->period_ns / 1000), 1000000};
+    return 0;
+}
+
+static int cam_offered_interval(struct v4l2_frmivalenum *e) {
+    e->type = V4L2_FRMIVAL_TYPE_DISCRETE;
+    e->discrete = (struct v4l2_fract){(uint32_t)cam_intervals_ms[e->index % 4], 1000};
+    return e->index < 4 ? 0 : -EINVAL;
 }
 
 static int cam_format(const v4l2_model *m, struct v4l2_format *f) {
@@ -227,14 +317,18 @@ static int cam_ioctl(void *state, int handle, unsigned long request, void *argum
         return cam_format(m, argument);
     case (uint32_t)VIDIOC_QUERY_EXT_CTRL:
         return cam_query_control(m, argument);
-    case (uint32_t)VIDIOC_G_CTRL: {
-        struct v4l2_control *c = argument;
-        const int32_t *value = cam_control(m, c->id);
-        c->value = value != NULL ? *value : 0;
-        return value != NULL ? 0 : -EINVAL;
-    }
+    case (uint32_t)VIDIOC_G_CTRL:
     case (uint32_t)VIDIOC_S_CTRL:
-        return cam_set_control(m, argument);
+        return cam_plain_control(m, (uint32_t)request == (uint32_t)VIDIOC_S_CTRL, argument);
+    case (uint32_t)VIDIOC_G_EXT_CTRLS:
+    case (uint32_t)VIDIOC_S_EXT_CTRLS:
+        return cam_extended_control(m, (uint32_t)request == (uint32_t)VIDIOC_S_EXT_CTRLS, argument);
+    case (uint32_t)VIDIOC_G_PARM:
+        return m->has_intervals ? cam_interval(m, argument) : -ENOTTY;
+    case (uint32_t)VIDIOC_S_PARM:
+        return m->has_intervals ? cam_set_interval(m, argument) : -ENOTTY;
+    case (uint32_t)VIDIOC_ENUM_FRAMEINTERVALS:
+        return m->has_intervals ? cam_offered_interval(argument) : -ENOTTY;
     case (uint32_t)VIDIOC_REQBUFS: {
         struct v4l2_requestbuffers *r = argument;
         r->count = r->count > CAM_BUFFERS ? CAM_BUFFERS : r->count;

@@ -34,7 +34,7 @@ static json_t *describe_autos(gonio_v4l2 *device) {
     json_t *autos = json_array();
     for (const gonio_auto_function *f = gonio_auto_functions; f->name != NULL; f++) {
         gonio_v4l2_control control;
-        int32_t value = 0;
+        int64_t value = 0;
         if (gonio_camera_has(device, f->id, &control) &&
             gonio_v4l2_get_control(device, f->id, &value, NULL) == GONIO_OK) {
             json_array_append_new(autos, json_pack("{s:s,s:b}", "function", f->name, "on", value != f->off));
