@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The scan loop: move, settle, expose, calibrate, store; one step at a time, as a whole or not at all.
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "host/acquire/acquire.h"
+#include "host/transport/clock.h"
 
 #define HOME_TIMEOUT_S 300
 #define WARM_UP_TIMEOUT_S 7200
@@ -245,7 +247,11 @@ static gonio_status move(gonio_scan *scan, const gonio_step *step, double *clock
     // After a resume the arms start from elsewhere; the nominal clock knows only the nominal way.
     const gonio_status status = rig->stage->move(rig->stage_device, to, (uint32_t)(step->index + 1), &stamp,
                                                  MOVE_SLACK * takes_s + HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
-    *clock_s += takes_s + scan->process.setup.scan.settle_s;
+    const double settle_s = scan->process.setup.scan.settle_s;
+    if (status == GONIO_OK && rig->stage->real) {
+        gonio_clock_sleep_ms((int)ceil(settle_s * 1000));
+    }
+    *clock_s += takes_s + settle_s;
     return status;
 }
 

@@ -198,6 +198,7 @@ gonio_status gonio_keep_out_guard(const gonio_keep_out *keep_out, gonio_rig *rig
     }
     *g = (guard){*keep_out, rig->stage, rig->stage_device, guard_ops};
     g->keep_out.independent = g->ops.independent = rig->stage->independent;
+    g->ops.real = rig->stage->real;
     g->ops.audit = rig->stage->audit != NULL ? guard_audit : NULL;
     rig->stage = &g->ops;
     rig->stage_device = g;

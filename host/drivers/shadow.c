@@ -8,6 +8,7 @@ typedef struct stage {
     void *real_device, *simulated_device;
     bool following; // the simulated arms have been homed; the real ones may have been in a process before this one
     bool together;  // ... and moved with them, since
+    gonio_stage_ops ops;
 } stage;
 
 static gonio_status follow_home(stage *s, double timeout_s, gonio_error *error) {
@@ -99,8 +100,9 @@ gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, voi
     if (s == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a stage");
     }
-    *s = (stage){real, rig->stage, device, rig->stage_device, false, false};
-    rig->stage = &stage_ops;
+    *s = (stage){real, rig->stage, device, rig->stage_device, false, false, stage_ops};
+    s->ops.real = real->real;
+    rig->stage = &s->ops;
     rig->stage_device = s;
     return GONIO_OK;
 }

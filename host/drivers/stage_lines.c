@@ -402,7 +402,8 @@ const gonio_stage_ops gonio_stage_lines = {.name = "lines",
                                            .duration_s = stage_duration_s,
                                            .close = stage_close,
                                            .check = stage_check,
-                                           .independent = true};
+                                           .independent = true,
+                                           .real = true};
 
 // ---- opening ----
 

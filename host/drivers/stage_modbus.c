@@ -350,7 +350,8 @@ const gonio_stage_ops gonio_stage_modbus = {.name = "modbus",
                                             .close = stage_close,
                                             .check = stage_check,
                                             .audit = stage_audit,
-                                            .turns = stage_turns};
+                                            .turns = stage_turns,
+                                            .real = true};
 
 gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, gonio_controller *controller,
                                      void **device, gonio_error *error) {

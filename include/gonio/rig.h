@@ -74,6 +74,7 @@ typedef struct gonio_stage_ops {
     // to `turn`, and from there to the target.
     bool (*turns)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
                   double turn_rad[GONIO_AXES]);
+    bool real; // there are arms that swing: the time to settle after a move is truly waited for
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----

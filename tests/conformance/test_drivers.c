@@ -86,6 +86,7 @@ static void complete(const gonio_driver *d) {
     case GONIO_DEVICE_STAGE:
         assert_true(stage->home != NULL && stage->move != NULL && stage->position != NULL && stage->stop != NULL);
         assert_true(stage->duration_s != NULL && stage->close != NULL);
+        assert_true(stage->real == (strcmp(d->name, "null") != 0)); // what there is nothing of needs no time to settle
         return;
     case GONIO_DEVICE_LAMP:
         assert_true(lamp->set_level != NULL && lamp->set_shutter != NULL && lamp->wait_ready != NULL);

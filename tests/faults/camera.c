@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A camera behind the table of V4L2 system calls, in the world's time. What a frame shows is rendered only where it is
-// the frame that was asked for: begun after the capture was called, with the exposure that was set. Every other one
-// shows nonsense, so that taking it shows in the samples.
+// the frame that was asked for: begun after the capture was called and the arms stood still, with the exposure that was
+// set. Every other one shows nonsense, so that taking it shows in the samples.
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <string.h>
@@ -20,6 +20,7 @@ static struct {
     int64_t begins_us;                                // of the frame that is being exposed
     uint32_t sequence;
     int queue[BUFFERS], queued, done[BUFFERS], ready;
+    int64_t late_until_us; // what is done is seen then
     struct v4l2_buffer filled[BUFFERS];
     uint16_t memory[BUFFERS][FRAME_BYTES / 2];
 } cam;
@@ -32,11 +33,13 @@ void camera_model_reset(void) {
 
 static bool gone(void) { return world_stands(FAULT_camera_unplugged); }
 
-static int64_t ends_us(void) { return cam.begins_us + cam.in_effect; }
+static int64_t ends_us(void) { return cam.begins_us + cam.in_effect; } // the exposure
+static int64_t arrives_us(void) { return ends_us() + READ_OUT_US; }    // the last of it
 
 static void fill(int index) {
     uint16_t *pixels = cam.memory[index];
-    const bool wanted = cam.begins_us >= camera_asked_us && cam.in_effect == cam.exposure;
+    const int64_t still_us = (int64_t)(w->machine.now_us - w->stepped_us) - (w->now_us - cam.begins_us);
+    const bool wanted = cam.begins_us >= camera_asked_us && still_us >= SWING_US && cam.in_effect == cam.exposure;
     if (wanted) {
         camera_render((double)cam.in_effect * 1e-6, pixels);
     } else {
@@ -49,16 +52,24 @@ static void fill(int index) {
                               .bytesused = FRAME_BYTES,
                               .flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC,
                               .sequence = cam.sequence};
-    const int64_t end = 1000000000 + ends_us(); // clock.c's epoch
-    b->timestamp.tv_sec = end / 1000000;
-    b->timestamp.tv_usec = end % 1000000;
+    const bool uvc = world_stands(FAULT_uvc_stamps); // of the first packet, and called the exposure's start
+    const int64_t stamp_us = 1000000000 + (uvc ? ends_us() : arrives_us()); // clock.c's epoch
+    b->flags |= uvc ? V4L2_BUF_FLAG_TSTAMP_SRC_SOE : 0;
+    b->timestamp.tv_sec = stamp_us / 1000000;
+    b->timestamp.tv_usec = stamp_us % 1000000;
     if (world_strikes(FAULT_frame_damaged) != NULL) {
         b->flags |= V4L2_BUF_FLAG_ERROR;
         memset(pixels, 0xee, FRAME_BYTES);
     } else if (world_strikes(FAULT_frame_short) != NULL) {
         b->bytesused = world_random() % FRAME_BYTES;
     }
+    const fault *late = world_strikes(FAULT_frame_late);
+    if (late != NULL) {
+        cam.late_until_us = w->now_us + 1000 + late->parameter % 400000;
+    }
 }
+
+static bool frame_is_there(void) { return cam.ready > 0 && w->now_us >= cam.late_until_us; }
 
 static void next_frame(void) {
     cam.begins_us = ends_us() + READ_OUT_US;
@@ -70,7 +81,7 @@ static void next_frame(void) {
 
 // Frames that have ended by now: into buffers while there are any, lost when there are none.
 static void catch_up(void) {
-    while (cam.streaming && ends_us() <= w->now_us) {
+    while (cam.streaming && arrives_us() <= w->now_us) {
         w->counts[FRAMES] += cam.queued > 0;
         if (world_stands(FAULT_camera_silent)) {
         } else if (cam.queued > 0 && world_strikes(FAULT_frame_dropped) == NULL) {
@@ -80,7 +91,7 @@ static void catch_up(void) {
             fill(index);
             cam.done[cam.ready++] = index;
         } else if (cam.queued == 0 && cam.change_in == 0) {
-            const int64_t period = cam.in_effect + READ_OUT_US, missed = (w->now_us - ends_us()) / period;
+            const int64_t period = cam.in_effect + READ_OUT_US, missed = (w->now_us - arrives_us()) / period;
             cam.begins_us += missed * period;
             cam.sequence += (uint32_t)missed;
         }
@@ -146,7 +157,7 @@ static int set_control(const struct v4l2_control *c) {
 
 static int dequeue(struct v4l2_buffer *b) {
     catch_up();
-    if (cam.ready == 0) {
+    if (!frame_is_there()) {
         return -EAGAIN;
     }
     const int index = cam.done[0];
@@ -165,6 +176,7 @@ static int stream(bool on) {
         cam.sequence = 0;
     } else {
         cam.queued = cam.ready = 0;
+        cam.late_until_us = 0;
     }
     return 0;
 }
@@ -251,13 +263,15 @@ static int model_wait(void *state, int handle, int timeout_ms) {
     (void)handle;
     const int64_t until = w->now_us + (int64_t)timeout_ms * 1000;
     catch_up();
-    while (!gone() && cam.ready == 0 && w->now_us < until) {
-        const int64_t next = cam.streaming && ends_us() > w->now_us ? ends_us() : w->now_us + 10000;
+    while (!gone() && !frame_is_there() && w->now_us < until) {
+        const int64_t next = cam.ready > 0                               ? cam.late_until_us
+                             : cam.streaming && arrives_us() > w->now_us ? arrives_us()
+                                                                         : w->now_us + 10000;
         world_pass((next < until ? next : until) - w->now_us);
         clock_turn();
         catch_up();
     }
-    return gone() ? -ENODEV : cam.ready > 0;
+    return gone() ? -ENODEV : frame_is_there();
 }
 
 static int64_t model_now(void *state) {

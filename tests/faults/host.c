@@ -255,7 +255,7 @@ static gonio_status begin(const gonio_rig *rig, gonio_session **session, gonio_e
     gonio_scan_options_default(&options);
     options.dark_frames = 4;
     options.reference_frames = 4;
-    options.settle_s = 0.02;
+    options.settle_s = SETTLE_US * 1e-6;
     options.audit_poses = 12;
     gonio_setup setup = {0};
     gonio_fit_options_default(&setup.fit);

@@ -361,7 +361,6 @@ void world_pass(int64_t us) {
 
 static void watch(void *context, uint64_t now_us, uint8_t edges, uint8_t directions) {
     (void)context;
-    (void)now_us;
     (void)directions;
     const struct machine *m = &w->machine;
     const bool homing = m->core.state == FW_STATE_HOMING;
@@ -369,6 +368,7 @@ static void watch(void *context, uint64_t now_us, uint8_t edges, uint8_t directi
         if ((edges >> i & 1) == 0) {
             continue;
         }
+        w->stepped_us = now_us;
         const int64_t at = m->axis[i].steps, allowed = w->slip_allowed + 1;
         // The mechanical ends bound every motion, the soft limits all but homing, whose switches stand beyond them.
         w->past_limit += at < m->axis[i].limit_min_at - allowed || at > m->axis[i].limit_max_at + allowed;

@@ -63,6 +63,8 @@ typedef enum unit { EXCHANGES, TIME_US, USB_TRANSFERS, FRAMES, DISK_WRITES, UNIT
     X(camera_silent, TIME_US, "camera")                                                                                \
     X(camera_unplugged, TIME_US, "camera")                                                                             \
     X(exposure_stuck, TIME_US, "camera")                                                                               \
+    X(frame_late, FRAMES, "camera")                                                                                    \
+    X(uvc_stamps, TIME_US, "camera")                                                                                   \
     X(host_killed_writing, DISK_WRITES, "host")                                                                        \
     X(host_killed, TIME_US, "host")                                                                                    \
     X(host_power_cut, DISK_WRITES, "host")                                                                             \
@@ -121,6 +123,7 @@ typedef struct world {
     // invariants
     int64_t past_limit, moved_alone;
     int64_t spoke_us;     // the second master
+    uint64_t stepped_us;  // the machine's time of its last step
     int64_t slip_allowed; // steps
     // this host's
     bool host_runs, interrupted;
@@ -136,6 +139,9 @@ typedef struct world {
 } world;
 
 extern world *w;
+
+// After a move the arms swing for as long as the controller (50 ms) and the scan wait.
+enum { SETTLE_US = 100000, SWING_US = 50000 + SETTLE_US };
 
 // ---- world.c ----
 uint32_t world_random(void);

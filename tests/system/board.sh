@@ -40,7 +40,7 @@ home_order = 0
 } >"$work/board.ini"
 printf 'theta_i,phi_i,theta_o,phi_o\n20,0,30,180\n35,0,10,90\n' >"$work/plan.csv"
 measure() {
-    "$GONIO" measure --rig "$work/$1.ini" --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --plan "$work/plan.csv" --seed 3 \
+    "$GONIO" measure --rig "$work/$1.ini" --sample ward:rho_d=0.3,rho_s=0.2,alpha=0.15 --plan "$work/plan.csv" --seed 3 --set scan.settle_s=0 \
         --method mba --json "$work/$1" 2>"$work/$1.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p'
 }
 plain=$(measure plain)

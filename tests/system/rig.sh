@@ -173,7 +173,7 @@ check "which can be gone on with" sh -c "[ \$(cat '$work/far.status') = 4 ] && g
 
 # Equal seeds, equal samples, whichever stage moves.
 measure() {
-    "$GONIO" measure --rig "$1" --sample $sample --plan nusselt:6 --seed 3 --json "$2" 2>"$work/measure.err" |
+    "$GONIO" measure --rig "$1" --sample $sample --plan nusselt:6 --seed 3 --set scan.settle_s=0.02 --json "$2" 2>"$work/measure.err" |
         sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p'
 }
 plain=$(measure "$work/plain.ini" "$work/plain")
@@ -188,7 +188,7 @@ if [ -n "$plain" ] && [ "$plain" = "$pty" ]; then pass "a measure over a serial 
 fi
 
 # The emergency stop of the controller ends a measure with a named fault, and the resumed one ends with the same samples.
-("$GONIO" measure --rig "$work/pty.ini" --sample $sample --plan nusselt:6 --seed 3 "$work/stopped" >"$work/stop.log" 2>&1; echo $? >"$work/stop.status") &
+("$GONIO" measure --rig "$work/pty.ini" --sample $sample --plan nusselt:6 --seed 3 --set scan.settle_s=0.02 "$work/stopped" >"$work/stop.log" 2>&1; echo $? >"$work/stop.status") &
 wait_for test -s "$work/stopped/session.db"
 sleep 0.4
 echo "hold estop 1" >&9
