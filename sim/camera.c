@@ -252,5 +252,40 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
 
 static void camera_close(void *device) { (void)device; }
 
-const gonio_camera_ops gonio_sim_camera_ops = {
-    .name = "simulated camera", .info = camera_info, .capture = camera_capture, .close = camera_close};
+// ---- frames at the camera's own rate, which is 1 / (exposure + read-out); as fast as they are computed ----
+
+static gonio_status camera_stream(void *device, double exposure_s, double gain_db, double timeout_s,
+                                  gonio_error *error) {
+    gonio_sim *sim = device;
+    const gonio_window pixel = {0, 0, 1, 1};
+    sim->stream.exposure_s = exposure_s;
+    sim->stream.gain_db = gain_db;
+    sim->stream.next = 0;
+    const gonio_stamp first = {0};
+    return check_request(sim, &pixel, exposure_s, gain_db, &first, timeout_s, error);
+}
+
+static gonio_status camera_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
+                                int64_t *lost, gonio_error *error) {
+    gonio_sim *sim = device;
+    const double period_s = sim->stream.exposure_s + sim->settings.camera.read_out_s;
+    const gonio_stamp stamp = {.frame = sim->stream.next, .clock_s = sim->stream.next * period_s};
+    *lost = 0;
+    sim->stream.next++;
+    return camera_capture(sim, window, sim->stream.exposure_s, sim->stream.gain_db, &stamp, timeout_s, frame, error);
+}
+
+// Every frame is computed with the exposure that was asked for.
+static gonio_status camera_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {
+    (void)device, (void)low_s, (void)high_s, (void)error;
+    *frames = 0;
+    return GONIO_OK;
+}
+
+const gonio_camera_ops gonio_sim_camera_ops = {.name = "simulated camera",
+                                               .info = camera_info,
+                                               .capture = camera_capture,
+                                               .close = camera_close,
+                                               .stream = camera_stream,
+                                               .next = camera_next,
+                                               .latency = camera_latency};

@@ -44,6 +44,10 @@ struct gonio_sim {
     gonio_stamp moved;             // the stamp of the last move
     double lamp_level;
     bool shutter_open;
+    struct {
+        double exposure_s, gain_db;
+        int32_t next; // frame
+    } stream;
     gonio_target target;
     sim_texture texture; // of the fiducial; its pixels are owned
 };

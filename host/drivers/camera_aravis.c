@@ -9,8 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "host/drivers/camera_keys.h"
-#include "host/drivers/driver.h"
+#include "host/drivers/camera_latency.h"
 #include "host/drivers/pixels.h"
 #include "host/transport/clock.h"
 
@@ -26,6 +25,8 @@ typedef struct camera {
     int width, height;
     double exposure_min_s, exposure_max_s;
     double exposure_s, gain_db; // as set; NaN: not yet
+    bool free;                  // it runs at its own rate, without the trigger
+    guint64 frame_id;           // of the last frame of that; 0: none
 } camera;
 
 void gonio_camera_aravis_defaults(gonio_camera_aravis_config *config) {
@@ -189,6 +190,7 @@ static void let_go(camera *c) {
     }
     c->stream = NULL;
     c->arv = NULL;
+    c->free = false;
 }
 
 static gonio_status start_stream(camera *c, gonio_error *error) {
@@ -336,8 +338,30 @@ static void drain(camera *c) {
     }
 }
 
+// At its own rate, or by the trigger again.
+static gonio_status run_freely(camera *c, bool freely, gonio_error *error) {
+    GError *why = NULL;
+    arv_camera_stop_acquisition(c->arv, &why);
+    gonio_status status = told(c, why, "stop", error);
+    if (status == GONIO_OK && freely) {
+        arv_camera_clear_triggers(c->arv, &why);
+        status = told(c, why, "free run", error);
+    } else if (status == GONIO_OK) {
+        status = set_trigger(c, error);
+    }
+    if (status == GONIO_OK) {
+        drain(c);
+        arv_camera_start_acquisition(c->arv, &why);
+        status = told(c, why, "start", error);
+    }
+    c->free = status == GONIO_OK && freely;
+    c->frame_id = 0;
+    return status;
+}
+
 // One triggered frame; *buffer goes back to the stream by its user. *again: a fault that another trigger may mend.
-static gonio_status trigger(camera *c, double bound_s, ArvBuffer **buffer, bool *again, gonio_error *error) {
+static gonio_status trigger(camera *c, ArvBuffer **buffer, bool *again, gonio_error *error) {
+    const double bound_s = c->exposure_s + c->config.info.read_out_s + GIVE_UP_S;
     GError *why = NULL;
     *again = true;
     drain(c);
@@ -348,6 +372,9 @@ static gonio_status trigger(camera *c, double bound_s, ArvBuffer **buffer, bool 
     }
     *buffer = arv_stream_timeout_pop_buffer(c->stream, (guint64)(1e6 * bound_s));
     if (*buffer == NULL) {
+        // One that was reset meanwhile takes a trigger and waits for none: only setting it up anew helps.
+        const char *mode = arv_camera_get_string(c->arv, "TriggerMode", NULL);
+        *again = mode != NULL && strcmp(mode, "On") == 0;
         return gonio_fail(error, GONIO_E_TIMEOUT, "camera %.60s sends no frame within %.3g s", c->id, bound_s);
     }
     const ArvBufferStatus status = arv_buffer_get_status(*buffer);
@@ -375,13 +402,12 @@ static gonio_status unpack(const camera *c, ArvBuffer *buffer, const gonio_windo
 
 // A frame into words, of those that follow a change the last one.
 static gonio_status take(camera *c, const gonio_window *window, bool changed, uint16_t *out, gonio_error *error) {
-    const double bound_s = c->exposure_s + c->config.info.read_out_s + GIVE_UP_S;
     gonio_status status = GONIO_OK;
     int left = changed ? c->config.settle_frames : 0;
     for (int bad = 0; bad < BAD_FRAMES_MAX;) {
         ArvBuffer *buffer = NULL;
         bool again = false;
-        status = trigger(c, bound_s, &buffer, &again, error);
+        status = trigger(c, &buffer, &again, error);
         if (status == GONIO_OK && left-- <= 0) {
             status = unpack(c, buffer, window, out, error);
             arv_stream_push_buffer(c->stream, buffer);
@@ -413,6 +439,7 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
         bool changed = false;
         status = c->arv == NULL || !first ? reconnect(c, error) : GONIO_OK;
         first = false;
+        status = status == GONIO_OK && c->free ? run_freely(c, false, error) : status;
         if (status != GONIO_OK) {
             break;
         }
@@ -426,6 +453,96 @@ static gonio_status camera_capture(void *device, const gonio_window *window, dou
     }
     *frame = (gonio_frame){*window, c->exposure_s, gain_db, *stamp, pixels};
     return GONIO_OK;
+}
+
+// ---- every frame ----
+
+// How many a camera numbered since the last frame: block numbers have 16 bits, of which 0 is not used, or 64.
+static int64_t note_id(camera *c, ArvBuffer *buffer) {
+    const guint64 id = arv_buffer_get_frame_id(buffer), last = c->frame_id;
+    c->frame_id = id;
+    const int64_t step = (int64_t)(id - last);
+    const int64_t ahead = step <= 0 && last <= 65535 ? step + 65535 : step;
+    return last == 0 || ahead <= 0 ? 0 : ahead - 1;
+}
+
+static gonio_status camera_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
+                                int64_t *lost, gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
+    *lost = 0;
+    if (c->arv == NULL || !c->free) {
+        return gonio_fail(error, GONIO_E_DEVICE, "camera %.60s does not stream", c->id);
+    }
+    for (;;) {
+        const int left_ms = gonio_deadline_left_ms(deadline);
+        ArvBuffer *buffer = arv_stream_timeout_pop_buffer(c->stream, (guint64)left_ms * 1000);
+        if (buffer == NULL) {
+            return gonio_fail(error, GONIO_E_TIMEOUT, "camera %.60s sends no frame within %.3g s", c->id, timeout_s);
+        }
+        *lost += note_id(c, buffer);
+        const bool good = arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_SUCCESS;
+        const guint64 own_ns = arv_buffer_get_timestamp(buffer);
+        const gonio_status status = good ? unpack(c, buffer, window, frame->pixels, error) : GONIO_OK;
+        frame->window = *window;
+        frame->exposure_s = c->exposure_s;
+        frame->gain_db = c->gain_db;
+        frame->stamp.clock_s = (double)(own_ns != 0 ? own_ns : arv_buffer_get_system_timestamp(buffer)) * 1e-9;
+        arv_stream_push_buffer(c->stream, buffer);
+        if (good) {
+            return status;
+        }
+        ++*lost;
+    }
+}
+
+// Begun anew, the camera exposes nothing with older settings but what settle_frames are for.
+static gonio_status camera_stream(void *device, double exposure_s, double gain_db, double timeout_s,
+                                  gonio_error *error) {
+    camera *c = device;
+    bool changed = false;
+    gonio_status status = c->arv == NULL ? reconnect(c, error) : GONIO_OK;
+    status = status == GONIO_OK ? set_exposure(c, exposure_s, &changed, error) : status;
+    status = status == GONIO_OK ? set_gain(c, gain_db, &changed, error) : status;
+    status = status == GONIO_OK ? run_freely(c, true, error) : status;
+    gonio_frame frame = {.pixels = malloc(sizeof *frame.pixels)};
+    if (frame.pixels == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a frame");
+    }
+    for (int i = 0; i < c->config.settle_frames && status == GONIO_OK; i++) {
+        int64_t lost;
+        status = camera_next(c, &(gonio_window){0, 0, 1, 1}, timeout_s, &frame, &lost, error);
+    }
+    free(frame.pixels);
+    return status;
+}
+
+// ---- latency, in triggered frames ----
+
+static gonio_status expose(void *device, double exposure_s, gonio_error *error) {
+    bool changed;
+    return set_exposure(device, exposure_s, &changed, error);
+}
+
+static gonio_status any_frame(void *device, uint16_t *pixels, gonio_error *error) {
+    camera *c = device;
+    ArvBuffer *buffer = NULL;
+    bool again;
+    const gonio_window all = {0, 0, c->width, c->height};
+    gonio_status status = trigger(c, &buffer, &again, error);
+    if (status == GONIO_OK) {
+        status = unpack(c, buffer, &all, pixels, error);
+        arv_stream_push_buffer(c->stream, buffer);
+    }
+    return status;
+}
+
+static gonio_status camera_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {
+    camera *c = device;
+    gonio_status status = c->arv == NULL ? reconnect(c, error) : GONIO_OK;
+    status = status == GONIO_OK && c->free ? run_freely(c, false, error) : status;
+    const gonio_latency_camera own = {c, (size_t)c->width * (size_t)c->height, expose, any_frame};
+    return status == GONIO_OK ? gonio_camera_latency(&own, low_s, high_s, frames, error) : status;
 }
 
 static gonio_status camera_info(void *device, gonio_camera_info *info, gonio_error *error) {
@@ -449,8 +566,13 @@ static void camera_close(void *device) {
     free(device);
 }
 
-const gonio_camera_ops gonio_camera_aravis = {
-    .name = "aravis", .info = camera_info, .capture = camera_capture, .close = camera_close};
+const gonio_camera_ops gonio_camera_aravis = {.name = "aravis",
+                                              .info = camera_info,
+                                              .capture = camera_capture,
+                                              .close = camera_close,
+                                              .stream = camera_stream,
+                                              .next = camera_next,
+                                              .latency = camera_latency};
 
 gonio_status gonio_camera_aravis_open(const gonio_camera_aravis_config *config, void **device, gonio_error *error) {
     camera *c = calloc(1, sizeof *c);
@@ -466,31 +588,3 @@ gonio_status gonio_camera_aravis_open(const gonio_camera_aravis_config *config, 
     *device = c;
     return GONIO_OK;
 }
-
-typedef gonio_camera_aravis_config settings;
-#define KEY(text, kind, member) GONIO_CAMERA_KEY(settings, text, kind, member)
-static const gonio_key keys[] = {{KEY("device", LINE, id)},
-                                 {KEY("format", LINE, format)},
-                                 {KEY("bits", INTEGER, bits), 8, 16},
-                                 {KEY("shift_bits", INTEGER, shift), 0, 15},
-                                 {KEY("settle_frames", INTEGER, settle_frames), 0, 100},
-                                 {KEY("exposure_tolerance_percent", REAL, exposure_tolerance), 0, 1000, .times = 100},
-                                 {KEY("replug_s", REAL, replug_s), 0, 3600},
-                                 GONIO_CAMERA_INFO_KEYS(settings, info),
-                                 {0}};
-
-static void defaults(void *config) { gonio_camera_aravis_defaults(config); }
-
-static gonio_status make(void *config, const gonio_driver_context *context, void **device, gonio_error *error) {
-    (void)context;
-    return gonio_camera_aravis_open(config, device, error);
-}
-
-const gonio_driver gonio_driver_camera_aravis = {.name = "aravis",
-                                                 .device = GONIO_DEVICE_CAMERA,
-                                                 .summary = "a GenICam camera (GigE Vision, USB3 Vision)",
-                                                 .keys = keys,
-                                                 .settings = sizeof(settings),
-                                                 .defaults = defaults,
-                                                 .ops = &gonio_camera_aravis,
-                                                 .open = make};

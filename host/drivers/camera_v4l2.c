@@ -9,9 +9,10 @@
 #include <string.h>
 
 #include "host/drivers/camera_controls.h"
+#include "host/drivers/camera_latency.h"
 #include "host/transport/clock.h"
 
-enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, LATENCY_MAX = 30, TRIES = 3 };
+enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, TRIES = 3 };
 
 typedef struct camera {
     gonio_camera_v4l2_config config;
@@ -437,8 +438,66 @@ static void camera_close(void *device) {
     free(c);
 }
 
-const gonio_camera_ops gonio_camera_v4l2 = {
-    .name = "v4l2", .info = camera_info, .capture = camera_capture, .close = camera_close};
+static gonio_status camera_stream(void *device, double exposure_s, double gain_db, double timeout_s,
+                                  gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
+    gonio_status status = c->v4l2 == NULL ? recover(c, error) : GONIO_OK;
+    status = status == GONIO_OK ? set_exposure(c, exposure_s, error) : status;
+    status = status == GONIO_OK ? set_gain(c, gain_db, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    c->stale_left = c->config.buffers + 2;
+    gonio_v4l2_buffer buffer;
+    status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
+    return status == GONIO_OK ? gonio_v4l2_give(c->v4l2, buffer.index, error) : status;
+}
+
+static gonio_status camera_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
+                                int64_t *lost, gonio_error *error) {
+    camera *c = device;
+    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
+    const int64_t lost_before = c->counts.lost, bad_before = c->counts.damaged + c->counts.short_frames;
+    gonio_v4l2_buffer buffer;
+    gonio_status status = wait_frame(c, INT64_MIN, deadline, &buffer, error);
+    *lost = c->counts.lost - lost_before + c->counts.damaged + c->counts.short_frames - bad_before;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    frame->window = *window;
+    frame->exposure_s = c->exposure_s;
+    frame->gain_db = c->gain_db;
+    frame->stamp.clock_s = (double)buffer.time_ns * 1e-9;
+    return unpack_and_give(c, &buffer, window, frame->pixels, error);
+}
+
+static gonio_status expose(void *device, double exposure_s, gonio_error *error) {
+    return set_exposure(device, exposure_s, error);
+}
+
+static gonio_status any_frame(void *device, uint16_t *pixels, gonio_error *error) {
+    camera *c = device;
+    const gonio_window all = {0, 0, c->format.width, c->format.height};
+    c->to_discard = 0;
+    gonio_v4l2_buffer buffer;
+    const gonio_status status = wait_frame(c, INT64_MIN, gonio_deadline_in_s(2 + 2 * c->exposure_s), &buffer, error);
+    return status == GONIO_OK ? unpack_and_give(c, &buffer, &all, pixels, error) : status;
+}
+
+static gonio_status camera_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {
+    camera *c = device;
+    const gonio_latency_camera own = {c, (size_t)c->format.width * (size_t)c->format.height, expose, any_frame};
+    return gonio_camera_latency(&own, low_s, high_s, frames, error);
+}
+
+const gonio_camera_ops gonio_camera_v4l2 = {.name = "v4l2",
+                                            .info = camera_info,
+                                            .capture = camera_capture,
+                                            .close = camera_close,
+                                            .stream = camera_stream,
+                                            .next = camera_next,
+                                            .latency = camera_latency};
 
 gonio_status gonio_camera_v4l2_open(const gonio_camera_v4l2_config *config, const gonio_v4l2_io *io, void *state,
                                     void **device, gonio_error *error) {
@@ -464,91 +523,3 @@ const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device) {
 
 const gonio_pixel_format *gonio_camera_v4l2_format(const void *device) { return ((const camera *)device)->pixels; }
 const char *gonio_camera_v4l2_warning(const void *device) { return ((const camera *)device)->warning; }
-
-gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double gain_db, double timeout_s,
-                                      gonio_error *error) {
-    camera *c = device;
-    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
-    gonio_status status = c->v4l2 == NULL ? recover(c, error) : GONIO_OK;
-    status = status == GONIO_OK ? set_exposure(c, exposure_s, error) : status;
-    status = status == GONIO_OK ? set_gain(c, gain_db, error) : status;
-    if (status != GONIO_OK) {
-        return status;
-    }
-    c->stale_left = c->config.buffers + 2;
-    gonio_v4l2_buffer buffer;
-    status = wait_frame(c, gonio_v4l2_now_ns(c->v4l2), deadline, &buffer, error);
-    return status == GONIO_OK ? gonio_v4l2_give(c->v4l2, buffer.index, error) : status;
-}
-
-gonio_status gonio_camera_v4l2_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
-                                    int64_t *lost, gonio_error *error) {
-    camera *c = device;
-    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
-    const int64_t lost_before = c->counts.lost, bad_before = c->counts.damaged + c->counts.short_frames;
-    gonio_v4l2_buffer buffer;
-    gonio_status status = wait_frame(c, INT64_MIN, deadline, &buffer, error);
-    *lost = c->counts.lost - lost_before + c->counts.damaged + c->counts.short_frames - bad_before;
-    if (status != GONIO_OK) {
-        return status;
-    }
-    frame->window = *window;
-    frame->exposure_s = c->exposure_s;
-    frame->gain_db = c->gain_db;
-    frame->stamp.clock_s = (double)buffer.time_ns * 1e-9;
-    return unpack_and_give(c, &buffer, window, frame->pixels, error);
-}
-
-static gonio_status frame_mean(camera *c, uint16_t *pixels, double *mean, gonio_error *error) {
-    gonio_v4l2_buffer buffer;
-    gonio_status status = wait_frame(c, INT64_MIN, gonio_deadline_in_s(2), &buffer, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    const gonio_window all = {0, 0, c->format.width, c->format.height};
-    status = unpack_and_give(c, &buffer, &all, pixels, error);
-    double sum = 0;
-    const size_t n = (size_t)all.width * (size_t)all.height;
-    for (size_t i = 0; i < n && status == GONIO_OK; i++) {
-        sum += pixels[i];
-    }
-    *mean = sum / (double)n;
-    return status;
-}
-
-gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error) {
-    camera *c = device;
-    double means[LATENCY_MAX] = {0}, before = 0;
-    uint16_t *pixels = calloc((size_t)c->format.width * (size_t)c->format.height, sizeof *pixels);
-    if (pixels == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a frame");
-    }
-    gonio_status status = set_exposure(c, low_s, error);
-    for (int i = 0; i < LATENCY_MAX && status == GONIO_OK; i++) { // long enough for the low exposure to have settled
-        c->to_discard = 0;
-        status = frame_mean(c, pixels, &before, error);
-    }
-    status = status == GONIO_OK ? set_exposure(c, high_s, error) : status;
-    for (int i = 0; i < LATENCY_MAX && status == GONIO_OK; i++) {
-        c->to_discard = 0;
-        status = frame_mean(c, pixels, &means[i], error);
-    }
-    free(pixels);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    const double after = means[LATENCY_MAX - 1];
-    if (!(fabs(after - before) > 0.05 * fabs(before) + 1)) {
-        return gonio_fail(error, GONIO_E_FAILED,
-                          "the frames' mean does not follow the exposure (%.1f at %g s, %.1f at "
-                          "%g s): dark, or saturated?",
-                          before, low_s, after, high_s);
-    }
-    // The first frame from which on every one is within a tenth of the whole step from the end.
-    int settled = LATENCY_MAX;
-    while (settled > 0 && fabs(means[settled - 1] - after) < 0.1 * fabs(after - before)) {
-        settled--;
-    }
-    *frames = settled;
-    return GONIO_OK;
-}

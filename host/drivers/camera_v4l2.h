@@ -43,16 +43,4 @@ const gonio_camera_v4l2_counts *gonio_camera_v4l2_count(const void *device);
 const gonio_pixel_format *gonio_camera_v4l2_format(const void *device);
 const char *gonio_camera_v4l2_warning(const void *device); // what stays on and does no harm; empty: nothing
 
-// Every frame, at the camera's own rate. stream: set exposure and gain and wait until frames have them. next: the frame
-// after the last one, unpacked into frame->pixels; frame->stamp.clock_s is its time in seconds (CLOCK_MONOTONIC).
-// *lost: how many the camera numbered in between, or delivered damaged. A camera that is gone is an error.
-gonio_status gonio_camera_v4l2_stream(void *device, double exposure_s, double gain_db, double timeout_s,
-                                      gonio_error *error);
-gonio_status gonio_camera_v4l2_next(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame,
-                                    int64_t *lost, gonio_error *error);
-
-// How many frames after a change of exposure the pixels follow: steps the exposure between two levels and watches the
-// frames' mean. *frames: to be used as settle_frames; GONIO_E_FAILED where the mean does not follow at all (dark?).
-gonio_status gonio_camera_v4l2_latency(void *device, double low_s, double high_s, int *frames, gonio_error *error);
-
 #endif

@@ -350,7 +350,6 @@ const char *gonio_hardware_line(const gonio_hardware *h) {
 }
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }
 void *gonio_hardware_stage(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus); }
-void *gonio_hardware_camera(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_CAMERA, &gonio_camera_v4l2); }
 const char *gonio_hardware_meter(const gonio_hardware *h) {
     const void *meter = opened(h, GONIO_DEVICE_METER, &gonio_meter_usbtmc);
     return meter != NULL ? gonio_meter_usbtmc_identity(meter) : NULL;

@@ -44,7 +44,6 @@ const char *gonio_hardware_line(const gonio_hardware *hardware);
 // What was opened, for `gonio rig`; NULL where there is none.
 gonio_controller *gonio_hardware_controller(const gonio_hardware *hardware);
 void *gonio_hardware_stage(const gonio_hardware *hardware);       // of stage_modbus.h
-void *gonio_hardware_camera(const gonio_hardware *hardware);      // of camera_v4l2.h
 const char *gonio_hardware_meter(const gonio_hardware *hardware); // *IDN?, or NULL
 
 #endif

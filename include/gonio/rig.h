@@ -130,6 +130,16 @@ typedef struct gonio_camera_ops {
     gonio_status (*capture)(void *device, const gonio_window *window, double exposure_s, double gain_db,
                             const gonio_stamp *stamp, double timeout_s, gonio_frame *frame, gonio_error *error);
     void (*close)(void *device);
+    // Optional, both or neither: every frame, at the camera's own rate, until the next capture. stream: set exposure
+    // and gain and wait until frames have them. next: the frame after the last one, into frame->pixels as above;
+    // frame->stamp.clock_s is its time in seconds on a clock of the camera's own. *lost: how many the camera numbered
+    // in between, or delivered damaged. A camera that is gone is an error.
+    gonio_status (*stream)(void *device, double exposure_s, double gain_db, double timeout_s, gonio_error *error);
+    gonio_status (*next)(void *device, const gonio_window *window, double timeout_s, gonio_frame *frame, int64_t *lost,
+                         gonio_error *error);
+    // Optional: how many frames after a change of exposure still have the old one; steps it between two levels.
+    // GONIO_E_FAILED where the frames' mean does not follow at all (dark, or saturated?).
+    gonio_status (*latency)(void *device, double low_s, double high_s, int *frames, gonio_error *error);
 } gonio_camera_ops;
 
 // ---- interlock: emergency stop and door ----

@@ -302,13 +302,13 @@ static int verify(const char *path, const source *s, int frames, int64_t *gaps) 
 
 static int64_t capture(void *camera, gonio_burst *burst, int frames) {
     int64_t lost = 0;
-    must(gonio_camera_v4l2_stream(camera, 0.01, 0, 5, &error));
+    must(gonio_camera_v4l2.stream(camera, 0.01, 0, 5, &error));
     for (int i = 0; i < frames; i++) {
         gonio_frame frame;
         int64_t missing;
         must(gonio_burst_room(burst, &frame, &error));
         const gonio_window window = frame.window;
-        must(gonio_camera_v4l2_next(camera, &window, 5, &frame, &missing, &error));
+        must(gonio_camera_v4l2.next(camera, &window, 5, &frame, &missing, &error));
         gonio_burst_put(burst, &frame);
         lost += missing;
     }

@@ -97,6 +97,7 @@ static void complete(const gonio_driver *d) {
         return;
     case GONIO_DEVICE_CAMERA:
         assert_true(camera->info != NULL && camera->capture != NULL && camera->close != NULL);
+        assert_true((camera->stream != NULL) == (camera->next != NULL));
         return;
     case GONIO_DEVICE_MOUNT:
         assert_true(mount->mount != NULL && mount->close != NULL);

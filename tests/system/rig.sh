@@ -122,6 +122,13 @@ drivers=json.load(open('$work/out'))['drivers']
 assert {d['device'] for d in drivers if d['driver']=='null'} == {'stage','lamp','meter','camera','interlock','mount'}
 assert all(k['value'] for d in drivers for k in d['keys'])"
 exits "a null device on a simulated rig" 0 "$GONIO" rig identify --rig sim --sample $sample --set camera.driver=null
+exits "a simulated camera bursts" 0 "$GONIO" rig burst 5 "$work/burst" --rig sim --sample $sample --exposure 0.01 --json
+check "every frame" grep -q '"frames":5,"lost":0,' "$work/out"
+exits "into a session that is sound" 0 "$GONIO" doctor "$work/burst"
+exits "a camera without a rate of its own does not" 1 "$GONIO" rig burst 5 "$work/none" --rig sim --sample $sample --set camera.driver=null
+says "and says so" "a null camera has no frames at a rate of its own"
+exits "a simulated rig tests its camera" 0 "$GONIO" rig selftest --rig sim --sample $sample --json
+check "and how soon it follows" grep -q '"settle_frames_needed":0' "$work/out"
 
 exits "a travel of nothing is refused" 2 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "axis light_theta.home_travel_deg=0"
 says "with what was expected" "[axis light_theta] home_travel_deg: found '0', expected a number from 0.001 to 1440"

@@ -429,6 +429,35 @@ static void distortion_that_folds_is_refused(void **state) {
     gonio_sim_free(sim);
 }
 
+// A burst's frames are those that captures with its stamps give: numbered, one exposure and read-out apart.
+static void a_burst_is_numbered_frames_at_the_nominal_rate(void **state) {
+    (void)state;
+    const char *const extra[] = {"camera.width=16", "camera.height=16", "camera.read_out_s=0.03", NULL};
+    sim_rig r;
+    sim_rig_open(&r, "lambert:rho=0.5", 5, 1, sim_perfect, extra);
+    sim_rig_move(&r, 0, 30, 0, 0, 0);
+    const gonio_camera_ops *camera = r.rig.camera;
+    const gonio_window all = sim_rig_full(&r);
+    uint16_t pixels[256];
+    for (int round = 0; round < 2; round++) { // each begins with 0
+        assert_int_equal(camera->stream(r.rig.camera_device, 0.02, 0, 10, NULL), GONIO_OK);
+        for (int i = 0; i < 5; i++) {
+            gonio_frame frame = {.pixels = pixels};
+            int64_t lost = -1;
+            assert_int_equal(camera->next(r.rig.camera_device, &all, 10, &frame, &lost, NULL), GONIO_OK);
+            assert_int_equal(lost, 0);
+            assert_int_equal(frame.stamp.frame, i);
+            assert_near(frame.stamp.clock_s, 0.05 * i, 1e-12);
+            assert_near(frame.exposure_s, 0.02, 0);
+            uint16_t *single = sim_rig_capture(&r, all, 0.02, (gonio_stamp){0, i, frame.stamp.clock_s});
+            assert_memory_equal(pixels, single, sizeof pixels);
+            free(single);
+        }
+    }
+    assert_int_equal(camera->stream(r.rig.camera_device, 1e9, 0, 10, NULL), GONIO_E_RANGE);
+    sim_rig_close(&r);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lambert_closure),
@@ -443,6 +472,7 @@ int main(void) {
         cmocka_unit_test(response_curve_is_applied),
         cmocka_unit_test(bayer_patterns),
         cmocka_unit_test(pixels_depend_on_seed_and_stamp_only),
+        cmocka_unit_test(a_burst_is_numbered_frames_at_the_nominal_rate),
         cmocka_unit_test(impossible_requests_are_refused),
         cmocka_unit_test(distortion_that_folds_is_refused),
     };

@@ -166,7 +166,7 @@ static void test_latency_is_measured(void **state) {
         const gonio_camera_v4l2_config c = config();
         void *device = open_camera(&c);
         int frames = -1;
-        assert_int_equal(gonio_camera_v4l2_latency(device, 0.001, 0.015, &frames, NULL), GONIO_OK);
+        assert_int_equal(gonio_camera_v4l2.latency(device, 0.001, 0.015, &frames, NULL), GONIO_OK);
         assert_int_equal(frames, latency);
         gonio_camera_v4l2.close(device);
     }
@@ -332,7 +332,7 @@ static void test_every_frame_of_a_stream(void **state) {
     model.latency = 2;
     const gonio_camera_v4l2_config c = config();
     void *device = open_camera(&c);
-    assert_int_equal(gonio_camera_v4l2_stream(device, 0.0077, 0, 1, NULL), GONIO_OK);
+    assert_int_equal(gonio_camera_v4l2.stream(device, 0.0077, 0, 1, NULL), GONIO_OK);
     double last_s = 0;
     for (int i = 0; i < 200; i++) {
         gonio_frame frame = {.pixels = pixels};
@@ -340,7 +340,7 @@ static void test_every_frame_of_a_stream(void **state) {
         model.skip = i == 50 ? 3 : 0;
         model.damage = i == 70 ? 2 : 0;
         model.cut = i == 90;
-        assert_int_equal(gonio_camera_v4l2_next(device, &all, 1, &frame, &lost, NULL), GONIO_OK);
+        assert_int_equal(gonio_camera_v4l2.next(device, &all, 1, &frame, &lost, NULL), GONIO_OK);
         assert_int_equal(pixels[1], 77);
         const int missing = i == 50 ? 3 : i == 70 ? 2 : i == 90 ? 1 : 0;
         assert_int_equal(lost, missing);
@@ -352,7 +352,7 @@ static void test_every_frame_of_a_stream(void **state) {
     model.plugged = false;
     gonio_frame frame = {.pixels = pixels};
     int64_t lost;
-    assert_int_equal(gonio_camera_v4l2_next(device, &all, 1, &frame, &lost, NULL), GONIO_E_DEVICE);
+    assert_int_equal(gonio_camera_v4l2.next(device, &all, 1, &frame, &lost, NULL), GONIO_E_DEVICE);
     gonio_camera_v4l2.close(device);
 }
 

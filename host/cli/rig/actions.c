@@ -273,14 +273,13 @@ static gonio_status selftest(const rig_request *request, cli_rig *rig, json_t **
     json_t *picture = NULL;
     note(&list, "camera", capture(request, rig, &picture, &why), &why);
     json_decref(picture);
-    void *camera = gonio_hardware_camera(rig->hardware);
     gonio_camera_info info;
-    if (camera != NULL && r->camera->info(camera, &info, NULL) == GONIO_OK &&
+    if (r->camera->latency != NULL && r->camera->info(r->camera_device, &info, NULL) == GONIO_OK &&
         info.exposure_max_s > 4 * info.exposure_min_s) {
         int frames = 0;
         const double low = sqrt(info.exposure_min_s * info.exposure_max_s) / 2;
-        status = gonio_camera_v4l2_latency(camera, low, 4 * low < info.exposure_max_s ? 4 * low : info.exposure_max_s,
-                                           &frames, &why);
+        status = r->camera->latency(r->camera_device, low,
+                                    4 * low < info.exposure_max_s ? 4 * low : info.exposure_max_s, &frames, &why);
         note(&list, "camera_latency", status, &why);
         json_object_set_new(*out, "settle_frames_needed", json_integer(frames));
     }

@@ -13,7 +13,7 @@
 #define FRAMES_MAX 1000000
 
 typedef struct burst {
-    void *camera;
+    const gonio_rig *rig;
     gonio_camera_info info;
     double exposure_s;
     int64_t frames, lost;
@@ -42,7 +42,7 @@ static gonio_status create(const char *path, const burst *b, gonio_session **ses
 
 static gonio_status take(burst *b, gonio_burst *storing, gonio_error *error) {
     const double patience_s = 10 + 8 * b->exposure_s;
-    gonio_status status = gonio_camera_v4l2_stream(b->camera, b->exposure_s, 0, patience_s, error);
+    gonio_status status = b->rig->camera->stream(b->rig->camera_device, b->exposure_s, 0, patience_s, error);
     double first_s = NAN;
     for (int64_t i = 0; status == GONIO_OK && i < b->frames; i++) {
         gonio_frame frame;
@@ -50,7 +50,7 @@ static gonio_status take(burst *b, gonio_burst *storing, gonio_error *error) {
         status = gonio_burst_room(storing, &frame, error);
         if (status == GONIO_OK) {
             const gonio_window window = frame.window;
-            status = gonio_camera_v4l2_next(b->camera, &window, patience_s, &frame, &lost, error);
+            status = b->rig->camera->next(b->rig->camera_device, &window, patience_s, &frame, &lost, error);
         }
         if (status == GONIO_OK) {
             gonio_burst_put(storing, &frame);
@@ -83,15 +83,16 @@ static gonio_status capture_into(burst *b, gonio_session *session, const gonio_s
 }
 
 gonio_status rig_burst(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
-    burst b = {.camera = gonio_hardware_camera(rig->hardware)};
+    burst b = {.rig = &rig->rig};
     char *end;
     b.frames = strtoll(request->arguments[0], &end, 10);
     if (*end != 0 || b.frames < 1 || b.frames > FRAMES_MAX) {
         return gonio_fail(error, GONIO_E_USAGE, "burst: found '%s', expected 1 to %d frames", request->arguments[0],
                           FRAMES_MAX);
     }
-    if (b.camera == NULL) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED, "burst: a real camera is needed ([camera] driver = v4l2)");
+    if (rig->rig.camera->stream == NULL || rig->rig.camera->next == NULL) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "burst: a %s has no frames at a rate of its own",
+                          rig->rig.camera->name);
     }
     gonio_status status = rig->rig.camera->info(rig->rig.camera_device, &b.info, error);
     if (status != GONIO_OK) {
