@@ -8,8 +8,6 @@
 
 #define GROUP "systematic_group"
 
-typedef enum role { CHANNEL, SIGMA, WAVELENGTH, ASIDE, FOREIGN } role;
-
 static const char *const wavelengths[] = {"wavelength", "wavelengths", "lambda", "wl", "wvl", "wave", "nm", "um", NULL};
 static const char *const sigmas[] = {"std",
                                      "stdev",
@@ -74,26 +72,26 @@ static bool is_unit(const char *word) {
     return is_in(units, word);
 }
 
-static role role_of(const char *name) {
+gonio_column_role gonio_column_role_of(const char *name) {
     words w;
     cut(name, &w);
     if (strchr(name, '%') != NULL) {
-        return FOREIGN;
+        return GONIO_COLUMN_FOREIGN;
     }
     for (int k = 0; k < w.n; k++) {
         if (is_in(foreign, w.items[k])) {
-            return FOREIGN;
+            return GONIO_COLUMN_FOREIGN;
         }
     }
     const bool single = w.n == 1 || (w.n == 2 && is_unit(w.items[1]));
     if (single && is_in(wavelengths, w.items[0])) {
-        return WAVELENGTH;
+        return GONIO_COLUMN_WAVELENGTH;
     }
     if (single && is_in(sigmas, w.items[0])) {
-        return SIGMA;
+        return GONIO_COLUMN_SIGMA;
     }
     const bool aside = w.n > 0 && (is_in(asides, w.items[0]) || is_in(asides, w.items[w.n - 1]));
-    return aside ? ASIDE : CHANNEL;
+    return aside ? GONIO_COLUMN_ASIDE : GONIO_COLUMN_CHANNEL;
 }
 
 // ---- channels ----
@@ -166,20 +164,21 @@ static gonio_status find_channels(const gonio_text *text, char *const *fields, g
             if (k == l->group) {
                 continue;
             }
-            const role r = begins(fields[k], "sigma_") ? SIGMA : role_of(fields[k]);
+            const gonio_column_role r =
+                begins(fields[k], "sigma_") ? GONIO_COLUMN_SIGMA : gonio_column_role_of(fields[k]);
             words w;
             cut(fields[k], &w);
             // "r_std" is known only by its channel: channels of plain names come first.
             const bool compound = w.n > 1 && (is_in(sigmas, w.items[0]) || is_in(sigmas, w.items[w.n - 1]));
-            if (r == FOREIGN) {
+            if (r == GONIO_COLUMN_FOREIGN) {
                 return gonio_text_fail(text, error, "column %d: '%.60s' is no f_r in 1/sr; rename it if it is", k + 1,
                                        fields[k]);
             }
-            if (r == CHANNEL && pass == (compound ? 1 : 0) && sigma_of_channel(fields, l, fields[k]) < 0) {
+            if (r == GONIO_COLUMN_CHANNEL && pass == (compound ? 1 : 0) && sigma_of_channel(fields, l, fields[k]) < 0) {
                 status = add_channel(text, fields, k, l, error);
-            } else if (r == WAVELENGTH && pass == 0) {
+            } else if (r == GONIO_COLUMN_WAVELENGTH && pass == 0) {
                 status = set_wavelength(text, fields[k], k, l, error);
-            } else if (r == ASIDE && pass == 0) {
+            } else if (r == GONIO_COLUMN_ASIDE && pass == 0) {
                 gonio_text_append(l->aside, sizeof l->aside, "%s%s", l->aside[0] != 0 ? " " : "", fields[k]);
             }
         }
@@ -206,7 +205,7 @@ static gonio_status find_sigmas(const gonio_text *text, char *const *fields, gon
             continue;
         }
         const bool own = begins(fields[k], "sigma_");
-        const role r = own ? SIGMA : role_of(fields[k]);
+        const gonio_column_role r = own ? GONIO_COLUMN_SIGMA : gonio_column_role_of(fields[k]);
         int list = 2, channel = -1;
         if (own) {
             for (int p = 0; p < 3 && channel < 0; p++) {
@@ -216,11 +215,11 @@ static gonio_status find_sigmas(const gonio_text *text, char *const *fields, gon
                               ? find_channel(fields, l, fields[k] + length, strlen(fields[k] + length))
                               : -1;
             }
-        } else if (r == SIGMA) {
+        } else if (r == GONIO_COLUMN_SIGMA) {
             channel = l->channels == 1 ? 0 : -1;
-        } else if (r == CHANNEL && (channel = sigma_of_channel(fields, l, fields[k])) < 0) {
+        } else if (r == GONIO_COLUMN_CHANNEL && (channel = sigma_of_channel(fields, l, fields[k])) < 0) {
             continue;
-        } else if (r != CHANNEL) {
+        } else if (r != GONIO_COLUMN_CHANNEL) {
             continue;
         }
         if (channel < 0 || lists[list][channel] >= 0) {
@@ -260,8 +259,9 @@ gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int
     l->with_parts = found[0] > 0 && found[1] > 0;
     l->with_sigma = l->with_parts || found[2] > 0;
     if (l->group >= 0 && (!l->with_parts || l->wavelength >= 0)) {
-        return gonio_text_fail(text, error, GROUP ": of what is common to a group sigma_systematic_ columns tell, in a "
-                                                  "table with a row a sample");
+        return gonio_text_fail(text, error,
+                               GROUP ": of what is common to a group sigma_systematic_ columns tell, in a "
+                                     "table with a row a sample");
     }
     return l->with_sigma || found[0] + found[1] == 0
                ? GONIO_OK

@@ -19,6 +19,16 @@ typedef struct gonio_columns {
     char aside[256]; // names of the columns that are not read, blanks between them
 } gonio_columns;
 
+// What a column is by its name alone.
+typedef enum gonio_column_role {
+    GONIO_COLUMN_CHANNEL,
+    GONIO_COLUMN_SIGMA,
+    GONIO_COLUMN_WAVELENGTH,
+    GONIO_COLUMN_ASIDE,   // of something else
+    GONIO_COLUMN_FOREIGN, // values, but no f_r
+} gonio_column_role;
+gonio_column_role gonio_column_role_of(const char *name);
+
 // fields: the header's, of which the first four are the angles.
 gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, gonio_columns *out,
                                 gonio_error *error);

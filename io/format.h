@@ -34,6 +34,7 @@ typedef struct gonio_format {
     // Is it of this format? Must not change the data; a damaged file of the format still counts, its reader says why.
     // At most one format says yes to a file.
     bool (*recognise)(const gonio_source *source);
+    bool by_mapping; // recognise says no to every file: gonio_read takes it where a mapping is given or lies beside
     // The samples; the caller frees them. On failure *out is NULL.
     gonio_status (*read)(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                          gonio_read_report *report, gonio_error *error);
@@ -122,8 +123,9 @@ typedef struct gonio_row_collector {
     gonio_missing missing;
     long long *lines; // of the samples' rows
     size_t lines_capacity;
-    double *sigmas; // scratch of a row
-    size_t horizon; // rows left out there
+    double *sigmas;  // scratch of a row
+    size_t horizon;  // rows left out there
+    bool by_mapping; // what the values are is stated, and said, by a mapping
 } gonio_row_collector;
 
 // Before the text's first line is read: reads what its comments declare. own: what the format knows of that, or NULL.

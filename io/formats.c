@@ -85,6 +85,7 @@ static bool parse_value(const gonio_format_option *option, const char *text, gon
         return true;
     case GONIO_FORMAT_COUNT:
         return gonio_text_count(text, &value->count);
+    case GONIO_FORMAT_FLAG:
     case GONIO_FORMAT_CHOICE:
         return parse_choice(option->argument, text, &value->choice);
     }

@@ -265,13 +265,16 @@ static void tell(gonio_row_collector *collector) {
                           isnan(collector->missing.found[k].number) ? collector->missing.word : number,
                           collector->missing.found[k].line);
     }
-    if (collector->declared.cosine) {
+    if (collector->by_mapping && collector->horizon > 0) {
+        gonio_text_append(notes, size, "%zu rows at the horizon, where f_r cos(theta_o) says nothing, are left out\n",
+                          collector->horizon);
+    } else if (collector->declared.cosine && !collector->by_mapping) {
         gonio_text_append(notes, size,
                           "its values are declared to hold cos(theta_o) and were divided by it; %zu rows at "
                           "the horizon are left out\n",
                           collector->horizon);
     }
-    if (collector->declared.factor != 1) {
+    if (collector->declared.factor != 1 && !collector->by_mapping) {
         gonio_text_append(notes, size, "its values are declared as reflectance factors and were divided by pi\n");
     }
 }

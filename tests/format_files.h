@@ -67,7 +67,9 @@ static inline void format_rgl(format_bytes *b) {
     "<AngleBasisBlock><nPhis>" n "</nPhis><ThetaBounds><LowerTheta>" low "</LowerTheta><UpperTheta>" high              \
     "</UpperTheta></ThetaBounds></AngleBasisBlock>"
 
-enum { FORMAT_FILES = 16 };
+#define FORMAT_TABLE_COLUMNS "theta_i=theta_i,theta_o=theta_o,phi=phi,value=BRF" // of the file "table"
+
+enum { FORMAT_FILES = 17 };
 
 // rgl holds the bytes of the last file.
 static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
@@ -125,7 +127,9 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
         {"tree", "radiance",
          RADIANCE_BEGIN "TensorTree3</IncidentDataStructure>" RADIANCE_VISIBLE(
              "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>") "{{1}{2}{3}{4}{5 6 7 8 9 10 11 "
-                                                           "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END}};
+                                                           "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END},
+        {"table", "table",
+         "Measured by hand\n\ntheta_i;theta_o;phi;BRF\n10;20,5;180;1,25\n10;30;180;0,5\n# b\n20;30;180;0,25\n"}};
     static const char mbsdf[] = "NVIDIA ARC MBSDF V1\nname=\"a\"\nMBSDF_DATA=\n"
                                 "\0\0\0\0\1\0\0\0\2\0\0\0\0\0\x80\x3f\0\0\0\x3f";
     for (int k = 0; k + 2 < FORMAT_FILES; k++) {

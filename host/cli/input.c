@@ -7,6 +7,7 @@
 #include "base/channel.h"
 #include "base/keys.h"
 #include "gonio/session.h"
+#include "io/mapping.h"
 
 // A wavelength is given in nm; nobody measures below 20 nm or beyond 20 um, so a small number is in um.
 static double wavelength_nm(double given) { return given < 20 ? 1000 * given : given; }
@@ -66,12 +67,21 @@ cli_option *cli_input_table(cli_input *in) {
                                  NULL,
                                  "NM",
                                  "only this wavelength, or the nearest within half the spacing"};
+    in->rows[n++] = (cli_option){"save-map",
+                                 0,
+                                 CLI_FLAG,
+                                 &in->save_map,
+                                 NULL,
+                                 NULL,
+                                 "keep the mapping of a table beside it, as INPUT.gonio-map"};
     gonio_format_facts f;
     for (int i = 0; gonio_format_get(i, &f); i++) {
         for (const gonio_format_option *o = f.options; o->name != NULL && n + 1 < CLI_INPUT_ROWS; o++) {
             if (!has_row(in->rows, n, o->name)) {
                 put_help(o->name, in->help[n]);
-                in->rows[n] = (cli_option){o->name, 0, CLI_TEXT, &in->given[n], NULL, o->argument, in->help[n]};
+                in->rows[n] = o->type == GONIO_FORMAT_FLAG
+                                  ? (cli_option){o->name, 0, CLI_FLAG, &in->flags[n], NULL, NULL, in->help[n]}
+                                  : (cli_option){o->name, 0, CLI_TEXT, &in->given[n], NULL, o->argument, in->help[n]};
                 n++;
             }
         }
@@ -80,9 +90,11 @@ cli_option *cli_input_table(cli_input *in) {
     return in->rows;
 }
 
+static const char *value_of(const cli_input *in, int k) { return in->flags[k] ? "yes" : in->given[k]; }
+
 gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error *error) {
     for (int k = 0; k < CLI_INPUT_ROWS && in->rows[k].name != NULL; k++) {
-        if (in->given[k] != NULL) {
+        if (value_of(in, k) != NULL || (in->save_map && in->rows[k].value == &in->save_map)) {
             return gonio_fail(error, GONIO_E_USAGE, "%s: no option of %s; it belongs to file formats: `gonio formats`",
                               in->rows[k].name, what);
         }
@@ -95,8 +107,8 @@ static gonio_read_options options_of(const cli_input *in, const cli_common *comm
         .seed = common->seed, .threads = common->threads, .wavelength_nm = wavelength_nm(in->wavelength)};
     int n = 0;
     for (int k = 0; k < CLI_INPUT_ROWS && in->rows[k].name != NULL && n < GONIO_FORMAT_SETTINGS_MAX; k++) {
-        if (in->given[k] != NULL) {
-            options.settings[n++] = (gonio_format_setting){in->rows[k].name, in->given[k]};
+        if (value_of(in, k) != NULL) {
+            options.settings[n++] = (gonio_format_setting){in->rows[k].name, value_of(in, k)};
         }
     }
     return options;
@@ -161,6 +173,18 @@ static void tell(const char *path, const gonio_read_report *report) {
     }
 }
 
+// What was given, and what a map file told beside it, goes into INPUT.gonio-map.
+static gonio_status keep_map(const char *path, const gonio_read_options *options, gonio_error *error) {
+    gonio_map map;
+    gonio_status status = gonio_map_load(path, options, &map, error);
+    status = status == GONIO_OK ? gonio_map_save(path, &map.options, error) : status;
+    gonio_map_free(&map);
+    if (status == GONIO_OK) {
+        fprintf(stderr, "gonio: %s: its mapping is kept in %s" GONIO_MAP_ENDING "\n", path, path);
+    }
+    return status;
+}
+
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error) {
     *out = NULL;
@@ -174,6 +198,11 @@ gonio_status cli_input_read(const char *path, const cli_input *in, const cli_com
         status = gonio_read(path, &options, out, &report, error);
         if (status == GONIO_OK) {
             tell(path, &report);
+            status = in->save_map ? keep_map(path, &options, error) : GONIO_OK;
+        }
+        if (status != GONIO_OK) {
+            gonio_samples_free(*out);
+            *out = NULL;
         }
     }
     const bool choose = in->channel != NULL || (in->wavelength > 0 && status == GONIO_OK && (*out)->channels > 1);

@@ -15,6 +15,8 @@ typedef struct cli_input {
     // The options of all formats, each name once: a row of the table, what the user gave (NULL: nothing), its help.
     cli_option rows[CLI_INPUT_ROWS];
     const char *given[CLI_INPUT_ROWS];
+    bool flags[CLI_INPUT_ROWS]; // of those without an argument
+    bool save_map;
     char help[CLI_INPUT_ROWS][CLI_INPUT_HELP];
 } cli_input;
 

@@ -16,6 +16,7 @@ GONIO_BEGIN
 typedef enum gonio_format_option_type {
     GONIO_FORMAT_TEXT,   // the reader says what it takes
     GONIO_FORMAT_COUNT,  // a number of things, 0 or more; suffixes k, M, G
+    GONIO_FORMAT_FLAG,   // no|yes; on the command line without an argument
     GONIO_FORMAT_CHOICE, // one of the words of `argument`, between which | stands
 } gonio_format_option_type;
 

@@ -62,6 +62,10 @@ static gonio_read_options all_of(const gonio_format *f, const char *limit) {
     if (has_option(f, "scale")) {
         options.settings[0] = (gonio_format_setting){"scale", "1"};
     }
+    if (f->by_mapping) {
+        options.settings[1] = (gonio_format_setting){"columns", FORMAT_TABLE_COLUMNS};
+        options.settings[2] = (gonio_format_setting){"quantity", "brf"};
+    }
     return options;
 }
 
@@ -234,8 +238,8 @@ static void every_file_is_one_formats_own(void **state) {
         for (int k = 0; k < FORMAT_FILES; k++) {
             if (strcmp(files[k].format, f->name) == 0) {
                 found++;
-                assert_int_equal(recognised(files[k].data, files[k].size, &owner), 1);
-                assert_ptr_equal(owner, f);
+                assert_int_equal(recognised(files[k].data, files[k].size, &owner), 1 - f->by_mapping);
+                assert_ptr_equal(owner, f->by_mapping ? NULL : f);
                 gonio_samples_free(read_whole(put(files[k].data, files[k].size), f));
                 cases++;
             }

@@ -57,6 +57,19 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     } else {
         require(samples == NULL && error.message[0] != 0);
     }
+    // The same as a table of somebody's own.
+    static const char *const columns[] = {"auto", "theta_i=1,theta_o=2,value=3", "theta_i=30deg,theta_o=#1"};
+    for (size_t k = 0; k < sizeof columns / sizeof *columns; k++) {
+        const gonio_read_options mapped = {
+            .settings = {{"negatives", "keep"}, {"signed", "yes"}, {"quantity", "brf"}, {"columns", columns[k]}}};
+        status = gonio_read(memory_file(data, size), &mapped, &samples, NULL, &error);
+        if (status == GONIO_OK) {
+            check_samples(samples);
+            gonio_samples_free(samples);
+        } else {
+            require(samples == NULL && error.message[0] != 0);
+        }
+    }
     gonio_model *model;
     if (gonio_read_table(memory_file(data, size), &model, &error) == GONIO_OK) {
         double values[GONIO_CHANNELS_MAX];
