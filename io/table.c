@@ -384,7 +384,7 @@ static const gonio_format_option options[] = {
 
 const gonio_format gonio_format_table = {.name = "table",
                                          .summary = "a table of your own (--columns, `gonio look`)",
-                                         .extensions = ".txt .dat .tsv",
+                                         .extensions = ".tsv",
                                          .recognise = recognise,
                                          .by_mapping = true,
                                          .read = read_table,

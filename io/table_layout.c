@@ -250,6 +250,42 @@ static void find_rows(const gonio_source *source, char **fields, gonio_table_lay
     free(lines.buffer);
 }
 
+// Names of wavelengths are numbers, and a header that holds them looks like a row: it has names where the next row has
+// numbers.
+static gonio_status find_numeric_header(const gonio_source *source, char **fields, gonio_table_layout *l,
+                                        gonio_error *error) {
+    bool *named = calloc((size_t)l->columns, sizeof *named);
+    char *whole = NULL;
+    gonio_table_lines lines = gonio_table_lines_begin(source);
+    gonio_status status = named != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the header");
+    for (char *line; status == GONIO_OK && (line = gonio_table_lines_next(&lines)) != NULL;) {
+        if (lines.number < l->first_row || gonio_table_is_blank(line)) {
+            continue;
+        }
+        whole = whole != NULL ? whole : strdup(line);
+        const int n = gonio_table_split(line, l->separator, l->columns, fields, GONIO_TABLE_COLUMNS_MAX);
+        bool header = false;
+        for (int k = 0; k < n && k < l->columns; k++) {
+            double value;
+            const bool number = gonio_table_number(fields[k], l->decimal, &value);
+            header = header || (lines.number > l->first_row && named[k] && number);
+            named[k] = !number;
+        }
+        if (lines.number > l->first_row) {
+            if (header && n == l->columns && whole != NULL) {
+                l->header_line = l->first_row;
+                l->first_row = lines.number;
+                status = keep_header(l, whole, error);
+            }
+            break;
+        }
+    }
+    free(whole);
+    free(named);
+    free(lines.buffer);
+    return status;
+}
+
 // The line that holds every name that the mapping has; *nearest: how many the best one has.
 static gonio_status find_named(const gonio_source *source, const gonio_mapping *m, char **fields, gonio_table_layout *l,
                                gonio_error *error) {
@@ -344,7 +380,8 @@ static gonio_status find(const gonio_source *source, const gonio_mapping *m, cha
         find_rows(source, fields, l);
     } else {
         find_rows(source, fields, l);
-        status = find_any(source, fields, l, error);
+        status = find_numeric_header(source, fields, l, error);
+        status = status == GONIO_OK && l->header_line == 0 ? find_any(source, fields, l, error) : status;
     }
     return status == GONIO_OK && l->first_row == 0
                ? gonio_fail_line(error, GONIO_E_INPUT, source->path, l->header_line > 0 ? l->header_line : 1,

@@ -153,7 +153,7 @@ static gonio_status choose_channel(const char *path, const cli_input *in, gonio_
     return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "no channel '%s'; there are%s", wanted, list);
 }
 
-static void tell(const char *path, const gonio_read_report *report) {
+void cli_input_tell(const char *path, const gonio_read_report *report) {
     if (report->negatives > 0) {
         fprintf(stderr, "gonio: %s: %zu negative values %s (first at line %lld)\n", path, report->negatives,
                 report->clamped > 0                  ? "raised to 0"
@@ -171,6 +171,15 @@ static void tell(const char *path, const gonio_read_report *report) {
     if (report->open_end) {
         fprintf(stderr, "gonio: %s: its last line has no line end; is the file whole?\n", path);
     }
+}
+
+bool cli_input_maps(const char *path, const cli_input *in) {
+    const cli_common nothing = {0};
+    const gonio_read_options options = options_of(in, &nothing);
+    gonio_map map;
+    const gonio_status status = gonio_map_load(path, &options, &map, NULL);
+    gonio_map_free(&map);
+    return status != GONIO_OK || map.applies;
 }
 
 // What was given, and what a map file told beside it, goes into INPUT.gonio-map.
@@ -197,7 +206,7 @@ gonio_status cli_input_read(const char *path, const cli_input *in, const cli_com
         gonio_read_report report;
         status = gonio_read(path, &options, out, &report, error);
         if (status == GONIO_OK) {
-            tell(path, &report);
+            cli_input_tell(path, &report);
             status = in->save_map ? keep_map(path, &options, error) : GONIO_OK;
         }
         if (status != GONIO_OK) {

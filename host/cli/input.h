@@ -27,6 +27,10 @@ cli_option *cli_input_table(cli_input *in);
 // GONIO_E_USAGE where an option of a file format was given; what: "a model", which has none of them.
 gonio_status cli_input_refuse(const cli_input *in, const char *what, gonio_error *error);
 
+// Is a mapping of a table given, or one kept beside it?
+bool cli_input_maps(const char *path, const cli_input *in);
+// What the report of a read says, on stderr.
+void cli_input_tell(const char *path, const gonio_read_report *report);
 // Read INPUT; what was clamped or left out is told on stderr. The caller frees the samples.
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error);
