@@ -62,6 +62,8 @@ render d/m.gonio --mesh d/mesh.obj -o d/mesh.obj
 eval d/m.gonio d/plan.csv -o d/plan.csv
 eval d/m.gonio d/plan.csv -o d/m.gonio
 check d/data.csv --apply mirror -o d/data.csv
+look d/data.csv --picture d/data.csv
+look d/data.csv --picture s/day.session/x.svg
 samples s/day.session -o s/day.session/session.db
 samples s/day.session -o s/day.session/x.csv
 samples s/day.session -o s/day.session/frames/000000-00.png
@@ -112,7 +114,7 @@ refused "what GONIO_RIG names" plan d/plan.csv -o d/m.gonio
 unset GONIO_RIG
 # The list is whole: a verb whose help names a target stands in it.
 for verb in $("$GONIO" --help | sed -n 's/^  \([a-z]*\) .*/\1/p') $(printf 'calibrate-%s ' camera noise response rig flat reference); do
-    if "$GONIO" $(echo "$verb" | tr - ' ') --help | grep -qE '^  --(output|out|model|maps|save) '; then
+    if "$GONIO" $(echo "$verb" | tr - ' ') --help | grep -qE '^  --(output|out|model|maps|save|picture) '; then
         check "the cases have $verb" grep -qE "^$(echo "$verb" | tr - ' ') " cases
     fi
 done
