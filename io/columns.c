@@ -108,18 +108,26 @@ static int find_channel(char *const *fields, const gonio_columns *l, const char 
 
 static bool begins(const char *name, const char *prefix) { return strncmp(name, prefix, strlen(prefix)) == 0; }
 
-// "std_r", "r_unc": of which channel is it the uncertainty? -1: of none.
-static int sigma_of_channel(char *const *fields, const gonio_columns *l, const char *name) {
+const char *gonio_column_sigma_of(const char *name, size_t *length) {
     words w;
     cut(name, &w);
     const char *first = strchr(name, '_'), *last = strrchr(name, '_');
     if (first == NULL || w.n < 2) {
-        return -1;
+        return NULL;
     }
     if (is_in(sigmas, w.items[0])) {
-        return find_channel(fields, l, first + 1, strlen(first + 1));
+        *length = strlen(first + 1);
+        return first + 1;
     }
-    return is_in(sigmas, w.items[w.n - 1]) ? find_channel(fields, l, name, (size_t)(last - name)) : -1;
+    *length = (size_t)(last - name);
+    return is_in(sigmas, w.items[w.n - 1]) ? name : NULL;
+}
+
+// Of which channel is it the uncertainty? -1: of none.
+static int sigma_of_channel(char *const *fields, const gonio_columns *l, const char *name) {
+    size_t length;
+    const char *channel = gonio_column_sigma_of(name, &length);
+    return channel != NULL ? find_channel(fields, l, channel, length) : -1;
 }
 
 static gonio_status add_channel(const gonio_text *text, char *const *fields, int column, gonio_columns *l,

@@ -28,6 +28,8 @@ typedef enum gonio_column_role {
     GONIO_COLUMN_FOREIGN, // values, but no f_r
 } gonio_column_role;
 gonio_column_role gonio_column_role_of(const char *name);
+// "std_r", "r_unc": its uncertainty's channel, within the name, and that one's length; NULL: it is none.
+const char *gonio_column_sigma_of(const char *name, size_t *length);
 
 // fields: the header's, of which the first four are the angles.
 gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, gonio_columns *out,

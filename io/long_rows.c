@@ -68,6 +68,16 @@ gonio_status gonio_long_rows_choose(const gonio_text *text, gonio_long_rows *all
     return GONIO_OK;
 }
 
+gonio_status gonio_long_rows_wavelength(const gonio_text *text, const char *field, double to_um, double *um,
+                                        gonio_error *error) {
+    double number = 0;
+    const gonio_status status = gonio_text_number(text, field, "wavelength", &number, error);
+    *um = number * (to_um > 0 ? to_um : number < 20 ? 1 : 1e-3);
+    return status == GONIO_OK && !(*um >= 0.02 && *um <= 100)
+               ? gonio_text_fail(text, error, "wavelength: expected 20 nm to 100 um, found %s", field)
+               : status;
+}
+
 static int by_geometry(const void *left, const void *right) {
     const gonio_long_row *a = left, *b = right;
     const int geometry = memcmp(&a->pair, &b->pair, sizeof a->pair);

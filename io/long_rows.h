@@ -19,6 +19,9 @@ typedef struct gonio_long_rows {
     int n_lambdas;
 } gonio_long_rows;
 
+// A wavelength of a row: nobody measures below 20 nm or beyond 100 um. to_um: of the numbers; 0: by their size.
+gonio_status gonio_long_rows_wavelength(const gonio_text *text, const char *field, double to_um, double *um,
+                                        gonio_error *error);
 gonio_status gonio_long_rows_add(const gonio_text *text, gonio_long_rows *all, const gonio_long_row *row,
                                  gonio_error *error);
 // Keep one wavelength only, that one or the nearest within half the spacing, which is then told in notes.

@@ -67,20 +67,4 @@ typedef struct gonio_mapping {
 // From the values of the format's options. GONIO_E_USAGE where they are none.
 gonio_status gonio_mapping_parse(const gonio_format_values *values, gonio_mapping *mapping, gonio_error *error);
 
-// ---- kept beside the data ----
-
-// The settings of a read: those given, and those of a map file that they leave open.
-typedef struct gonio_map {
-    gonio_read_options options;
-    bool applies;    // a setting of the format `table` was given, or there is a map file
-    char path[4096]; // of the map file; "": none
-    char *data;      // its text, which options may point into
-} gonio_map;
-
-// path: of the data. given may be NULL. Free the map afterwards, also on failure.
-gonio_status gonio_map_load(const char *path, const gonio_read_options *given, gonio_map *map, gonio_error *error);
-void gonio_map_free(gonio_map *map);
-// Write the settings as PATH.gonio-map. GONIO_E_USAGE where there are none for it.
-gonio_status gonio_map_save(const char *path, const gonio_read_options *options, gonio_error *error);
-
 #endif

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "io/map_file.h"
 #include "io/table.h"
 
 void gonio_read_options_default(gonio_read_options *options) { *options = (gonio_read_options){.seed = 1}; }

@@ -75,19 +75,6 @@ static gonio_status parse_row(const gonio_row_collector *collector, char **field
     return status;
 }
 
-// A wavelength of a table with a row for each: nobody measures below 20 nm or beyond 100 um.
-static gonio_status parse_wavelength(const gonio_text *text, const char *field, const gonio_columns *l, double *um,
-                                     gonio_error *error) {
-    double number;
-    const gonio_status status = gonio_text_number(text, field, "wavelength", &number, error);
-    if (status == GONIO_OK) {
-        *um = number * (l->to_um > 0 ? l->to_um : number < 20 ? 1 : 1e-3);
-    }
-    return status == GONIO_OK && !(*um >= 0.02 && *um <= 100)
-               ? gonio_text_fail(text, error, "wavelength: expected 20 nm to 100 um, found %s", field)
-               : status;
-}
-
 // What the rows need beside the columns.
 typedef struct rows {
     gonio_text *text;
@@ -109,7 +96,8 @@ static gonio_status add_row(const rows *r, const gonio_pair *pair, gonio_row_col
                    : status;
     }
     gonio_long_row row = {*pair, 0, r->numbers[0], l->with_sigma ? hypot(random[0], systematic[0]) : 0, r->text->line};
-    const gonio_status status = parse_wavelength(r->text, r->fields[l->wavelength], l, &row.lambda_um, error);
+    const gonio_status status =
+        gonio_long_rows_wavelength(r->text, r->fields[l->wavelength], l->to_um, &row.lambda_um, error);
     return status == GONIO_OK ? gonio_long_rows_add(r->text, r->tall, &row, error) : status;
 }
 

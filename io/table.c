@@ -130,13 +130,8 @@ static gonio_status parse_values(const reader *r, gonio_error *error) {
 
 static gonio_status parse_wavelength(const reader *r, double *um, gonio_error *error) {
     char *field = r->fields[r->columns->wavelength];
-    double number = 0;
-    gonio_status status = to_point(r, field, error);
-    status = status == GONIO_OK ? gonio_text_number(&r->text, field, "wavelength", &number, error) : status;
-    *um = number * (r->columns->to_um > 0 ? r->columns->to_um : number < 20 ? 1 : 1e-3);
-    return status == GONIO_OK && !(*um >= 0.02 && *um <= 100)
-               ? gonio_text_fail(&r->text, error, "wavelength: expected 20 nm to 100 um, found %s", field)
-               : status;
+    const gonio_status status = to_point(r, field, error);
+    return status == GONIO_OK ? gonio_long_rows_wavelength(&r->text, field, r->columns->to_um, um, error) : status;
 }
 
 static gonio_status add_row(const reader *r, gonio_error *error) {

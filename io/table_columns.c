@@ -166,41 +166,51 @@ static gonio_status add_channel(const finder *f, int column, const char *key, go
     return GONIO_OK;
 }
 
+static gonio_status take_sigma(const finder *f, const char *key, int column, gonio_error *error) {
+    gonio_table_columns *c = f->columns;
+    int channel = c->channels == 1 && strcmp(key, "sigma") == 0 ? 0 : -1;
+    for (int n = 0; n < c->channels && channel < 0; n++) {
+        channel = strncmp(key, "sigma_", 6) == 0 && strcmp(key + 6, c->names[n]) == 0 ? n : -1;
+    }
+    if (channel < 0) {
+        return gonio_fail(error, GONIO_E_USAGE, "columns: %s is of no channel", key);
+    }
+    c->sigma[channel] = column;
+    c->with_sigma = true;
+    return GONIO_OK;
+}
+
+static gonio_status take_item(const finder *f, const gonio_mapped_item *item, gonio_error *error) {
+    gonio_table_columns *c = f->columns;
+    int column = -1;
+    if (item->role < GONIO_MAPPED_ANGLES && !isnan(item->constant)) {
+        c->constant[item->role] =
+            item->in_degrees && f->mapping->radians ? gonio_radians(item->constant) : item->constant;
+        return GONIO_OK;
+    }
+    const gonio_status status = take(f, item->name, item->number, &column, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (item->role < GONIO_MAPPED_ANGLES) {
+        c->angle[item->role] = column;
+    } else if (item->role == GONIO_MAPPED_WAVELENGTH) {
+        c->wavelength = column;
+    } else if (item->role == GONIO_MAPPED_SIGMA) {
+        return take_sigma(f, item->key, column, error);
+    } else {
+        return add_channel(f, column, item->role == GONIO_MAPPED_CHANNEL ? item->key : NULL, error);
+    }
+    return GONIO_OK;
+}
+
 // Values and angles first: sigmas need the channels.
 static gonio_status take_items(const finder *f, bool sigmas, gonio_error *error) {
-    gonio_table_columns *c = f->columns;
     gonio_status status = GONIO_OK;
     for (int k = 0; k < f->mapping->n && status == GONIO_OK; k++) {
         const gonio_mapped_item *item = &f->mapping->items[k];
-        int column = -1;
-        if (sigmas != (item->role == GONIO_MAPPED_SIGMA)) {
-            continue;
-        }
-        if (item->role < GONIO_MAPPED_ANGLES && !isnan(item->constant)) {
-            c->constant[item->role] =
-                item->in_degrees && f->mapping->radians ? gonio_radians(item->constant) : item->constant;
-            continue;
-        }
-        status = take(f, item->name, item->number, &column, error);
-        if (status != GONIO_OK) {
-            break;
-        }
-        if (item->role < GONIO_MAPPED_ANGLES) {
-            c->angle[item->role] = column;
-        } else if (item->role == GONIO_MAPPED_WAVELENGTH) {
-            c->wavelength = column;
-        } else if (item->role != GONIO_MAPPED_SIGMA) {
-            status = add_channel(f, column, item->role == GONIO_MAPPED_CHANNEL ? item->key : NULL, error);
-        } else {
-            int channel = c->channels == 1 && strcmp(item->key, "sigma") == 0 ? 0 : -1;
-            for (int n = 0; n < c->channels && channel < 0; n++) {
-                channel = strncmp(item->key, "sigma_", 6) == 0 && strcmp(item->key + 6, c->names[n]) == 0 ? n : -1;
-            }
-            if (channel < 0) {
-                return gonio_fail(error, GONIO_E_USAGE, "columns: %s is of no channel", item->key);
-            }
-            c->sigma[channel] = column;
-            c->with_sigma = true;
+        if (sigmas == (item->role == GONIO_MAPPED_SIGMA)) {
+            status = take_item(f, item, error);
         }
     }
     return status;
@@ -224,36 +234,67 @@ static gonio_status take_angles_by_name(const finder *f, gonio_error *error) {
     return GONIO_OK;
 }
 
-static gonio_status take_rest(const finder *f, bool values, gonio_error *error) {
-    gonio_table_columns *c = f->columns;
-    int sigma = -1;
+// The channel whose uncertainty the column is by its name, "std_r" or "r_unc"; -1: none.
+static int channel_of_sigma(const finder *f, const char *name) {
+    size_t length;
+    const char *channel = gonio_column_sigma_of(name, &length);
+    for (int k = 0; channel != NULL && k < f->layout->columns; k++) {
+        const char *other = f->layout->names[k];
+        if (strlen(other) == length && strncmp(other, channel, length) == 0) {
+            for (int c = 0; c < f->columns->channels; c++) {
+                if (f->columns->value[c] == k) {
+                    return c;
+                }
+            }
+        }
+    }
+    return -1;
+}
+
+static gonio_column_role role_of(const char *name) {
+    gonio_mapped_role angle;
+    return gonio_table_angle_of_name(name, &angle) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(name);
+}
+
+// Values whose names may be of an uncertainty come last: they need the others.
+static gonio_status take_values(const finder *f, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    for (int k = 0; k < f->layout->columns && status == GONIO_OK; k++) {
+    for (int pass = 0; pass < 2; pass++) {
+        for (int k = 0; k < f->layout->columns && status == GONIO_OK; k++) {
+            const char *name = f->layout->names[k];
+            const gonio_column_role role = role_of(name);
+            size_t length;
+            const bool compound = gonio_column_sigma_of(name, &length) != NULL;
+            if (!f->taken[k] && compound == (pass == 1) && channel_of_sigma(f, name) < 0 &&
+                (role == GONIO_COLUMN_CHANNEL || role == GONIO_COLUMN_FOREIGN)) {
+                f->taken[k] = true;
+                status = add_channel(f, k, NULL, error);
+            }
+        }
+    }
+    return status;
+}
+
+static void take_rest(const finder *f) {
+    gonio_table_columns *c = f->columns;
+    const bool stated = c->with_sigma;
+    for (int k = 0; k < f->layout->columns; k++) {
         const char *name = f->layout->names[k];
-        gonio_mapped_role angle;
-        const gonio_column_role role =
-            gonio_table_angle_of_name(name, &angle) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(name);
+        const gonio_column_role role = role_of(name);
+        const int channel = role == GONIO_COLUMN_SIGMA && c->channels == 1 ? 0 : channel_of_sigma(f, name);
         if (f->taken[k]) {
             continue;
         }
         if (role == GONIO_COLUMN_WAVELENGTH && c->wavelength < 0) {
             c->wavelength = k;
-        } else if (role == GONIO_COLUMN_SIGMA && sigma < 0 && !c->with_sigma) {
-            sigma = k;
-        } else if (values && (role == GONIO_COLUMN_CHANNEL || role == GONIO_COLUMN_FOREIGN)) {
-            status = add_channel(f, k, NULL, error);
+        } else if (channel >= 0 && !stated && c->sigma[channel] < 0) {
+            c->sigma[channel] = k;
+            c->with_sigma = true;
         } else {
             gonio_text_append(c->aside, sizeof c->aside, "%s%s", c->aside[0] != 0 ? ", " : "",
                               name[0] != 0 ? name : "one without a name");
-            continue;
         }
-        f->taken[k] = true;
     }
-    if (sigma >= 0 && c->channels == 1) {
-        c->sigma[0] = sigma;
-        c->with_sigma = true;
-    }
-    return status;
 }
 
 // ---- is it whole? ----
@@ -336,9 +377,11 @@ gonio_status gonio_table_columns_find(const gonio_source *source, const gonio_ma
         f.taken != NULL ? take_items(&f, false, error) : gonio_fail(error, GONIO_E_MEMORY, "no memory for the columns");
     status = status == GONIO_OK ? take_wavelength(&f, error) : status;
     status = status == GONIO_OK && mapping->n == 0 ? take_angles_by_name(&f, error) : status;
-    const bool open = c->channels == 0;
+    status = status == GONIO_OK && c->channels == 0 ? take_values(&f, error) : status;
     status = status == GONIO_OK ? take_items(&f, true, error) : status;
-    status = status == GONIO_OK ? take_rest(&f, open, error) : status;
+    if (status == GONIO_OK) {
+        take_rest(&f);
+    }
     status = status == GONIO_OK ? check_whole(&f, error) : status;
     free(f.taken);
     find_wavelength_unit(&f);

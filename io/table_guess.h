@@ -12,7 +12,7 @@ typedef struct gonio_table_column_facts {
     double low, high;
 } gonio_table_column_facts;
 
-enum { GONIO_TABLE_DISTINCT_MAX = 1000 }; // further ones are not counted
+enum { GONIO_TABLE_DISTINCT_MAX = 200 }; // further ones are not counted
 
 typedef struct gonio_table_guess {
     size_t rows;

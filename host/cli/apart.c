@@ -12,6 +12,7 @@
 
 #include "base/text.h"
 #include "gonio/session.h"
+#include "io/map_file.h"
 
 #define INI_MAX_BYTES ((size_t)1 << 20)
 
@@ -134,11 +135,17 @@ static bool outside_sessions(const cli_common *common, const char *output) {
     return session[0] == 0;
 }
 
+// Is it the map file of that input?
+static bool is_map_of(const char *word, const char *output) {
+    char map[PATH_MAX];
+    return (size_t)snprintf(map, sizeof map, "%s" GONIO_MAP_ENDING, word) < sizeof map && same(map, output);
+}
+
 bool cli_apart(const cli_common *common, const char *output) {
     for (int i = 1; i < common->argc; i++) {
         const char *word = common->argv[i], *ini = ini_of(common, i);
         if (!names_target(common, output, word) &&
-            (names(word, output) || (ini != NULL && names_within(ini, output)))) {
+            (names(word, output) || is_map_of(word, output) || (ini != NULL && names_within(ini, output)))) {
             cli_usage(common, "%s would be written over, and is read too (%s); write elsewhere", output, word);
             return false;
         }

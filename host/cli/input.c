@@ -7,7 +7,7 @@
 #include "base/channel.h"
 #include "base/keys.h"
 #include "gonio/session.h"
-#include "io/mapping.h"
+#include "io/map_file.h"
 
 // A wavelength is given in nm; nobody measures below 20 nm or beyond 20 um, so a small number is in um.
 static double wavelength_nm(double given) { return given < 20 ? 1000 * given : given; }

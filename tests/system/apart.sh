@@ -16,6 +16,8 @@ printf 'file,exposure_s,light\nframe.raw,1,1\n' >d/list.csv
 printf 'file,exposure_s\nframe.raw,1\n' >d/series.csv
 printf 'file,object,light_theta,light_phi,camera_theta,camera_phi\nframe.raw,board,0,0,0,0\n' >d/views.csv
 printf '[camera]\nwidth = 10\nheight = 10\n' >d/camera.ini
+printf 'a b v\n30 0 1\n30 9 1\n' >d/lab.txt
+printf 'columns = theta_i=a,theta_o=b\n' >d/lab.txt.gonio-map
 head -c 100 /dev/urandom >d/frame.raw
 cp d/data.csv d/tradeoff.csv
 cp d/frame.raw d/flat.tiff
@@ -63,6 +65,7 @@ eval d/m.gonio d/plan.csv -o d/plan.csv
 eval d/m.gonio d/plan.csv -o d/m.gonio
 check d/data.csv --apply mirror -o d/data.csv
 look d/data.csv --picture d/data.csv
+convert d/lab.txt d/lab.txt.gonio-map --to samples
 look d/data.csv --picture s/day.session/x.svg
 samples s/day.session -o s/day.session/session.db
 samples s/day.session -o s/day.session/x.csv

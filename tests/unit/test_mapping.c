@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "gonio/io.h"
+#include "io/map_file.h"
 #include "io/table_guess.h"
 #include "tests/unit/near.h"
 #include "tests/unit/scratch.h"
@@ -167,6 +168,12 @@ static void channels_sigma_and_wavelengths(void **state) {
     assert_int_equal(s->channels, 2);
     assert_string_equal(s->channel_names[1], "x");
     assert_near(s->values[3], 4, 0);
+    gonio_samples_free(s);
+    static const char named[] = "theta_i;theta_o;phi;r;g;r_std;std_g\n30;0;0;1;2;0.5;0.25\n30;10;0;1;2;0.5;0.25\n";
+    const gonio_read_options by_name = {.settings = {{"columns", "auto"}}};
+    s = read_text(named, &by_name, "sigmas by name");
+    assert_int_equal(s->channels, 2);
+    assert_near(gonio_samples_sigma(s, 1, 1), 0.25, 0);
     gonio_samples_free(s);
     static const char with[] = "ti;to;po;v;u\n30;0;0;50;1\n30;10;0;25;2\n30;20;0;10;4\n";
     options.settings[0].value = "theta_i=ti,theta_o=to,phi_o=po,value=v,sigma=u";

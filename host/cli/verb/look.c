@@ -9,6 +9,7 @@
 #include "gonio/session.h"
 #include "host/cli/input.h"
 #include "host/cli/samples_picture.h"
+#include "io/map_file.h"
 #include "io/table_guess.h"
 
 static int run(int argc, char **argv);
