@@ -13,7 +13,8 @@ static const struct {
 } kinds[] = {{"MODEL", ".gonio", "a model file"},    {"OUT", ".gonio", "a model file"},
              {"model", ".gonio", "a model file"},    {"CSV", ".csv", "a CSV"},
              {"IMAGE.png", ".png", "a PNG picture"}, {"INI", ".ini", "a rig file"},
-             {"PGM", ".pgm", "a PGM picture"},       {"FILE.svg|png", ".svg .png", "a picture"}};
+             {"PGM", ".pgm", "a PGM picture"},       {"FILE.svg|png", ".svg .png", "a picture"},
+             {"FILE.png", ".png", "a PNG picture"}};
 #define KINDS (sizeof kinds / sizeof *kinds)
 
 static bool ends_with(const char *path, const char *ending, size_t n) {
