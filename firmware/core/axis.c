@@ -29,12 +29,16 @@ static struct fw_ramp_limits limits_of(const struct fw_core *core, const uint32_
     return limits;
 }
 
+void gonio_fw_axis_enable(struct fw_core *core) {
+    gonio_fw_board_motors(core, (uint8_t)(core->axis.energised ^ core->registers.motors_invert[0]));
+}
+
 static uint32_t energise(struct fw_core *core, uint8_t axes) {
     const uint8_t before = core->axis.energised;
     core->axis.energised = before | axes;
     if (core->axis.energised == before)
         return 0;
-    gonio_fw_board_motors(core, core->axis.energised);
+    gonio_fw_axis_enable(core);
     return core->registers.energise[0] * 1000u;
 }
 
@@ -166,6 +170,34 @@ enum fw_refusal gonio_fw_axis_move(struct fw_core *core) {
     return FW_REFUSAL_NONE;
 }
 
+enum fw_refusal gonio_fw_axis_jog(struct fw_core *core) {
+    const unsigned axes = core->registers.command_axes[0];
+    if (axes == 0 || (axes & (axes - 1)) != 0)
+        return FW_REFUSAL_NO_AXIS;
+    const unsigned axis = (unsigned)__builtin_ctz(axes);
+    const int64_t way = core->registers.target[axis];
+    const uint32_t slow = core->registers.home_slow[axis];
+    if (magnitude(way) > (uint64_t)FW_JOG_SECONDS * slow)
+        return FW_REFUSAL_TOO_FAR;
+    if (onto_limit(core, axis, way))
+        return FW_REFUSAL_HARD_LIMIT;
+    int64_t ways[FW_AXES] = {0};
+    uint32_t speeds[FW_AXES] = {0};
+    gonio_fw_axis_positions(core, ways);
+    const int64_t to = ways[axis] + way;
+    if ((core->known >> axis & 1) != 0 && (to < core->registers.soft_min[axis] || to > core->registers.soft_max[axis]))
+        return FW_REFUSAL_SOFT_LIMIT;
+    for (unsigned i = 0; i < FW_AXES; i++)
+        ways[i] = i == axis ? way : 0;
+    speeds[axis] = slow;
+    if (!gonio_fw_axis_begin(core, ways, speeds))
+        return FW_REFUSAL_TOO_FAR;
+    core->axis.settling = false;
+    core->axis.final_leg = true; // it takes up no backlash
+    core->state = FW_STATE_MOVING;
+    return FW_REFUSAL_NONE;
+}
+
 void gonio_fw_axis_continue(struct fw_core *core, bool came_to_rest) {
     if (came_to_rest) {
         if (!core->axis.final_leg) {
@@ -248,5 +280,5 @@ void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]) {
 void gonio_fw_axis_release(struct fw_core *core, uint8_t axes) {
     core->axis.energised &= (uint8_t)~axes;
     core->known &= (uint16_t) ~(unsigned)axes;
-    gonio_fw_board_motors(core, core->axis.energised);
+    gonio_fw_axis_enable(core);
 }

@@ -12,6 +12,8 @@
 
 struct fw_core;
 
+enum { FW_JOG_SECONDS = 10 }; // of home_slow: the longest way of a JOG
+
 struct fw_axis {
     struct fw_ramp ramp[2];    // the one followed, and the one that cuts it short
     uint8_t current;           // of ramp
@@ -32,6 +34,9 @@ struct fw_axis {
 bool gonio_fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]);
 // The MOVE command, checked; begins it.
 enum fw_refusal gonio_fw_axis_move(struct fw_core *core);
+// The JOG command, checked; begins it. So slow and so short that it can do no harm where nobody knows where the axis
+// is.
+enum fw_refusal gonio_fw_axis_jog(struct fw_core *core);
 // Decelerate to rest; nothing when at rest.
 void gonio_fw_axis_stop(struct fw_core *core);
 // Stop at once. lost: the motors may have slipped, so that the positions of the moving axes become unknown. Callable
@@ -46,6 +51,8 @@ void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
 // Seconds that a MOVE of all axes at full speed takes from rest at `from`, by the limits alone: what rounding to
 // segments and waiting add is left out. For simulators; ways below 2^31.
 double gonio_fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]);
+// Motor enables to what they should be, at the levels that motors_invert asks for. Any.
+void gonio_fw_axis_enable(struct fw_core *core);
 // Switch motors off; their positions become unknown. Callable in interrupts.
 void gonio_fw_axis_release(struct fw_core *core, uint8_t axes);
 

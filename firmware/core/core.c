@@ -12,6 +12,7 @@ void gonio_fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause caus
     core->registers.reset_cause[0] = (uint16_t)cause;
     gonio_fw_parameters_load(core);
     gonio_fw_parameters_note(core);
+    gonio_fw_axis_enable(core);
     core->state = FW_STATE_IDLE;
     core->last_tick = gonio_fw_board_now(core);
     gonio_fw_modbus_setup(core, core->registers.baud[0]);
@@ -52,6 +53,7 @@ void gonio_fw_core_refresh(struct fw_core *core) {
 
 void gonio_fw_core_parameters_changed(struct fw_core *core) {
     gonio_fw_parameters_note(core);
+    gonio_fw_axis_enable(core);
     gonio_fw_board_inputs_pend(core);
 }
 
@@ -110,6 +112,8 @@ static enum fw_refusal begin(struct fw_core *core, enum fw_command command) {
         return gonio_fw_axis_move(core);
     case FW_COMMAND_HOME:
         return gonio_fw_homing_begin(core);
+    case FW_COMMAND_JOG:
+        return gonio_fw_axis_jog(core);
     default:
         gonio_fw_lamp_trigger(core);
         return FW_REFUSAL_NONE;
@@ -137,7 +141,7 @@ static enum fw_refusal execute(struct fw_core *core, enum fw_command command) {
 
 enum fw_refusal gonio_fw_core_command(struct fw_core *core, uint16_t command) {
     const uint32_t id = core->registers.command_id[0];
-    if (command < FW_COMMAND_MOVE || command > FW_COMMAND_YIELD)
+    if (command < FW_COMMAND_MOVE || command > FW_COMMAND_JOG)
         return FW_REFUSAL_UNKNOWN;
     if (command == FW_COMMAND_STOP || command == FW_COMMAND_HALT) {
         stop(core, command == FW_COMMAND_HALT);

@@ -136,5 +136,6 @@ void gonio_fw_interlock_fault(struct fw_core *core) {
     gonio_fw_board_halt_steps(core);
     gonio_fw_board_lamp(core, 0);
     gonio_fw_board_shutter(core, false);
-    gonio_fw_board_motors(core, 0);
+    // A wrong bit here would only let a motor hold that stands.
+    gonio_fw_board_motors(core, (uint8_t)(core->registers.motors_invert[0] & 15));
 }

@@ -250,6 +250,93 @@ static void seconds_are_what_a_move_takes(void **state) {
     free(m);
 }
 
+static enum fw_refusal jog(struct machine *m, uint16_t axes, int64_t way) {
+    for (unsigned i = 0; i < FW_AXES; i++)
+        m->core.registers.target[i] = way;
+    return gonio_machine_command(m, FW_COMMAND_JOG, axes);
+}
+
+// Homed or not, either way: by so much, no faster than home_slow, and as unhomed as before. Nothing else moves.
+static void jogs_slowly(void **state) {
+    (void)state;
+    for (unsigned n = 0; n < 4 * FW_AXES; n++) {
+        struct machine *m = rig_homed();
+        const unsigned axis = n % FW_AXES;
+        const bool homed = n < 2 * FW_AXES;
+        const int64_t way = n / FW_AXES % 2 == 0 ? 5000 : -5000; // ten seconds of home_slow
+        m->core.known = homed ? 15 : (uint16_t)(15 & ~(1u << axis));
+        m->core.registers.backlash[axis] = 300; // none is taken up
+        const uint16_t known = m->core.known;
+        int64_t before[FW_AXES];
+        for (unsigned i = 0; i < FW_AXES; i++)
+            before[i] = m->axis[i].steps;
+        const uint64_t began = m->now_us;
+        assert_int_equal(jog(m, (uint16_t)(1u << axis), way), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
+        assert_true(m->now_us - began >= 10 * 1000000u);
+        for (unsigned i = 0; i < FW_AXES; i++)
+            assert_true(m->axis[i].steps == before[i] + (i == axis ? way : 0));
+        assert_int_equal(m->core.known, known);
+        assert_int_equal(m->core.registers.finished_id[0], m->core.registers.accepted_id[0]);
+        rig_check_positions(m);
+        free(m);
+    }
+}
+
+static void jogs_no_further(void **state) {
+    (void)state;
+    struct machine *m = rig_homed();
+    m->core.known = 14;
+    assert_int_equal(jog(m, 1, 5001), FW_REFUSAL_TOO_FAR);
+    assert_int_equal(jog(m, 1, -5001), FW_REFUSAL_TOO_FAR);
+    assert_int_equal(jog(m, 1, INT64_MIN), FW_REFUSAL_TOO_FAR);
+    assert_int_equal(jog(m, 0, 10), FW_REFUSAL_NO_AXIS);
+    assert_int_equal(jog(m, 3, 10), FW_REFUSAL_NO_AXIS); // one at a time
+    m->core.registers.soft_max[1] = m->axis[1].steps + 100;
+    assert_int_equal(jog(m, 2, 101), FW_REFUSAL_SOFT_LIMIT); // it is homed
+    gonio_machine_hold(m, FW_CONTACT_limit_max_0, true);
+    gonio_machine_run(m, 2000);
+    assert_int_equal(jog(m, 1, 10), FW_REFUSAL_HARD_LIMIT);
+    assert_true(m->rising_edges == 0);
+    assert_int_equal(jog(m, 1, -10), FW_REFUSAL_NONE); // off the switch
+    assert_true(gonio_machine_settle(m, MINUTE_US));
+    gonio_machine_hold(m, FW_CONTACT_limit_max_0, false);
+    gonio_machine_run(m, 2000);
+    assert_int_equal(jog(m, 1, 5000), FW_REFUSAL_NONE);
+    gonio_machine_run(m, 1000000);
+    gonio_machine_hold(m, FW_CONTACT_estop, true);
+    gonio_machine_run(m, 2000);
+    assert_true(m->core.state == FW_STATE_ESTOP && !m->core.axis.under_way);
+    assert_int_equal(jog(m, 1, 10), FW_REFUSAL_STOPPED);
+    free(m);
+}
+
+// Drivers whose enable input is active low: off at rest, on in a move, off when released and in the safe state.
+static void enables_of_either_polarity(void **state) {
+    (void)state;
+    for (unsigned low = 0; low < 16; low++) {
+        struct machine *m = rig_homed();
+        m->enable_low = (uint8_t)low;
+        m->core.registers.motors_invert[0] = (uint16_t)low;
+        gonio_fw_core_parameters_changed(&m->core);
+        assert_int_equal(m->motors ^ low, 0);
+        const int64_t target[FW_AXES] = {100, 200, 300, 400};
+        assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
+        assert_int_equal(m->motors ^ low, 15);
+        rig_check_positions(m); // no step of a motor that is off
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_RELEASE, 5), FW_REFUSAL_NONE);
+        assert_int_equal(m->motors ^ low, 10);
+        m->core.registers.safe_motors[0] = 2;
+        gonio_machine_hold(m, FW_CONTACT_estop, true);
+        gonio_machine_run(m, 2000);
+        assert_int_equal(m->motors ^ low, 2);
+        gonio_fw_interlock_fault(&m->core);
+        assert_int_equal(m->motors ^ low, 0);
+        free(m);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(arrives_exactly),
                                        cmocka_unit_test(axes_keep_together),
@@ -261,6 +348,9 @@ int main(void) {
                                        cmocka_unit_test(halt_stops_at_once_and_forgets),
                                        cmocka_unit_test(limit_switch_halts_all),
                                        cmocka_unit_test(step_rate_is_bounded),
-                                       cmocka_unit_test(seconds_are_what_a_move_takes)};
+                                       cmocka_unit_test(seconds_are_what_a_move_takes),
+                                       cmocka_unit_test(jogs_slowly),
+                                       cmocka_unit_test(jogs_no_further),
+                                       cmocka_unit_test(enables_of_either_polarity)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -117,7 +117,7 @@ static void put_edges(struct machine *m, uint8_t edges) {
         if ((up >> i & 1) == 0)
             continue;
         m->rising_edges++;
-        if ((m->motors >> i & 1) == 0)
+        if (((m->motors ^ m->enable_low) >> i & 1) == 0)
             m->wrong_edges++;
         else
             near |= step(&m->axis[i], (upward >> i & 1) != 0 ? 1 : -1);

@@ -45,7 +45,8 @@ struct machine {
     struct machine_axis axis[FW_AXES];
     uint16_t forced_on, forced_off; // contacts held by hand, as levels
     uint8_t directions, motors, pins;
-    uint8_t reversed; // motors that go down at the direction level 1
+    uint8_t reversed;   // motors that go down at the direction level 1
+    uint8_t enable_low; // motors that are on at the enable level 0
     bool armed, produce_pending, inputs_pending, shutter, trigger, driving;
     uint16_t lamp;
     int32_t temperature; // 0.001 degC
