@@ -14,11 +14,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "host/drivers/parameters.h"
 #include "host/transport/modbus.h"
 
 enum { GONIO_CONTROLLER_AXES = 4 };
-
-typedef struct gonio_controller gonio_controller;
 
 typedef struct gonio_controller_config {
     gonio_modbus_config modbus;
@@ -26,6 +25,7 @@ typedef struct gonio_controller_config {
     double deadman_s; // the controller makes itself safe after this silence; 5
     double feed_s;    // the dead-man is fed without a call for at most so long, so that a hung host does not; 600
     double replug_s;  // wait this long for a lost adapter; 10
+    gonio_controller_parameters parameters;
     gonio_tape *tape; // borrowed
     gonio_tape_mode mode;
     // Told of what a session should note, e.g. ("lost-steps", "..."); NULL: nobody.
@@ -71,7 +71,10 @@ void gonio_controller_count(gonio_controller *controller, gonio_controller_count
 
 // Hold the rig from now on; done before the first write anyway. A move that an earlier program left is stopped, and a
 // dead-man alarm that it left behind is cleared. GONIO_E_DEVICE where another program holds the rig.
+// The configured parameters are then written; each that differs is told as an event "parameters".
 gonio_status gonio_controller_claim(gonio_controller *controller, gonio_error *error);
+// Whether the configuration says what this register is.
+bool gonio_controller_gives(const gonio_controller *controller, int address);
 
 gonio_status gonio_controller_read_status(gonio_controller *controller, gonio_controller_status *status,
                                           gonio_error *error);

@@ -5,13 +5,19 @@
 
 enum { SIGNED_u16 = 0, SIGNED_u32 = 0, SIGNED_i32 = 1, SIGNED_i64 = 1 };
 
-const controller_register_info *gonio_controller_register(int address) {
-    static const controller_register_info registers[] = {
+static const controller_register_info registers[] = {
 #define REGISTER(address, name, type, count, access, unit, minimum, maximum, initial, text)                            \
-    {address, CONTROLLER_WORDS_##type, SIGNED_##type, minimum, maximum},
+    {#name, unit, text, address, CONTROLLER_WORDS_##type, count, SIGNED_##type, #access[0] == 'P', minimum, maximum},
 #include "firmware/regmap.def"
-    };
-    for (size_t i = 0; i < sizeof registers / sizeof *registers; i++) {
+};
+enum { REGISTERS = sizeof registers / sizeof *registers };
+
+const controller_register_info *gonio_controller_register_at(int number) {
+    return number >= 0 && number < REGISTERS ? &registers[number] : NULL;
+}
+
+const controller_register_info *gonio_controller_register(int address) {
+    for (int i = 0; i < REGISTERS; i++) {
         if (registers[i].address == address) {
             return &registers[i];
         }

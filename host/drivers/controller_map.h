@@ -49,13 +49,16 @@ enum controller_coil {
 #include "firmware/regmap.def"
 };
 
-// A register whose values are written: words of one, whether they may be negative, and its bounds (equal: any).
+// A register: words of one value and how many values it has (one an axis), whether they may be negative, its bounds
+// (equal: any), and whether it is a parameter.
 typedef struct controller_register_info {
-    int address, words;
-    bool is_signed;
+    const char *name, *unit, *text;
+    int address, words, count;
+    bool is_signed, parameter;
     int64_t minimum, maximum;
 } controller_register_info;
-const controller_register_info *gonio_controller_register(int address); // by its first word; NULL: none
+const controller_register_info *gonio_controller_register(int address);   // by its first word; NULL: none
+const controller_register_info *gonio_controller_register_at(int number); // in the table's order; NULL past the last
 
 // Names and texts of the numbers; "unknown" where the table has none. Static storage.
 const char *gonio_controller_state_text(int state);

@@ -59,7 +59,8 @@ gonio_status gonio_controller_command(gonio_controller *c, int command, unsigned
     }
     c->last_id = c->last_id == UINT32_MAX ? 1 : c->last_id + 1;
     fill_block(c, &block, command, axes, targets);
-    c->resting = c->resting && command != CONTROLLER_COMMAND_MOVE && command != CONTROLLER_COMMAND_HOME;
+    c->resting = c->resting && command != CONTROLLER_COMMAND_MOVE && command != CONTROLLER_COMMAND_HOME &&
+                 command != CONTROLLER_COMMAND_JOG;
     for (int attempt = 0; attempt <= c->config.retries; attempt++) {
         int exception = 0;
         gonio_status status = gonio_controller_request(c, "command", once_command, &block, &exception, error);

@@ -16,6 +16,11 @@
 void gonio_controller_defaults(gonio_controller_config *config) {
     *config = (gonio_controller_config){.retries = 6, .deadman_s = 5, .feed_s = 600, .replug_s = 10};
     gonio_modbus_defaults(&config->modbus);
+    gonio_controller_parameters_defaults(&config->parameters);
+}
+
+bool gonio_controller_gives(const gonio_controller *c, int address) {
+    return gonio_controller_parameters_give(&c->config.parameters, address);
 }
 
 static gonio_status set_deadman(gonio_controller *c, double seconds, gonio_error *error) {
@@ -167,6 +172,7 @@ gonio_status gonio_controller_claim(gonio_controller *c, gonio_error *error) {
     gonio_controller_status now;
     gonio_status status = take(c, &now, error);
     status = status == GONIO_OK ? settle_in(c, &now, error) : status;
+    status = status == GONIO_OK ? gonio_controller_parameters_write(c, &c->config.parameters, error) : status;
     return status == GONIO_OK ? start_feeding(c, error) : status;
 }
 

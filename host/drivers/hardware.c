@@ -30,6 +30,16 @@ const gonio_key gonio_controller_keys[] = {{CONTROLLER("port", LINE, config.modb
                                            {CONTROLLER("replug_s", REAL, config.replug_s), 0, 3600},
                                            {CONTROLLER("record", LINE, record)},
                                            {CONTROLLER("replay", LINE, replay)},
+#define NAMES_input_enable gonio_parameter_contacts
+#define NAMES_input_invert gonio_parameter_contacts
+#define NAMES_direction_invert gonio_parameter_axes
+#define NAMES_motors_invert gonio_parameter_axes
+#define NAMES_safe_motors gonio_parameter_axes
+#define ROW_FLAGS(key, lowest, highest) {CONTROLLER(#key, FLAGS, config.parameters.key), .names = NAMES_##key},
+#define ROW_INTEGER(key, lowest, highest) {CONTROLLER(#key, INTEGER, config.parameters.key), lowest, highest},
+#define ROW_REAL(key, lowest, highest) {CONTROLLER(#key, REAL, config.parameters.key), lowest, highest},
+#define PARAMETER(key, kind, type, register, low, high, times) ROW_##kind(key, low, high)
+#include "host/drivers/controller_parameters.def"
                                            {0}};
 
 static const gonio_key keep_out_keys[] = {{.section = "keep-out", GONIO_KEY(gonio_keep_out, retro_deg, REAL), 0, 90},

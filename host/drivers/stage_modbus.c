@@ -9,7 +9,7 @@
 #include "host/drivers/driver.h"
 #include "host/drivers/stage_parameters.h"
 
-enum { ALL_AXES = 15 };
+enum { ALL_AXES = 15, JOG_S = 10 }; // JOG_S: of home_slow, the longest that the controller jogs
 
 // As the rig file wants it.
 typedef struct axis {
@@ -34,7 +34,8 @@ static const char *const *const axis_names = gonio_stage_axis_names;
 void gonio_stage_modbus_defaults(gonio_stage_modbus_config *config) {
     *config = (gonio_stage_modbus_config){.audit_deg = 0.01, .home_pressed = -1};
     for (int k = 0; k < GONIO_AXES; k++) {
-        config->axes[k] = (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, false};
+        config->axes[k] =
+            (gonio_axis_config){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1, 0, false};
     }
 }
 
@@ -112,17 +113,49 @@ static gonio_status watch(void *context, gonio_error *error) {
 }
 
 // Homing is asked for, so a standing alarm is cleared first, if its cause is gone.
-static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
+gonio_status gonio_stage_modbus_home(void *device, unsigned axes, double timeout_s, gonio_error *error) {
     stage *s = device;
     gonio_status status = watch(s, error);
     status = status == GONIO_OK ? gonio_controller_clear(s->controller, error) : status;
     status = status == GONIO_OK ? gonio_stage_modbus_apply(s, error) : status;
     uint32_t id = 0;
     if (status == GONIO_OK) {
-        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_HOME, ALL_AXES, NULL, &id, error);
+        status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_HOME, axes, NULL, &id, error);
     }
     gonio_controller_status now;
     return status == GONIO_OK ? gonio_controller_wait(s->controller, id, timeout_s, watch, s, &now, error) : status;
+}
+
+static gonio_status stage_home(void *device, double timeout_s, gonio_error *error) {
+    return gonio_stage_modbus_home(device, ALL_AXES, timeout_s, error);
+}
+
+gonio_status gonio_stage_modbus_jog(void *device, int k, double user_deg, gonio_error *error) {
+    stage *s = device;
+    gonio_status status = watch(s, error);
+    status = status == GONIO_OK ? gonio_stage_modbus_apply(s, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const axis *a = &s->axes[k];
+    const double way = a->sign * user_deg * a->steps_per_deg;
+    const double slow = (double)s->held.axis[k][GONIO_PARAMETER_HOME_SLOW];
+    if (!(fabs(way) <= JOG_S * slow)) {
+        return gonio_fail(error, GONIO_E_RANGE, "%s can be jogged slowly by up to %.4g deg at a time", axis_names[k],
+                          JOG_S * slow / a->steps_per_deg);
+    }
+    int64_t targets[GONIO_AXES] = {0};
+    targets[k] = llround(way);
+    uint32_t id = 0;
+    gonio_controller_status now;
+    status = gonio_controller_command(s->controller, CONTROLLER_COMMAND_JOG, 1u << k, targets, &id, error);
+    return status == GONIO_OK ? gonio_controller_wait(s->controller, id, 2 * JOG_S + 60, watch, s, &now, error)
+                              : status;
+}
+
+gonio_status gonio_stage_modbus_release(void *device, unsigned axes, gonio_error *error) {
+    const stage *s = device;
+    return gonio_controller_command(s->controller, CONTROLLER_COMMAND_RELEASE, axes, NULL, NULL, error);
 }
 
 // The end of the way before the final approach; the target itself where there is no backlash to take up.
@@ -408,6 +441,10 @@ double gonio_stage_modbus_user_deg(const void *device, int k, double dial_deg) {
     return a->sign * (dial_deg - a->zero_deg);
 }
 
+bool gonio_stage_modbus_gives(const void *device, int k, int address) {
+    return gonio_stage_parameter_given(&((const stage *)device)->config, k, address);
+}
+
 int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage *)device)->lost_steps; }
 
 #define KEY(text, kind, member) .section = "stage", GONIO_KEY_NAMED(gonio_stage_modbus_config, member, text, kind)
@@ -425,6 +462,7 @@ int64_t gonio_stage_modbus_lost_steps(const void *device) { return ((const stage
         {AXIS_KEY(axis, "home_fast_deg_per_s", REAL, axes[k].home_fast_deg_per_s), 1e-3, 1e4},                         \
         {AXIS_KEY(axis, "home_slow_deg_per_s", REAL, axes[k].home_slow_deg_per_s), 1e-4, 1e3},                         \
         {AXIS_KEY(axis, "home_travel_deg", REAL, axes[k].home_travel_deg), 1e-3, 1440},                                \
+        {AXIS_KEY(axis, "home_backoff_deg", REAL, axes[k].home_backoff_deg), 1e-4, 90},                                \
         {AXIS_KEY(axis, "home_order", INTEGER, axes[k].home_order), 0, 4},                                             \
         {AXIS_KEY(axis, "home_up", INTEGER, axes[k].home_up), 0, 1},                                                   \
         {AXIS_KEY(axis, "zero_deg", REAL, axes[k].zero_deg), -720, 720}, {                                             \

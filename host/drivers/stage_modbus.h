@@ -13,7 +13,8 @@ typedef struct gonio_axis_config {
     double backlash_deg;     // overshoot of the final approach
     double home_deg;         // dial position of the home switch
     double home_fast_deg_per_s, home_slow_deg_per_s;
-    double home_travel_deg; // no switch within this: alarm HOME_MISSING
+    double home_travel_deg;  // no switch within this: alarm HOME_MISSING
+    double home_backoff_deg; // how far off the switch homing goes, before the second approach and at its end
     int home_order, home_up;
     double zero_deg; // user = sign * (dial - zero); 0
     bool invert;     // the sign is -1, else +1; user coordinates are what poses are given in
@@ -38,6 +39,15 @@ gonio_status gonio_stage_modbus_open(const gonio_stage_modbus_config *config, go
 // Write what differs from the configuration, telling each as an event "parameters"; a move and a homing begin so. What
 // makes positions mean something else makes them unknown.
 gonio_status gonio_stage_modbus_apply(void *device, gonio_error *error);
+// Home some axes (bits) alone, in home_order among them; the others stay.
+gonio_status gonio_stage_modbus_home(void *device, unsigned axes, double timeout_s, gonio_error *error);
+// Move an axis, homed or not, by so much in user coordinates: at home_slow, for ten seconds at most, which is what the
+// controller allows where nobody knows its position. It is not homed by that.
+gonio_status gonio_stage_modbus_jog(void *device, int axis, double user_deg, gonio_error *error);
+// Switch motors off, so that the axes can be turned by hand; they are not homed then.
+gonio_status gonio_stage_modbus_release(void *device, unsigned axes, gonio_error *error);
+// Whether the configuration says what this register of an axis is.
+bool gonio_stage_modbus_gives(const void *device, int axis, int address);
 // What the last homing found: degrees by which each axis had drifted. GONIO_E_MISMATCH where one exceeds audit_deg.
 gonio_status gonio_stage_modbus_audit(void *device, double difference_deg[GONIO_AXES], gonio_error *error);
 // The limits of an axis in user coordinates, as the controller holds them.

@@ -12,7 +12,7 @@ typedef enum rounding { NEAREST, DOWN, UP } rounding;
 typedef enum unit { NUMBER, THOUSANDTHS, STEPS } unit; // STEPS: the rig file's value times steps a degree
 
 typedef struct row {
-    const char *key;
+    const char *key, *shown;
     size_t offset; // in gonio_axis_config: a double, or an int that is -1 where it is not given
     bool integer;
     unit unit;
@@ -22,7 +22,7 @@ typedef struct row {
 } row;
 
 #define ROW(key, integer, unit, rounding, name, unhomes)                                                               \
-    { #key, offsetof(gonio_axis_config, key), integer, unit, rounding, CONTROLLER_##name, unhomes }
+    { #key, "[axis ...] " #key, offsetof(gonio_axis_config, key), integer, unit, rounding, CONTROLLER_##name, unhomes }
 static const row rows[GONIO_AXIS_PARAMETERS] = {
     [GONIO_PARAMETER_STEPS_PER_DEG] = ROW(steps_per_deg, false, THOUSANDTHS, NEAREST, steps_per_deg, true),
     [GONIO_PARAMETER_SPEED] = ROW(speed_deg_per_s, false, STEPS, NEAREST, speed_max, false),
@@ -35,6 +35,7 @@ static const row rows[GONIO_AXIS_PARAMETERS] = {
     [GONIO_PARAMETER_HOME_FAST] = ROW(home_fast_deg_per_s, false, STEPS, NEAREST, home_fast, false),
     [GONIO_PARAMETER_HOME_SLOW] = ROW(home_slow_deg_per_s, false, STEPS, NEAREST, home_slow, false),
     [GONIO_PARAMETER_HOME_TRAVEL] = ROW(home_travel_deg, false, STEPS, NEAREST, home_travel, false),
+    [GONIO_PARAMETER_HOME_BACKOFF] = ROW(home_backoff_deg, false, STEPS, NEAREST, home_backoff, false),
     [GONIO_PARAMETER_HOME_ORDER] = ROW(home_order, true, NUMBER, NEAREST, home_order, false),
     [GONIO_PARAMETER_HOME_UP] = ROW(home_up, true, NUMBER, NEAREST, home_up, true)};
 
@@ -136,6 +137,26 @@ gonio_status gonio_stage_parameters_want(const gonio_stage_modbus_config *config
         wanted->home_pressed = config->home_pressed;
     }
     return status;
+}
+
+static const row *row_of(int address) {
+    for (int i = 0; i < GONIO_AXIS_PARAMETERS; i++) {
+        if (rows[i].address == address) {
+            return &rows[i];
+        }
+    }
+    return NULL;
+}
+
+const char *gonio_stage_parameter_key(int address) {
+    const row *r = row_of(address);
+    return r != NULL ? r->shown : NULL;
+}
+
+bool gonio_stage_parameter_given(const gonio_stage_modbus_config *config, int k, int address) {
+    const row *r = row_of(address);
+    return r != NULL ? isfinite(given(r, &config->axes[k]))
+                     : address == CONTROLLER_home_pressed && config->home_pressed >= 0;
 }
 
 // ---- the difference ----

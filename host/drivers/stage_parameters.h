@@ -18,6 +18,7 @@ typedef enum gonio_parameter {
     GONIO_PARAMETER_HOME_FAST,
     GONIO_PARAMETER_HOME_SLOW,
     GONIO_PARAMETER_HOME_TRAVEL,
+    GONIO_PARAMETER_HOME_BACKOFF,
     GONIO_PARAMETER_HOME_ORDER,
     GONIO_PARAMETER_HOME_UP,
     GONIO_AXIS_PARAMETERS
@@ -30,6 +31,11 @@ typedef struct gonio_stage_parameters {
 } gonio_stage_parameters;
 
 extern const char *const gonio_stage_axis_names[GONIO_AXES];
+
+// "[axis ...] min_deg" of an axis' register; NULL: it has no key there.
+const char *gonio_stage_parameter_key(int address);
+// Whether the rig file says what this register of an axis is, or home_pressed.
+bool gonio_stage_parameter_given(const gonio_stage_modbus_config *config, int axis, int address);
 
 gonio_status gonio_stage_parameters_read(gonio_controller *controller, gonio_stage_parameters *held,
                                          gonio_error *error);

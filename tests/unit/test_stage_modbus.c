@@ -168,7 +168,7 @@ static void test_values_beyond_the_controller(void **state) {
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         gonio_stage_modbus_defaults(&axes);
         axes.axes[2] =
-            (gonio_axis_config){cases[i].scale, 0.01, 0.01, 0.01, -95, 95, 0, 0, 0.01, NAN, NAN, -1, -1, 0, false};
+            (gonio_axis_config){cases[i].scale, 0.01, 0.01, 0.01, -95, 95, 0, 0, 0.01, NAN, NAN, NAN, -1, -1, 0, false};
         memcpy((char *)&axes.axes[2] + cases[i].offset, &cases[i].value, sizeof(double));
         open_controller();
         gonio_error error = {0};

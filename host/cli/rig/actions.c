@@ -32,9 +32,65 @@ static gonio_status tell_position(const cli_rig *rig, json_t **out, gonio_error 
     return status;
 }
 
+static int axis_named(const char *name, size_t length) {
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (strlen(rig_axes[k]) == length && strncmp(name, rig_axes[k], length) == 0) {
+            return k;
+        }
+    }
+    return -1;
+}
+
+// The stage behind the controller and the axes (bits) that the arguments name.
+static gonio_status read_axes(const rig_request *request, const cli_rig *rig, void **stage, unsigned *axes,
+                              gonio_error *error) {
+    *stage = gonio_hardware_stage(rig->hardware);
+    *axes = 0;
+    for (int i = 0; i < request->n; i++) {
+        const int k = axis_named(request->arguments[i], strlen(request->arguments[i]));
+        if (k < 0) {
+            return gonio_fail(error, GONIO_E_USAGE,
+                              "found '%s', expected light_theta, light_phi, camera_theta or camera_phi",
+                              request->arguments[i]);
+        }
+        *axes |= 1u << k;
+    }
+    return *stage != NULL ? GONIO_OK
+                          : gonio_fail(error, GONIO_E_UNSUPPORTED,
+                                       "single axes are homed and released by [stage] driver = modbus alone");
+}
+
+static gonio_status home_axes(const rig_request *request, const cli_rig *rig, gonio_error *error) {
+    void *stage;
+    unsigned axes;
+    if (request->n == 0) {
+        return rig->rig.stage->home(rig->rig.stage_device, HOME_TIMEOUT_S, error);
+    }
+    const gonio_status status = read_axes(request, rig, &stage, &axes, error);
+    return status == GONIO_OK ? gonio_stage_modbus_home(stage, axes, HOME_TIMEOUT_S, error) : status;
+}
+
+static gonio_status release(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
+    void *stage;
+    unsigned axes;
+    gonio_status status = read_axes(request, rig, &stage, &axes, error);
+    axes = request->n == 0 ? (1u << GONIO_AXES) - 1 : axes;
+    status = status == GONIO_OK ? gonio_stage_modbus_release(stage, axes, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    json_t *released = json_array();
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if ((axes >> k & 1) != 0) {
+            json_array_append_new(released, json_string(rig_axes[k]));
+        }
+    }
+    *out = json_pack("{s:o}", "released", released);
+    return GONIO_OK;
+}
+
 static gonio_status home(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
-    (void)request;
-    gonio_status status = rig->rig.stage->home(rig->rig.stage_device, HOME_TIMEOUT_S, error);
+    gonio_status status = home_axes(request, rig, error);
     status = status == GONIO_OK ? tell_position(rig, out, error) : status;
     void *stage = gonio_hardware_stage(rig->hardware);
     if (status == GONIO_OK && stage != NULL) {
@@ -57,11 +113,7 @@ static gonio_status read_target(const rig_request *request, const cli_rig *rig, 
     }
     for (int i = 0; i < request->n; i++) {
         const char *text = request->arguments[i], *equals = strchr(text, '=');
-        int axis = -1;
-        for (int k = 0; k < GONIO_AXES && equals != NULL; k++) {
-            const size_t length = strlen(rig_axes[k]);
-            axis = length == (size_t)(equals - text) && strncmp(text, rig_axes[k], length) == 0 ? k : axis;
-        }
+        const int axis = equals != NULL ? axis_named(text, (size_t)(equals - text)) : -1;
         char *end = NULL;
         const double deg = equals != NULL ? gonio_number_parse(equals + 1, &end) : 0;
         if (axis < 0 || end == equals + 1 || *end != 0 || !isfinite(deg)) {
@@ -92,11 +144,34 @@ static gonio_status go(const rig_request *request, cli_rig *rig, bool relative, 
     return status == GONIO_OK ? tell_position(rig, out, error) : status;
 }
 
+// Of an axis whose position nobody knows, so that its switch or its mechanics can be seen to.
+static gonio_status jog_slowly(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
+    void *stage = gonio_hardware_stage(rig->hardware);
+    double way[GONIO_AXES] = {0};
+    int axis = 0;
+    if (stage == NULL || request->n != 1) {
+        return gonio_fail(error, stage == NULL ? GONIO_E_UNSUPPORTED : GONIO_E_USAGE,
+                          "jog --slow: expected one axis of a stage with driver = modbus");
+    }
+    const gonio_status status = read_target(request, rig, true, way, error);
+    for (int k = 0; k < GONIO_AXES; k++) {
+        axis = way[k] != 0 ? k : axis;
+    }
+    if (status != GONIO_OK || way[axis] == 0) {
+        return status == GONIO_OK ? tell_position(rig, out, error) : status;
+    }
+    const gonio_status moved = gonio_stage_modbus_jog(stage, axis, gonio_degrees(way[axis]), error);
+    return moved == GONIO_OK ? tell_position(rig, out, error) : moved;
+}
+
 static gonio_status move(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
     return go(request, rig, false, out, error);
 }
 
 static gonio_status jog(const rig_request *request, cli_rig *rig, json_t **out, gonio_error *error) {
+    if (request->slow) {
+        return jog_slowly(request, rig, out, error);
+    }
     return go(request, rig, true, out, error);
 }
 
@@ -287,14 +362,21 @@ static gonio_status selftest(const rig_request *request, cli_rig *rig, json_t **
 }
 
 const rig_action rig_actions[] = {
-    {"home", "", "find the home switches, report what had drifted; clears a standing alarm", 0, 0, home},
-    {"move", "AXIS=DEG ...", "move to absolute positions; other axes stay", 1, GONIO_AXES, move},
-    {"jog", "AXIS=DEG ...", "move by so much", 1, GONIO_AXES, jog},
-    {"stop", "", "decelerate and hold", 0, 0, stop},
-    {"clear", "", "leave an alarm whose cause is gone; nothing moves", 0, 0, clear},
-    {"lamp", "LEVEL", "0 (off) to 1", 1, 1, lamp},
-    {"shutter", "open|close", "the lamp's shutter", 1, 1, shutter},
-    {"capture", "", "one frame: --exposure, -o PGM", 0, 0, capture},
-    {"burst", "FRAMES SESSION", "frames at the camera's own rate: --exposure", 2, 2, rig_burst},
-    {"selftest", "", "interlock, meter, camera; nothing moves, but --home homes twice", 0, 0, selftest},
+    {"home", "[AXIS ...]", "find the home switches, report what had drifted; clears a standing alarm", 0, GONIO_AXES,
+     home, NULL},
+    {"release", "[AXIS ...]", "switch motors off; those axes are not homed then", 0, GONIO_AXES, release, NULL},
+    {"move", "AXIS=DEG ...", "move to absolute positions; other axes stay", 1, GONIO_AXES, move, NULL},
+    {"jog", "AXIS=DEG ...", "move by so much; --slow: one axis, homed or not, at its slow homing speed", 1, GONIO_AXES,
+     jog, NULL},
+    {"stop", "", "decelerate and hold", 0, 0, stop, NULL},
+    {"clear", "", "leave an alarm whose cause is gone; nothing moves", 0, 0, clear, NULL},
+    {"lamp", "LEVEL", "0 (off) to 1", 1, 1, lamp, NULL},
+    {"shutter", "open|close", "the lamp's shutter", 1, 1, shutter, NULL},
+    {"capture", "", "one frame: --exposure, -o PGM", 0, 0, capture, NULL},
+    {"burst", "FRAMES SESSION", "frames at the camera's own rate: --exposure", 2, 2, rig_burst, NULL},
+    {"selftest", "", "interlock, meter, camera; nothing moves, but --home homes twice", 0, 0, selftest, NULL},
+    {"parameters", "[NAME ...]", "what the controller holds, with units and bounds", 0, RIG_ARGUMENTS, rig_parameters,
+     rig_print_parameters},
+    {"set", "[AXIS.]NAME=VALUE ...", "change parameters, at rest", 1, RIG_ARGUMENTS, rig_set, rig_print_parameters},
+    {"save", "", "keep the parameters in the controller, with the lamp off", 0, 0, rig_save, NULL},
     {0}};

@@ -13,8 +13,8 @@
 
 static int run(int argc, char **argv);
 const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] --rig RIG.ini|sim",
-                          "identify, status, home, move, jog, stop, clear, lamp, shutter, capture, burst, selftest; "
-                          "camera [/dev/videoN], usb",
+                          "identify, status, home, release, move, jog, stop, clear, lamp, shutter, capture, burst, "
+                          "selftest, parameters, set, save; camera [/dev/videoN], usb, setup NEW.ini",
                           run};
 
 #define STOP_TIMEOUT_S 30
@@ -187,9 +187,13 @@ static gonio_status with_rig(const char *name, const rig_request *request, const
     return status;
 }
 
+static bool needs_no_rig(const char *name) {
+    return strcmp(name, "usb") == 0 || strcmp(name, "camera") == 0 || strcmp(name, "setup") == 0;
+}
+
 // A rig is not to be taken for the simulator, nor the simulator for a rig, because somebody forgot to say which.
 static bool check_named(const cli_common *common, const char *name, const cli_rig_options *options) {
-    if (cli_rig_named(options) != NULL || strcmp(name, "usb") == 0 || strcmp(name, "camera") == 0) {
+    if (cli_rig_named(options) != NULL || needs_no_rig(name)) {
         return true;
     }
     cli_usage(common, "rig %s: which rig? --rig RIG.ini, or GONIO_RIG in the environment; --rig sim is the simulator",
@@ -200,24 +204,29 @@ static bool check_named(const cli_common *common, const char *name, const cli_ri
 // Whether the action is known and has the right number of arguments.
 static bool check_request(const cli_common *common, const char *name, int n) {
     const rig_action *action = find_action(name);
-    const bool reads = strcmp(name, "identify") == 0 || strcmp(name, "status") == 0 || strcmp(name, "usb") == 0;
-    const int minimum = action != NULL ? action->minimum : 0;
-    const int maximum = action != NULL ? action->maximum : strcmp(name, "camera") == 0;
-    if (action == NULL && !reads && strcmp(name, "camera") != 0) {
+    const bool reads = strcmp(name, "identify") == 0 || strcmp(name, "status") == 0, setup = strcmp(name, "setup") == 0;
+    const int minimum = action != NULL ? action->minimum : setup;
+    const int maximum = action != NULL ? action->maximum : setup || strcmp(name, "camera") == 0;
+    if (action == NULL && !reads && !needs_no_rig(name)) {
         cli_usage(common,
-                  "rig: found '%s', expected identify, status, home, move, jog, stop, clear, lamp, shutter, "
-                  "capture, burst, selftest, camera or usb",
+                  "rig: found '%s', expected identify, status, home, release, move, jog, stop, clear, lamp, shutter, "
+                  "capture, burst, selftest, parameters, set, save, camera, usb or setup",
                   name);
         return false;
     }
     if (n < minimum || n > maximum) {
-        cli_usage(common, "rig: usage: gonio rig %s %s", name, action != NULL ? action->arguments : "");
+        cli_usage(common, "rig: usage: gonio rig %s %s", name,
+                  action != NULL ? action->arguments
+                  : setup        ? "NEW.ini"
+                                 : "");
         return false;
     }
     return true;
 }
 
-static int answer_or_fail(const cli_common *common, json_t *answer, gonio_status status, const gonio_error *error) {
+static int answer_or_fail(const cli_common *common, const char *name, json_t *answer, gonio_status status,
+                          const gonio_error *error) {
+    const rig_action *action = find_action(name);
     if (status != GONIO_OK) {
         if (!common->json && answer != NULL) {
             print("", answer); // what was found all the same
@@ -228,7 +237,11 @@ static int answer_or_fail(const cli_common *common, json_t *answer, gonio_status
     if (common->json) {
         return cli_json(answer);
     }
-    print("", answer);
+    if (action != NULL && action->print != NULL) {
+        action->print(answer);
+    } else {
+        print("", answer);
+    }
     json_decref(answer);
     return 0;
 }
@@ -241,6 +254,7 @@ static int run(int argc, char **argv) {
         CLI_RIG_OPTIONS(rig_options),
         {"dial", 0, CLI_FLAG, &request.dial, NULL, NULL, "move: positions as the controller counts them"},
         {"home", 0, CLI_FLAG, &request.home, NULL, NULL, "selftest: also home all axes, twice"},
+        {"slow", 0, CLI_FLAG, &request.slow, NULL, NULL, "jog: one axis, homed or not, for up to 10 s at home_slow"},
         {"exposure", 0, CLI_DOUBLE, &request.exposure_s, NULL, "S",
          "capture, burst: exposure in seconds (the shortest)"},
         {"output", 'o', CLI_OUTPUT, &request.output, NULL, "PGM", "capture: the frame's file"},
@@ -261,8 +275,9 @@ static int run(int argc, char **argv) {
     gonio_error error = {.line = -1, .byte = -1};
     json_t *answer = NULL;
     const gonio_status status =
-        strcmp(words[0], "camera") == 0 ? rig_camera_report(count > 1 ? words[1] : "/dev/video0", &answer, &error)
-        : strcmp(words[0], "usb") == 0  ? rig_usb_report(&answer, &error)
-                                        : with_rig(words[0], &request, &rig_options, &answer, &error);
-    return answer_or_fail(&common, answer, status, &error);
+        strcmp(words[0], "camera") == 0  ? rig_camera_report(count > 1 ? words[1] : "/dev/video0", &answer, &error)
+        : strcmp(words[0], "usb") == 0   ? rig_usb_report(&answer, &error)
+        : strcmp(words[0], "setup") == 0 ? rig_setup(words[1], &answer, &error)
+                                         : with_rig(words[0], &request, &rig_options, &answer, &error);
+    return answer_or_fail(&common, words[0], answer, status, &error);
 }
