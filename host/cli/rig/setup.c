@@ -25,6 +25,7 @@ typedef struct setup {
     gonio_stage_modbus_config stage;
     int64_t enable, invert, direction; // the registers input_enable, input_invert, direction_invert
     unsigned present, homed;           // axes
+    bool trying_inputs;                // alarms of contacts say nothing new then
 } setup;
 
 // ---- questions ----
@@ -152,8 +153,8 @@ static gonio_status ask_yes(const char *question, bool *yes, gonio_error *error)
 // ---- the controller ----
 
 static void tell(void *context, const char *kind, const char *text) {
-    (void)context;
-    if (strcmp(kind, "parameters") != 0) { // every one of them was just answered
+    const setup *s = context;
+    if (strcmp(kind, "parameters") != 0 && !s->trying_inputs) { // every parameter was just answered
         fprintf(stderr, "    %s: %s\n", cli_text(kind), cli_text(text));
     }
 }
@@ -177,6 +178,7 @@ static gonio_status open_controller(setup *s, gonio_error *error) {
     }
     snprintf(s->config.modbus.port, sizeof s->config.modbus.port, "%s", port);
     s->config.event = tell;
+    s->config.event_context = s;
     s->config.cancelled = cancelled;
     s->config.feed_s = 86400; // somebody reads, thinks and wires
     status = gonio_controller_open(&s->config, &s->c, error);
@@ -203,9 +205,8 @@ static gonio_status ask_contact(setup *s, int contact, const char *what, gonio_e
         const bool first = (now.inputs >> contact & 1) != 0;
         watched w = {s, contact, first, false};
         char question[200];
-        snprintf(question, sizeof question,
-                 "%s (%s) reads %s; operate it and let it go, then `seen`; or unwired, or its level at rest: low, high",
-                 gonio_parameter_contacts()[contact], what, first ? "high" : "low");
+        snprintf(question, sizeof question, "%s (%s) reads %s", gonio_parameter_contacts()[contact], what,
+                 first ? "high" : "low");
         status = ask_word(&w, question, words, 0, &which, error);
         if (status == GONIO_OK && which == 1 && (!w.moved || w.level != first)) {
             fprintf(stderr, "    %s\n", w.moved ? "it is not back at rest" : "it has not changed: is it wired?");
@@ -221,18 +222,28 @@ static gonio_status ask_contact(setup *s, int contact, const char *what, gonio_e
 
 static gonio_status ask_inputs(setup *s, gonio_error *error) {
     static const char *const kinds[] = {"home switch", "lower limit switch", "upper limit switch"};
-    static const char *const others[] = {"emergency stop", "door contact"};
-    fprintf(stderr, "Inputs, as their wires are now: nothing moves.\n");
+    static const char *const others[] = {"emergency stop", "door contact"}, *const no_yes[] = {"no", "yes", NULL};
+    int limits = 0;
+    fprintf(stderr,
+            "Inputs, as their wires are now; nothing moves. Operate each one and let it go: its changes are shown.\n"
+            "Then answer `seen`; or `unwired`; or the level that it has at rest, `low` or `high`.\n");
+    s->trying_inputs = true;
     gonio_status status = write_bits(s, "input_invert", 0, error);
     status = status == GONIO_OK ? write_bits(s, "input_enable", ALL_INPUTS, error) : status;
     for (int i = 0; i < 2 && status == GONIO_OK; i++) {
         status = ask_contact(s, CONTROLLER_CONTACT_estop + i, others[i], error);
     }
     for (int i = 0; i < 3 * GONIO_AXES && status == GONIO_OK; i++) {
-        status = ask_contact(s, i, kinds[i / GONIO_AXES], error);
+        if (i == GONIO_AXES) {
+            status = ask_word(NULL, "are there limit switches as well", no_yes, 0, &limits, error);
+        }
+        if (status == GONIO_OK && (i < GONIO_AXES || limits != 0)) {
+            status = ask_contact(s, i, kinds[i / GONIO_AXES], error);
+        }
     }
     status = status == GONIO_OK ? write_bits(s, "input_invert", s->invert, error) : status;
     status = status == GONIO_OK ? write_bits(s, "input_enable", s->enable, error) : status;
+    s->trying_inputs = false;
     if (status == GONIO_OK && (s->enable >> CONTROLLER_CONTACT_estop & 1) == 0) {
         fprintf(stderr, "    No emergency stop: let nothing move unless somebody can cut the motors' power.\n");
     }
@@ -317,12 +328,20 @@ static gonio_status home(setup *s, int k, gonio_error *error) {
     return status;
 }
 
-// Do it; where it fails, say why, and ask whether to try again. *done: it went well.
+static gonio_status turn_over(setup *s, int k, gonio_error *error) {
+    s->direction ^= 1 << k;
+    return write_bits(s, "direction_invert", s->direction, error);
+}
+
+// Do it; where it fails, say why, and ask what now. *done: it went well.
 static gonio_status attempt(setup *s, int k, gonio_status (*act)(setup *s, int k, gonio_error *error), bool *done,
                             gonio_error *error) {
-    for (bool again = true; again;) {
+    static const char *const words[] = {"again", "turn", "skip", NULL};
+    int next = 0;
+    *done = false;
+    while (next < 2) {
         gonio_error why = {.line = -1, .byte = -1};
-        const gonio_status status = act(s, k, &why);
+        gonio_status status = act(s, k, &why);
         *done = status == GONIO_OK;
         if (*done) {
             return GONIO_OK;
@@ -332,9 +351,11 @@ static gonio_status attempt(setup *s, int k, gonio_status (*act)(setup *s, int k
             return status;
         }
         fprintf(stderr, "    %s\n", cli_text(why.message));
-        const gonio_status asked = ask_yes("    try again", &again, error);
-        if (asked != GONIO_OK) {
-            return asked;
+        status =
+            ask_word(NULL, "    try again, turn its direction over and try again, or skip it", words, 0, &next, error);
+        status = status == GONIO_OK && next == 1 ? turn_over(s, k, error) : status;
+        if (status != GONIO_OK) {
+            return status;
         }
     }
     return GONIO_OK;
@@ -356,8 +377,7 @@ static gonio_status find_direction(setup *s, int k, gonio_error *error) {
         }
         go = go && which >= 2;
         if (status == GONIO_OK && which == 1) {
-            s->direction ^= 1 << k;
-            status = write_bits(s, "direction_invert", s->direction, error);
+            status = turn_over(s, k, error);
         } else if (status == GONIO_OK && which == 3) {
             fprintf(stderr,
                     "    is its power on, and its enable output the right way round? `motors_invert` (A4988, TMC: "
