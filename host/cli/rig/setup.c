@@ -201,12 +201,12 @@ static gonio_status ask_contact(setup *s, int contact, const char *what, gonio_e
     static const char *const words[] = {"unwired", "seen", "low", "high", NULL};
     gonio_controller_status now;
     gonio_status status = gonio_controller_read_status(s->c, &now, error);
+    const bool first = status == GONIO_OK && (now.inputs >> contact & 1) != 0;
+    watched w = {s, contact, first, false}; // over all of the questions: it may have come back between two
     for (int which = -1; status == GONIO_OK && which < 0;) {
-        const bool first = (now.inputs >> contact & 1) != 0;
-        watched w = {s, contact, first, false};
         char question[200];
         snprintf(question, sizeof question, "%s (%s) reads %s", gonio_parameter_contacts()[contact], what,
-                 first ? "high" : "low");
+                 w.level ? "high" : "low");
         status = ask_word(&w, question, words, 0, &which, error);
         if (status == GONIO_OK && which == 1 && (!w.moved || w.level != first)) {
             fprintf(stderr, "    %s\n", w.moved ? "it is not back at rest" : "it has not changed: is it wired?");
@@ -320,7 +320,7 @@ static gonio_status home(setup *s, int k, gonio_error *error) {
         status = gonio_stage_modbus_home(stage, 1u << k, HOME_TIMEOUT_S, error);
         status = status == GONIO_OK ? gonio_stage_modbus.position(stage, at, error) : status;
         gonio_stage_modbus.close(stage);
-        if (status == GONIO_OK) {
+        if (status == GONIO_OK && (s->present >> k & 1) != 0) {
             s->homed |= 1u << k;
             fprintf(stderr, "    %s is homed and stands at %.6g deg\n", rig_axes[k], gonio_degrees(at[k]));
         }
@@ -393,7 +393,7 @@ static gonio_status find_direction(setup *s, int k, gonio_error *error) {
 static gonio_status set_up_axis(setup *s, int k, gonio_error *error) {
     gonio_status status = ask_axis(s, k, error);
     if (status != GONIO_OK || (s->present >> k & 1) == 0) {
-        return status;
+        return status == GONIO_OK ? home(s, k, error) : status; // nothing moves, and the others may then
     }
     status = ask_switch(s, k, error);
     status = status == GONIO_OK ? find_direction(s, k, error) : status;
