@@ -16,12 +16,12 @@ stop_all() {
     rm -rf "$work"
 }
 trap stop_all EXIT
-# wait_for COMMAND ...: up to 10 s
+# wait_for COMMAND ...: up to 30 s
 wait_for() {
     i=0
     until "$@" 2>/dev/null; do
         i=$((i + 1))
-        [ $i -gt 200 ] && return 1
+        [ $i -gt 600 ] && return 1
         sleep 0.05
     done
 }

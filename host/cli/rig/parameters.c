@@ -38,7 +38,7 @@ static json_t *values_of(const controller_register_info *p, const int64_t *value
     json_t *all = json_object();
     for (int k = 0; k < p->count; k++) {
         gonio_parameter_print(p, values[k], text, sizeof text);
-        json_object_set_new(all, rig_axes[k], json_string(text));
+        json_object_set_new(all, gonio_parameter_axes()[k], json_string(text));
     }
     return all;
 }
@@ -114,7 +114,7 @@ typedef struct assignment {
 
 static int axis_named(const char *name, size_t length) {
     for (int k = 0; k < GONIO_AXES; k++) {
-        if (strlen(rig_axes[k]) == length && strncmp(rig_axes[k], name, length) == 0) {
+        if (strlen(gonio_parameter_axes()[k]) == length && strncmp(gonio_parameter_axes()[k], name, length) == 0) {
             return k;
         }
     }
@@ -186,8 +186,9 @@ static gonio_status report(gonio_controller *c, const assignment *all, int n, un
     }
     for (int k = 0; k < GONIO_AXES && status == GONIO_OK; k++) {
         if ((homed & ~now.homed) >> k & 1) {
-            json_array_append_new(lost, json_string(rig_axes[k]));
-            gonio_controller_tell(c, "parameters", "%s: a step means something else now; home it again", rig_axes[k]);
+            json_array_append_new(lost, json_string(gonio_parameter_axes()[k]));
+            gonio_controller_tell(c, "parameters", "%s: a step means something else now; home it again",
+                                  gonio_parameter_axes()[k]);
         }
     }
     if (status == GONIO_OK) {
