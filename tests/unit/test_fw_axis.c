@@ -264,7 +264,7 @@ static void jogs_slowly(void **state) {
         const unsigned axis = n % FW_AXES;
         const bool homed = n < 2 * FW_AXES;
         const int64_t way = n / FW_AXES % 2 == 0 ? 5000 : -5000; // ten seconds of home_slow
-        m->core.known = homed ? 15 : (uint16_t)(15 & ~(1u << axis));
+        m->core.known = (uint16_t)(homed ? 15 : 15 & ~(1u << axis));
         m->core.registers.backlash[axis] = 300; // none is taken up
         const uint16_t known = m->core.known;
         int64_t before[FW_AXES];
