@@ -185,7 +185,7 @@ static char *trimmed(char *first, char *last) {
 
 // The same, of a text in which U+00A0, as spreadsheets and web pages write it, is a blank.
 static char *unbroken(char *first, char *last) {
-    for (char *wide = first; (wide = memchr(wide, '\xc2', (size_t)(last - wide))) != NULL; wide++) {
+    for (char *wide = first; (wide = memchr(wide, 0xc2, (size_t)(last - wide))) != NULL; wide++) {
         if (wide + 1 < last && wide[1] == '\xa0') {
             wide[0] = wide[1] = ' ';
         }

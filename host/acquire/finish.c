@@ -164,7 +164,7 @@ static gonio_status put_results(gonio_session *session, const gonio_outcome *out
     }
     for (int stage = GONIO_STAGE_FRAMES; status == GONIO_OK && stage <= GONIO_STAGE_SAMPLES; stage++) {
         char key[64], hex[GONIO_SHA256_HEX];
-        snprintf(key, sizeof key, "result.stage.%s", gonio_stage_name((gonio_stage)stage));
+        snprintf(key, sizeof key, "result.stage.%s", gonio_stage_name(stage));
         status = gonio_session_stage_hash(session, (gonio_stage)stage, hex, error);
         status = status == GONIO_OK ? gonio_session_put(session, key, hex, error) : status;
     }

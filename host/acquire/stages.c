@@ -99,7 +99,7 @@ static void get_checksum(gonio_session *session, const char *key, char hex[GONIO
 static gonio_status journalled(gonio_session *session, gonio_stage stage, char hex[GONIO_SHA256_HEX],
                                gonio_error *error) {
     char key[64];
-    snprintf(key, sizeof key, "result.stage.%s", gonio_stage_name(stage));
+    snprintf(key, sizeof key, "result.stage.%s", gonio_stage_name((int)stage));
     get_checksum(session, key, hex);
     return hex[0] == 0 && stage != GONIO_STAGE_FRAMES ? gonio_session_stage_hash(session, stage, hex, error) : GONIO_OK;
 }

@@ -6,7 +6,7 @@
 
 #include "host/session/internal.h"
 
-const char *gonio_stage_name(gonio_stage stage) {
+const char *gonio_stage_name(int stage) {
     static const char *const names[GONIO_STAGES] = {"frames", "radiance", "samples", "final", "model"};
     return names[stage];
 }

@@ -216,7 +216,7 @@ typedef enum gonio_stage {
     GONIO_STAGE_MODEL,
     GONIO_STAGES
 } gonio_stage;
-const char *gonio_stage_name(gonio_stage stage); // "frames" ...
+const char *gonio_stage_name(int stage); // "frames" ...
 // One checksum of a stage up to GONIO_STAGE_SAMPLES, from what the journal holds: SHA-256 over a line a frame, "STEP
 // FRAME SHA256\n", or a line a step, "STEP SHA256\n", in their order. Empty where there is nothing.
 gonio_status gonio_session_stage_hash(gonio_session *session, gonio_stage stage, char hex[GONIO_SHA256_HEX],

@@ -555,7 +555,7 @@ static void test_texts_come_back_as_they_were(void **state) {
                                                 .seed = 1,
                                                 .threads = 1};
         gonio_rig_file *rig;
-        gonio_session *session;
+        gonio_session *session = NULL;
         gonio_measure_options measure;
         gonio_setup setup;
         gonio_error error = {0};

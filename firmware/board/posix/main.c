@@ -156,6 +156,8 @@ static struct client *place_for_client(struct host *h) {
         if (!holds && (oldest == NULL || c->channel < oldest->channel))
             oldest = c;
     }
+    if (oldest == NULL) // there are more places than the one that can hold it
+        oldest = h->clients;
     drop_client(h, oldest);
     return oldest;
 }
