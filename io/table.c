@@ -227,6 +227,8 @@ static gonio_status read_once(const gonio_source *source, const gonio_format_val
     free(r->fields);
     free(r->numbers);
     free(tall.rows);
+    r->collector = NULL;
+    r->tall = NULL;
     return gonio_row_collector_end(&collector, status, out, report, error);
 }
 

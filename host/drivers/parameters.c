@@ -159,7 +159,9 @@ static bool given(const row *r, const gonio_controller_parameters *parameters, i
         *value = *(const int *)at;
         return *value >= 0;
     }
-    const double real = *(const double *)at * r->times;
+    double real;
+    memcpy(&real, at, sizeof real);
+    real *= r->times;
     *value = isfinite(real) ? llround(real) : 0;
     return isfinite(real);
 }

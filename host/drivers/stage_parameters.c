@@ -71,7 +71,9 @@ gonio_status gonio_stage_parameters_read(gonio_controller *c, gonio_stage_parame
 static double given(const row *r, const gonio_axis_config *config) {
     const char *at = (const char *)config + r->offset;
     if (!r->integer) {
-        return *(const double *)at;
+        double real;
+        memcpy(&real, at, sizeof real);
+        return real;
     }
     const int value = *(const int *)at;
     return value >= 0 ? value : (double)NAN;

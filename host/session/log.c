@@ -137,7 +137,8 @@ static gonio_status read_lines(reader *r, FILE *file, int64_t from, const char *
         at += n; // the end of a line
     }
     while (status == GONIO_OK && n >= 0 && (n = next_line(file, &text, &capacity)) > 0) {
-        session_line line = {.number = ++number, .begin = at, .end = at + n};
+        number++;
+        session_line line = {.number = number, .begin = at, .end = at + n};
         at += n;
         status = read_line(r, text, (size_t)n, &line, call, context, error);
     }
