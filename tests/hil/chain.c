@@ -23,7 +23,8 @@ int main(int argc, char **argv) {
     gonio_stage_modbus_defaults(&axes);
     const int order = atoi(argv[3]);
     for (int i = 0; i < GONIO_AXES; i++) {
-        axes.axes[i] = (gonio_axis_config){100, 300, 2000, 40000, -180, 180, 0, NAN, NAN, NAN, NAN, order, 0, 0, 1};
+        axes.axes[i] =
+            (gonio_axis_config){100, 300, 2000, 40000, -180, 180, 0, NAN, NAN, NAN, NAN, NAN, order, 0, 0, 1};
     }
     gonio_controller *controller = NULL;
     gonio_error error = {0};

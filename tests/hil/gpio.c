@@ -150,7 +150,7 @@ static void stop_in_mid_move(const char *port) {
     gonio_stage_modbus_config config;
     gonio_stage_modbus_defaults(&config);
     for (int i = 0; i < GONIO_AXES; i++) {
-        config.axes[i] = (gonio_axis_config){100, 20, 2000, 40000, -180, 180, 0, NAN, NAN, NAN, NAN, 0, 0, 0, 1};
+        config.axes[i] = (gonio_axis_config){100, 20, 2000, 40000, -180, 180, 0, NAN, NAN, NAN, NAN, NAN, 0, 0, 0, 1};
     }
     const gonio_interlock_gpio_config wired = contacts();
     gonio_controller *controller = NULL;
