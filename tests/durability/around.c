@@ -39,7 +39,7 @@ static void readers_on(worker *w, int base) {
     char root[200];
     snprintf(root, sizeof root, "%s/mounted", w->root);
     mkdir(root, 0755);
-    w->run = runner_start(w->program, w->library, root);
+    w->run = runner_start(w->program, w->shim, root);
     tree_list before = tree_files(w->area), after;
     if (case_do(w, DO_DOCTOR, NULL) != 0) {
         case_trouble(w, "doctor on a read-only medium: %d %.150s", w->last.status, w->last.message);

@@ -195,8 +195,8 @@ void case_settle(worker *w, bool repair, bool began) {
 
 // ---- workers ----
 
-void worker_start(worker *w, const char *root, int number, const char *program, const char *library) {
-    *w = (worker){.program = program, .library = library};
+void worker_start(worker *w, const char *root, int number, const char *program, const char *shim) {
+    *w = (worker){.program = program, .shim = shim};
     snprintf(w->root, sizeof w->root, "%.100s/worker-%d", root, number);
     snprintf(w->area, sizeof w->area, "%s/area", w->root);
     snprintf(w->session, sizeof w->session, "%s/s", w->area);
@@ -208,7 +208,7 @@ void worker_start(worker *w, const char *root, int number, const char *program, 
         exit(1);
     }
     tree_write(w->plan, plan_text, sizeof plan_text - 1);
-    w->run = runner_start(program, library, w->root);
+    w->run = runner_start(program, shim, w->root);
     if (w->run == NULL) {
         perror("the program does not start");
         exit(1);
@@ -270,10 +270,10 @@ static bool make_half(worker *w, int base) {
            undisturbed.done[base] < undisturbed.done[BASE_FINISHED];
 }
 
-bool campaign_prepare(const char *root, const char *program, const char *library) {
+bool campaign_prepare(const char *root, const char *program, const char *shim) {
     worker w;
     verdict v = {0};
-    worker_start(&w, root, 9999, program, library);
+    worker_start(&w, root, 9999, program, shim);
     mkdir(w.bases, 0755);
     w.verdict = &v;
     bool made = make_finished(&w, BASE_FINISHED) && make_finished(&w, BASE_PLAIN);
@@ -291,7 +291,7 @@ runner *worker_second(worker *w) {
     char root[220];
     snprintf(root, sizeof root, "%s/second", w->root);
     if (w->second == NULL &&
-        (mkdir(root, 0755) != 0 || (w->second = runner_start(w->program, w->library, root)) == NULL)) {
+        (mkdir(root, 0755) != 0 || (w->second = runner_start(w->program, w->shim, root)) == NULL)) {
         perror(root);
         exit(1);
     }

@@ -48,15 +48,15 @@ typedef struct worker {
     char scratch[200]; // for the harness' own copies
     char bases[160];
     char plan[200];
-    const char *program, *library;
+    const char *program, *shim;
     uint64_t random, salt; // salt: of the campaign, so that equal seeds differ
     verdict *verdict;
     run_result last;
 } worker;
 
 // Make the reference and the bases under root; false, with a message, where an undisturbed command fails.
-bool campaign_prepare(const char *root, const char *program, const char *library);
-void worker_start(worker *w, const char *root, int number, const char *program, const char *library);
+bool campaign_prepare(const char *root, const char *program, const char *shim);
+void worker_start(worker *w, const char *root, int number, const char *program, const char *shim);
 void worker_stop(worker *w);
 runner *worker_second(worker *w); // for a command beside another
 

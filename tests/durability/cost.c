@@ -70,12 +70,12 @@ static bool one_pair(runner *r, const char *session, int i, double *waits, doubl
     return good;
 }
 
-bool cost_tell(const char *program, const char *library, const char *folder, int pairs) {
+bool cost_tell(const char *program, const char *shim, const char *folder, int pairs) {
     double waits[PAIRS_MAX], shares[PAIRS_MAX];
     char session[SHIM_PATH];
     pairs = pairs < 1 ? 3 : pairs > PAIRS_MAX ? PAIRS_MAX : pairs;
     snprintf(session, sizeof session, "%.900s/cost-session", folder);
-    runner *r = runner_start(program, library, folder);
+    runner *r = runner_start(program, shim, folder);
     bool good = r != NULL;
     if (good) {
         runner_bound(r, 3600);

@@ -5,6 +5,6 @@
 
 #include <stdbool.h>
 
-bool cost_tell(const char *program, const char *library, const char *folder, int pairs);
+bool cost_tell(const char *program, const char *shim, const char *folder, int pairs);
 
 #endif

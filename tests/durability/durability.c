@@ -34,7 +34,7 @@ static const campaign campaigns[] = {
 enum { CAMPAIGNS = sizeof campaigns / sizeof *campaigns, JOBS_MAX = 64 };
 
 typedef struct options {
-    const char *program, *library, *only, *report, *root, *cost;
+    const char *program, *shim, *only, *report, *root, *cost;
     long long seed, first;
     int count, jobs, seconds; // count 0: full; seconds: stop after so many, 0: never
 } options;
@@ -70,7 +70,7 @@ static void one_case(worker *w, const campaign *c, uint64_t seed, verdict *v) {
 static void work(const options *o, const campaign *c, int job, int count, verdict *verdicts, double until) {
     worker w;
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    worker_start(&w, o->root, job, o->program, o->library);
+    worker_start(&w, o->root, job, o->program, o->shim);
     for (int i = job; i < count && (until == 0 || wall_s() < until); i += o->jobs) {
         verdict v;
         one_case(&w, c, (uint64_t)(o->first + i), &v);
@@ -217,7 +217,7 @@ static int run_one(const options *o) {
     worker w;
     verdict v;
     int failed = 0;
-    worker_start(&w, o->root, 0, o->program, o->library);
+    worker_start(&w, o->root, 0, o->program, o->shim);
     run_told = true;
     for (int i = 0; i < CAMPAIGNS; i++) {
         if (is_wanted(&campaigns[i], o)) {
@@ -239,7 +239,7 @@ static bool read_options(int argc, char **argv, options *o) {
         if (strcmp(name, "--program") == 0) {
             o->program = value;
         } else if (strcmp(name, "--library") == 0) {
-            o->library = value;
+            o->shim = value;
         } else if (strcmp(name, "--only") == 0) {
             o->only = value;
         } else if (strcmp(name, "--report") == 0) {
@@ -260,7 +260,7 @@ static bool read_options(int argc, char **argv, options *o) {
             return false;
         }
     }
-    return argc % 2 == 1 && o->program != NULL && o->library != NULL && o->jobs > 0 && o->jobs <= JOBS_MAX;
+    return argc % 2 == 1 && o->program != NULL && o->shim != NULL && o->jobs > 0 && o->jobs <= JOBS_MAX;
 }
 
 static pid_t guarded;
@@ -273,7 +273,7 @@ static int run_guarded(const options *o) {
     guarded = fork();
     if (guarded == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
-        const bool made = campaign_prepare(o->root, o->program, o->library);
+        const bool made = campaign_prepare(o->root, o->program, o->shim);
         exit(!made ? 1 : o->seed >= 0 ? run_one(o) : run_all(o));
     }
     signal(SIGINT, pass_on);
@@ -293,15 +293,15 @@ int main(int argc, char **argv) {
                         "       durability --program GONIO --library SHIM --cost FOLDER [--count PAIRS]\n");
         return 2;
     }
-    char program[PATH_MAX], library[PATH_MAX];
-    if (realpath(o.program, program) == NULL || realpath(o.library, library) == NULL) {
+    char program[PATH_MAX], shim[PATH_MAX];
+    if (realpath(o.program, program) == NULL || realpath(o.shim, shim) == NULL) {
         perror("durability");
         return 1;
     }
     o.program = program;
-    o.library = library;
+    o.shim = shim;
     if (o.cost != NULL) {
-        return cost_tell(program, library, o.cost, o.count) ? 0 : 1;
+        return cost_tell(program, shim, o.cost, o.count) ? 0 : 1;
     }
     // Sessions live in memory: what a disk does to them is the campaign's own doing.
     char root[] = "/dev/shm/gonio-durability-XXXXXX", elsewhere[] = "/tmp/gonio-durability-XXXXXX";

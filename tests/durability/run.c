@@ -37,11 +37,11 @@ static shim_shared *share(const char *path) {
     return memory == MAP_FAILED ? NULL : memory;
 }
 
-static void become(const runner *r, const char *program, const char *library, int requests, int replies) {
+static void become(const runner *r, const char *program, const char *shim, int requests, int replies) {
     char told[SHIM_PATH + 40];
     snprintf(told, sizeof told, "%s/shared:%d:%d", r->folder, requests, replies);
     setenv(SHIM_ENVIRONMENT, told, 1);
-    setenv("LD_PRELOAD", library, 1);
+    setenv("LD_PRELOAD", shim, 1);
     setenv("OPENBLAS_NUM_THREADS", "1", 1); // no threads before a fork
     setenv("OMP_NUM_THREADS", "1", 1);
     setenv("TZ", "UTC", 1);
@@ -49,7 +49,7 @@ static void become(const runner *r, const char *program, const char *library, in
     _exit(125);
 }
 
-runner *runner_start(const char *program, const char *library, const char *folder) {
+runner *runner_start(const char *program, const char *shim, const char *folder) {
     runner *r = calloc(1, sizeof *r);
     int down[2], up[2];
     if (r == NULL || pipe(down) != 0 || pipe(up) != 0) {
@@ -68,7 +68,7 @@ runner *runner_start(const char *program, const char *library, const char *folde
     if (r->server == 0) {
         close(down[1]);
         close(up[0]);
-        become(r, program, library, down[0], up[1]);
+        become(r, program, shim, down[0], up[1]);
     }
     close(down[0]);
     close(up[1]);

@@ -13,8 +13,8 @@ enum { RUN_BOUND_S = 60, RUN_IMPOSSIBLE = 77 }; // the exit status where the ker
 
 // A waiting program (shim.h); one command at a time.
 typedef struct runner runner;
-// program, library: absolute paths; folder: for its own files, outside of all sessions. NULL where it does not start.
-runner *runner_start(const char *program, const char *library, const char *folder);
+// program, shim: absolute paths; folder: for its own files, outside of all sessions. NULL where it does not start.
+runner *runner_start(const char *program, const char *shim, const char *folder);
 void runner_stop(runner *r);
 
 typedef struct run_result {

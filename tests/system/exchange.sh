@@ -5,16 +5,6 @@
 set -u
 . "$(dirname "$0")/lib.sh"
 
-# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
-tells() {
-    wanted=$1 text=$2
-    shift 2
-    "$@" >"$work/told" 2>&1
-    got=$?
-    [ $got -eq "$wanted" ] || { cat "$work/told"; echo "exit status $got, expected $wanted"; return 1; }
-    grep -qF -- "$text" "$work/told" || { cat "$work/told"; echo "does not tell: $text"; return 1; }
-}
-field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }
 
 cd "$work" || exit 1
 ward=ward:rho_d=0.3,rho_s=0.2,alpha=0.3

@@ -51,3 +51,25 @@ finish() {
     echo "1..$tests"
     [ $failures -eq 0 ]
 }
+# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
+tells() {
+    wanted=$1 text=$2
+    shift 2
+    "$@" >"$work/told" 2>&1
+    got=$?
+    cat "$work/told"
+    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
+    grep -qF -- "$text" "$work/told" || { echo "does not tell: $text"; return 1; }
+}
+# wait_for SECONDS COMMAND ...: until the command succeeds, no longer than so many seconds.
+wait_for() {
+    tries=$(($1 * 20))
+    shift
+    until "$@" 2>/dev/null; do
+        tries=$((tries - 1))
+        [ $tries -lt 0 ] && return 1
+        sleep 0.05
+    done
+}
+# field NAME FILE: a member of a one-line JSON object, without quotes.
+field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }

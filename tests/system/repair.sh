@@ -5,16 +5,6 @@
 set -u
 . "$(dirname "$0")/lib.sh"
 
-# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
-tells() {
-    wanted=$1 text=$2
-    shift 2
-    "$@" >"$work/told" 2>&1
-    got=$?
-    cat "$work/told"
-    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
-    grep -qF -- "$text" "$work/told" || { echo "does not tell: $text"; return 1; }
-}
 trace() { (cd "$1" && find . -printf '%p %s %m %T@ %C@ %i\n' | sort); }
 hashes() { find "$@" -type f -name '0*.png*' -exec sha256sum {} + | cut -d' ' -f1 | sort; }
 # lost INVENTORY SESSION: frames by content that are neither in its frames/ nor its lost+found/.

@@ -25,20 +25,11 @@ stop_all() {
     rm -rf "$work"
 }
 trap stop_all EXIT
-# wait_for COMMAND ...: up to 5 s
-wait_for() {
-    i=0
-    until "$@" 2>/dev/null; do
-        i=$((i + 1))
-        [ $i -gt 100 ] && return 1
-        sleep 0.05
-    done
-}
 
 descriptor=8 start tcp --tcp 0 --speed 30
 descriptor=9 start pty --pty "$work/controller" --speed 30
-wait_for grep -q '^port' "$work/tcp.out"
-wait_for test -e "$work/controller"
+wait_for 5 grep -q '^port' "$work/tcp.out"
+wait_for 5 test -e "$work/controller"
 port=$(sed -n 's/^port //p' "$work/tcp.out")
 
 # Nothing tells where the switches are: the controller's own parameters do.
@@ -145,7 +136,7 @@ for way in tcp pty; do
     "$GONIO" rig home $rig >/dev/null 2>&1
     "$GONIO" rig move light_theta=80 $rig --set "axis light_theta.speed_deg_per_s=0.2" >"$work/move.out" 2>"$work/move.err" &
     moving=$!
-    check "$way: status of a rig that moves" wait_for sh -c "'$GONIO' rig status $rig --json >'$work/out' && grep -q '\"pid\":$moving,.*a move is under way' '$work/out'"
+    check "$way: status of a rig that moves" wait_for 5 sh -c "'$GONIO' rig status $rig --json >'$work/out' && grep -q '\"pid\":$moving,.*a move is under way' '$work/out'"
     check "$way: where it is" grep -q '"position_deg":{"light_theta":[0-9.]*,' "$work/out"
     exits "$way: nobody else may move it" 1 "$GONIO" rig move light_theta=10 $rig
     says "$way: and hears who does" "process $moving, drives this rig"
@@ -171,11 +162,11 @@ says "and is told what can be stopped" "gonio stop SESSION"
     "$GONIO" measure --rig "$work/tcp.ini" --sample $sample --plan nusselt:40 --seed 3 "$work/far" >"$work/far.log" 2>&1
     echo $? >"$work/far.status"
 ) &
-wait_for sh -c "'$GONIO' status --json '$work/far' | grep -q '\"state\":\"running\"'"
+wait_for 5 sh -c "'$GONIO' status --json '$work/far' | grep -q '\"state\":\"running\"'"
 exits "a measure's rig" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --json
 check "tells of its session" grep -q "\"session\":\"$work/far\"" "$work/out"
 exits "rig stop ends the measure" 0 "$GONIO" rig stop --rig "$work/tcp.ini" --sample $sample
-wait_for test -s "$work/far.status"
+wait_for 5 test -s "$work/far.status"
 check "which can be gone on with" sh -c "[ \$(cat '$work/far.status') = 4 ] && grep -q 'gonio resume' '$work/far.log'"
 
 # Equal seeds, equal samples, whichever stage moves.
@@ -196,10 +187,10 @@ fi
 
 # The emergency stop of the controller ends a measure with a named fault, and the resumed one ends with the same samples.
 ("$GONIO" measure --rig "$work/pty.ini" --sample $sample --plan nusselt:6 --seed 3 --set scan.settle_s=0.02 "$work/stopped" >"$work/stop.log" 2>&1; echo $? >"$work/stop.status") &
-wait_for test -s "$work/stopped/session.db"
+wait_for 5 test -s "$work/stopped/session.db"
 sleep 0.4
 echo "hold estop 1" >&9
-wait_for test -s "$work/stop.status"
+wait_for 5 test -s "$work/stop.status"
 if [ "$(cat "$work/stop.status")" = 1 ] && grep -q EMERGENCY "$work/stop.log"; then pass "an emergency stop ends a measure and is named"; else
     fail "an emergency stop ends a measure and is named" "status $(cat "$work/stop.status")" "$(tail -n 3 "$work/stop.log")"
 fi
@@ -237,7 +228,7 @@ exits "a zone of no width is bad input" 3 sh -c "(cat $work/plain.ini; printf '[
 
 # Other arms: the simulated switches stand where the rig file has them.
 descriptor=7 start other --tcp 0 --speed 30
-wait_for grep -q '^port' "$work/other.out"
+wait_for 5 grep -q '^port' "$work/other.out"
 rig "tcp:127.0.0.1:$(sed -n 's/^port //p' "$work/other.out")" |
     sed -e 's/^steps_per_deg = 100/steps_per_deg = 888.889\nmin_deg = -5\nmax_deg = 92\nhome_deg = -4.5/' \
         -e 's/^speed_deg_per_s = 300/speed_deg_per_s = 40/' -e 's/^home_fast_deg_per_s = 200/home_fast_deg_per_s = 30/' \
@@ -249,7 +240,7 @@ exits "and move over all of their range" 0 "$GONIO" rig move light_theta=92 ligh
 if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
     /usr/bin/python3 tests/system/pymodbus_slave.py "$work/slave.port" >"$work/slave.log" 2>&1 &
     controllers="$controllers $!"
-    wait_for test -s "$work/slave.port"
+    wait_for 5 test -s "$work/slave.port"
     sed "s/^port = .*/port = tcp:127.0.0.1:$(cat "$work/slave.port")/" "$work/tcp.ini" >"$work/slave.ini"
     exits "an independent slave is identified" 0 "$GONIO" rig identify --rig "$work/slave.ini" --sample $sample --json
     check "with what it says" grep -q '"firmware":"7.8.9","protocol":2,"board":77' "$work/out"

@@ -16,20 +16,11 @@ stop_all() {
     rm -rf "$work"
 }
 trap stop_all EXIT
-# wait_for COMMAND ...: up to 30 s
-wait_for() {
-    i=0
-    until "$@" 2>/dev/null; do
-        i=$((i + 1))
-        [ $i -gt 600 ] && return 1
-        sleep 0.05
-    done
-}
 mkfifo "$work/in"
 "$controller" --tcp 0 --speed 30 --flash "$work/flash" <"$work/in" >"$work/controller.out" 2>&1 &
 pids=$!
 exec 8>"$work/in"
-wait_for grep -q '^port' "$work/controller.out"
+wait_for 30 grep -q '^port' "$work/controller.out"
 port=$(sed -n 's/^port //p' "$work/controller.out")
 ini=$work/rig.ini
 
@@ -41,15 +32,15 @@ setup=$!
 pids="$pids $setup"
 exec 7>"$work/answers"
 printf 'tcp:127.0.0.1:%s\n300\n' "$port" >&7
-check "setup shows an input's level" wait_for grep -q 'estop (emergency stop) reads high' "$work/err"
+check "setup shows an input's level" wait_for 30 grep -q 'estop (emergency stop) reads high' "$work/err"
 echo "hold estop 0" >&8
-check "as it changes" wait_for grep -q 'estop: low' "$work/err"
+check "as it changes" wait_for 30 grep -q 'estop: low' "$work/err"
 echo seen >&7
-check "and takes none that is not back" wait_for grep -q 'it is not back at rest' "$work/err"
+check "and takes none that is not back" wait_for 30 grep -q 'it is not back at rest' "$work/err"
 echo "hold estop 1" >&8
-check "until it is" wait_for grep -q 'estop: high' "$work/err"
+check "until it is" wait_for 30 grep -q 'estop: high' "$work/err"
 printf '%s\n' seen unwired low low low unwired no >&7
-wait_for grep -q 'light_theta: motor steps' "$work/err"
+wait_for 30 grep -q 'light_theta: motor steps' "$work/err"
 echo "hold estop 0" >&8 # the simulated contact follows input_invert
 printf '%s\n' 100 20 -10 80 lower "" yes smaller yes turn again >&7 # light_theta turns the right way already
 printf '%s\n' 100 900 20 -90 90 sideways upper "" yes larger yes >&7
@@ -134,7 +125,7 @@ exits "home all" 0 "$GONIO" rig home $bare
 "$GONIO" rig move camera_theta=-60 $bare --set "axis camera_theta.speed_deg_per_s=0.2" >"$work/move.out" 2>&1 &
 moving=$!
 pids="$pids $moving"
-check "a move" wait_for sh -c "'$GONIO' rig status $bare --json | grep -q 'a move is under way'"
+check "a move" wait_for 30 sh -c "'$GONIO' rig status $bare --json | grep -q 'a move is under way'"
 exits "nothing is set while an axis moves" 1 "$GONIO" rig set pulse=4 $bare
 says "because somebody drives it" "drives this rig"
 exits "stop" 0 "$GONIO" rig stop $bare

@@ -13,18 +13,6 @@ status_is() {
     got=$?
     [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
 }
-# tells STATUS TEXT COMMAND...: it ends with this status, and what it prints holds the text.
-tells() {
-    wanted=$1 text=$2
-    shift 2
-    "$@" >"$work/told" 2>&1
-    got=$?
-    cat "$work/told"
-    [ $got -eq "$wanted" ] || { echo "exit status $got, expected $wanted"; return 1; }
-    grep -qF -- "$text" "$work/told" || { echo "does not tell: $text"; return 1; }
-}
-# field NAME FILE: a member of a one-line JSON object, without quotes.
-field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }
 
 ward=ward:rho_d=0.3,rho_s=0.2,alpha=0.3
 plan=nusselt:40
