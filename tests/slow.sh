@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: BSD-3-Clause
 # The slow suites in a bounded form, as CI runs them after `make test`: a minute of fuzzing a target and of the
-# durability campaign, the virtual machine, the packages. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
+# durability campaign, 500 disturbed measures, the virtual machine, the packages. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
 # usage: tests/slow.sh BUILD_FOLDER
 set -u
 build=$1
@@ -25,6 +25,7 @@ make="make --no-print-directory B=$build"
 suite fuzz "clang builds the targets, then $seconds s each" $make fuzz FUZZ_SECONDS="$seconds"
 suite firmware "clang builds the Modbus slave, then $seconds s" $make fuzz-firmware FUZZ_SECONDS="$seconds"
 suite durability "sessions killed, cut off from power and damaged, 60 s" $make durability SECONDS=60 FIRST=100000
+suite faults "500 measures disturbed by seeded faults" $make faults FAULTS=500
 # A machine without KVM that others load as well may take minutes.
 suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
 # Building, unpacking and installing takes some minutes; a mirror that hangs must not take hours.

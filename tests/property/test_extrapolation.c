@@ -80,11 +80,11 @@ static void test_sparse_sets_stay_in_range(void **state) {
     (void)state;
     static const char *const methods[] = {"auto", "lsq", "ggx", "cook-torrance"};
     for (size_t m = 0; m < MATERIALS; m++) {
-        for (uint64_t seed = 1; seed <= 3; seed++) {
-            gonio_samples *samples = simulate_samples(materials[m], 200, 1, seed);
+        for (uint64_t seed = 1; seed <= 2; seed++) {
+            gonio_samples *samples = simulate_samples(materials[m], 110, 1, seed);
             for (int k = 0; k < (seed == 1 ? 4 : 1); k++) {
                 gonio_model *model = fitted(samples, methods[k], NULL);
-                check_range(model, samples, 100000, seed);
+                check_range(model, samples, 40000, seed);
                 gonio_model_free(model);
             }
             gonio_samples_free(samples);
@@ -95,9 +95,9 @@ static void test_sparse_sets_stay_in_range(void **state) {
 // The iterative solver's models too.
 static void test_large_sets_stay_in_range(void **state) {
     (void)state;
-    gonio_samples *samples = simulate_samples(materials[0], 3000, 1, 5);
+    gonio_samples *samples = simulate_samples(materials[0], 2200, 1, 5);
     gonio_model *model = fitted(samples, "auto", NULL);
-    check_range(model, samples, 100000, 5);
+    check_range(model, samples, 40000, 5);
     gonio_model_free(model);
     gonio_samples_free(samples);
 }
@@ -105,7 +105,7 @@ static void test_large_sets_stay_in_range(void **state) {
 // What a fit of few samples predicts is better than no prediction at all: held-out errors below the values themselves.
 static void test_held_out_errors_are_sane(void **state) {
     (void)state;
-    for (uint64_t seed = 1; seed <= 4; seed++) {
+    for (uint64_t seed = 1; seed <= 2; seed++) {
         gonio_samples *samples = simulate_samples(materials[0], 200, 1, seed);
         gonio_fit_report report;
         gonio_model *model = fitted(samples, "auto", &report);

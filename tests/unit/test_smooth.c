@@ -365,7 +365,7 @@ static void test_small_fits_are_invariant(void **state) {
 
 static void test_large_fits_are_invariant(void **state) {
     (void)state;
-    gonio_samples *samples = sampled(WARD, 2500, 0.01, 7);
+    gonio_samples *samples = sampled(WARD, 2100, 0.01, 7);
     gonio_fit_options o = quick("lsq");
     o.coordinates = GONIO_NUSSELT;
     o.domain = GONIO_LINEAR;
@@ -408,14 +408,17 @@ static void test_log_fits_are_never_negative(void **state) {
         const gonio_fit_options o = quick(methods[m]);
         gonio_model *model = fitted(samples, &o);
         uint64_t seed = 9;
-        for (int k = 0; k < 100000; k++) {
+        for (int k = 0; k < 40000; k++) {
             gonio_pair p = random_pair(&seed);
             if (k % 10 == 0) {
                 p.theta_o = GONIO_PI / 2 - 1e-3 * uniform(&seed);
             }
             double value;
             gonio_model_eval_pair(model, &p, &value);
-            assert_true(value >= 0 && isfinite(value));
+            if (!(value >= 0 && isfinite(value))) {
+                fail_msg("%s: %g at theta %g, %g deg", methods[m], value, gonio_degrees(p.theta_i),
+                         gonio_degrees(p.theta_o));
+            }
         }
         gonio_model_free(model);
     }
