@@ -23,5 +23,6 @@
     X(formats)                                                                                                         \
     X(check)                                                                                                           \
     X(calibrate)                                                                                                       \
+    X(virtual)                                                                                                         \
     X(render)                                                                                                          \
     X(kinds)

@@ -16,6 +16,7 @@ printf 'file,exposure_s,light\nframe.raw,1,1\n' >d/list.csv
 printf 'file,exposure_s\nframe.raw,1\n' >d/series.csv
 printf 'file,object,light_theta,light_phi,camera_theta,camera_phi\nframe.raw,board,0,0,0,0\n' >d/views.csv
 printf '[camera]\nwidth = 10\nheight = 10\n' >d/camera.ini
+printf '[patch]\nshape = sawtooth\n' >d/patch.ini
 printf 'a b v\n30 0 1\n30 9 1\n' >d/lab.txt
 printf 'columns = theta_i=a,theta_o=b\n' >d/lab.txt.gonio-map
 head -c 100 /dev/urandom >d/frame.raw
@@ -58,6 +59,9 @@ convert spec:file:d/m.gonio,shape=sphere d/m.gonio
 convert spec:lambert:rho=0.5 d/plan.csv --plan d/plan.csv
 convert d/m.gonio d/plan.csv --plan=d/plan.csv
 convert d/data.csv s/day.session/x.csv
+virtual d/patch.ini -o d/patch.ini
+virtual sawtooth -p d/plan.csv -o d/plan.csv
+virtual sawtooth -o s/day.session/session.db
 render d/m.gonio -o d/m.gonio
 render spec:lambert:rho=0.5 spec:file:d/m.gonio -o d/m.gonio
 render d/m.gonio --mesh d/mesh.obj -o d/mesh.obj
