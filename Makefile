@@ -6,6 +6,8 @@ AR      ?= ar
 V       ?= 0
 JOBS    ?= $(shell nproc)
 B       ?= build
+# One name for a build folder, however it is given: compilers write down what an object depends on under the name that make used.
+override B := $(patsubst $(CURDIR)/%,%,$(abspath $(B)))
 
 ifeq ($(origin CC),default)
 CC := gcc

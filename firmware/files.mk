@@ -34,31 +34,44 @@ ARMFLAGS := -mthumb -mfloat-abi=soft -O2 -g -std=c17 -ffreestanding -fno-common 
             -ffp-contract=off $(WARN) -I. -fstack-usage -fcallgraph-info=su
 FLASH_LIMIT := 49152
 RAM_LIMIT   := 12288
-fw-flags-lm3s6965evb := -mcpu=cortex-m3
-fw-flags-stm32f405   := -mcpu=cortex-m4
-# MHz, flash wait states at that speed, bytes of flash a fetch (LM3S6965 data sheet; RM0090 3.5.1, as if without caches)
-fw-speed-lm3s6965evb := 50 0 4
-fw-speed-stm32f405   := 168 5 16
 fw-core-c := $(patsubst %,firmware/core/%.c,$(fw-core)) firmware/board/cortex_m/cortex_m.c
 
-firmware: $(B)/firmware/lm3s6965evb.elf $(B)/firmware/stm32f405.elf $(B)/firmware/lm3s6965evb-trace.elf ## cross-build the controller; sizes and stack against their limits
-.PHONY: firmware
+# A board is a folder with a board.mk, a link.ld and C files (docs/porting.md). board.mk says, of the board NAME:
+#   fw-flags-NAME   the processor
+#   fw-speed-NAME   MHz, flash wait states at that speed, bytes a fetch; and m0 for the instruction times of a Cortex-M0+
+#   fw-shared-NAME  a folder whose C files it shares with other boards
+#   fw-seal-NAME    a command that finishes the linked image $@
+#   fw-also-NAME    further files that `make firmware` makes of it, beside NAME.elf and NAME.bin
+#   fw-more-NAME    further images of the folder, each with flags of its own, the linker script NAME.ld and no limits
+fw-boards := $(patsubst firmware/board/%/board.mk,%,$(wildcard firmware/board/*/board.mk))
+include $(fw-boards:%=firmware/board/%/board.mk)
 
-# $(call fw-image,name,board,sources,flags,linker script,check)
+# $(call fw-image,name,board,linker script,check)
 define fw-image
-fw-objs-$(1) := $(patsubst %.c,$(B)/firmware/$(1)/%.o,$(3))
-$$(fw-objs-$(1)): $(B)/firmware/$(1)/%.o: %.c
-	$$(call say,ARMCC,$$<)
-	$$(Q)mkdir -p $$(@D) && $(ARM)gcc $$(ARMFLAGS) $$(fw-flags-$(2)) $(4) -MMD -MP -c -o $$@ $$<
-$(B)/firmware/$(1).elf: $$(fw-objs-$(1)) firmware/board/$(2)/$(5) firmware/board/cortex_m/sections.ld firmware/tools/stack.py firmware/tools/cycles.py
+fw-objs-$(1) := $(patsubst %.c,$(B)/firmware/$(1)/%.o,$(fw-core-c) $(wildcard firmware/board/$(2)/*.c $(patsubst %,firmware/board/%/*.c,$(fw-shared-$(2)))))
+$$(fw-objs-$(1)): $(B)/firmware/$(1)/%.o: %.c firmware/files.mk firmware/board/$(2)/board.mk
+	$$(call say,ARMCC,$$@)
+	$$(Q)mkdir -p $$(@D) && $(ARM)gcc $$(ARMFLAGS) $$(fw-flags-$(1)) -MMD -MP -c -o $$@ $$<
+$(B)/firmware/$(1).elf: $$(fw-objs-$(1)) $(wildcard firmware/board/$(2)/*.ld firmware/board/$(2)/*.py firmware/board/cortex_m/*.ld firmware/tools/*.py)
 	$$(call say,ARMLD,$$@)
-	$$(Q)$(ARM)gcc $$(fw-flags-$(2)) -mthumb -nostdlib -T firmware/board/$(2)/$(5) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
+	$$(Q)$(ARM)gcc $$(fw-flags-$(1)) -mthumb -nostdlib -T firmware/board/$(2)/$(3) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
+	$(if $(fw-seal-$(2)),$$(Q)$$(fw-seal-$(2)) || { rm -f $$@; exit 1; })
 	$$(Q)$(ARM)size $$@ > $$(@:.elf=.size)
-	$(if $(6),$$(Q)printf '%-12s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
-	$(if $(6),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) $$(fw-speed-$(2)) || { rm -f $$@; exit 1; })
+	$(if $(4),$$(Q)printf '%-13s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
+	$(if $(4),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) $$(fw-speed-$(2)) || { rm -f $$@; exit 1; })
+firmware: $(B)/firmware/$(1).elf
 -include $$(fw-objs-$(1):.o=.d)
 endef
-$(eval $(call fw-image,lm3s6965evb,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c,,link.ld,check))
-$(eval $(call fw-image,stm32f405,stm32f405,$(fw-core-c) firmware/board/stm32f405/board.c,,link.ld,check))
-$(eval $(call fw-image,lm3s6965evb-trace,lm3s6965evb,$(fw-core-c) firmware/board/lm3s6965evb/board.c firmware/board/lm3s6965evb/trace.c,-DFW_TRACE,trace.ld,))
+define fw-board
+$(call fw-image,$(1),$(1),link.ld,check)
+$(foreach image,$(fw-more-$(1)),$(call fw-image,$(image),$(1),$(image).ld,)
+)
+firmware: $(B)/firmware/$(1).bin $(fw-also-$(1))
+endef
+$(foreach board,$(fw-boards),$(eval $(call fw-board,$(board))))
+$(B)/firmware/%.bin: $(B)/firmware/%.elf
+	$(call say,BIN,$@)
+	$(Q)$(ARM)objcopy -O binary $< $@
+firmware: ## cross-build the controller for every board: .elf, .bin (and .uf2); sizes and stack against their limits
+.PHONY: firmware
 -include $(B)/firmware/board/posix/main.d $(B)/firmware/tools/protocol.d

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bound of the step interrupt in cycles, from its disassembly (arm-none-eabi-objdump -d).
 
-usage: cycles.py LISTING MHZ WAIT_STATES BYTES_A_FETCH
+usage: cycles.py LISTING MHZ WAIT_STATES BYTES_A_FETCH [m0]
 Every instruction at its worst: Cortex-M3 Technical Reference Manual r2p1, table 18-1 (loads and stores 2 cycles,
 multiples 1 + n, taken branches 1 + 3 to refill, multiply-accumulate 2, UDIV 12, 64-bit multiplications 7), the
 processor's entry and exit (12 and 12), and WAIT_STATES for each new line of BYTES_A_FETCH that the path touches and for
-each literal, as if nothing were cached. Waiting for an event that is not due yet costs nothing that anybody needs.
+each literal, as if nothing were cached. With m0, Cortex-M0+ Technical Reference Manual r0p1, table 3-1: the same but for
+taken branches (1 + 1), entry and exit (15 and 15) and 2 more for each access behind the peripherals' bridge, of which an
+interrupt makes BRIDGED. Waiting for an event that is not due yet costs nothing that anybody needs.
 
 Three paths are told apart: an interrupt with one event; each further event in the same interrupt; what the change to the
 next segment, once in 256 ticks, adds. The load is that of four axes at 40,000 steps/s in the worst phases: every rising
@@ -21,22 +23,28 @@ import re
 import sys
 
 FUNCTION = "step_interrupt"
-ENTRY, EXIT = 12, 12
-PEND_PRODUCER = "#3332"  # SCB_ICSR: only the change of segment stores there
+M0 = "m0" in sys.argv[5:]
+BRIDGED = 5
+ENTRY, EXIT = (15, 15 + 2 * BRIDGED) if M0 else (12, 12)
+REFILL = 1 if M0 else 3
+PEND_PRODUCER = "#3332", 0xE000ED04  # SCB_ICSR, as an offset or a literal: only the change of segment stores there
 EVENTS = 160000 + 40000 + 1000000 / 256
 MOST_LOAD = 0.60
 
 
 def read(path):
-    lines, on = [], False
+    lines, words, on = [], {}, False
     for line in open(path, encoding="utf-8"):
+        word = re.match(r"\s*([0-9a-f]+):\t\.word\s+0x([0-9a-f]+)", line)
+        if word:
+            words[word.group(1)] = int(word.group(2), 16)
         head = re.match(r"[0-9a-f]+ <([^>]+)>:", line)
         if head:
             on = head.group(1) == FUNCTION
-        code = re.match(r"\s+([0-9a-f]+):\t(\S+)\s*([^@\n]*)", line)
+        code = re.match(r"\s*([0-9a-f]+):\t(\S+)\s*([^@\n]*)(?:@ \(([0-9a-f]+) )?", line)
         if on and code and not code.group(2).startswith("."):
-            lines.append((int(code.group(1), 16), code.group(2), code.group(3).strip()))
-    return lines
+            lines.append((int(code.group(1), 16), code.group(2), code.group(3).strip(), code.group(4)))
+    return [(a, name, operands, words.get(literal)) for a, name, operands, literal in lines]
 
 
 def cost(name, operands, wait):
@@ -61,19 +69,19 @@ def cost(name, operands, wait):
 
 def graph(code, wait, fetch):
     """For each instruction: [(next, cycles)]; next None: it returns."""
-    where = {address: i for i, (address, _, _) in enumerate(code)}
+    where = {line[0]: i for i, line in enumerate(code)}
     ways = []
-    for i, (address, name, operands) in enumerate(code):
+    for i, (address, name, operands, _) in enumerate(code):
         own = cost(name, operands, wait)
         line = wait if i + 1 < len(code) and address // fetch != code[i + 1][0] // fetch else 0
         out = []
         target = re.search(r"([0-9a-f]+) <", operands)
         returns = name == "bx" or (re.match(r"(pop|ldm)", name) and "pc" in operands)
         if re.match(r"(b|cb)", name) and target and not name.startswith(("bic", "bfi", "bfc")):
-            out.append((where[int(target.group(1), 16)], own + 3 + wait))
+            out.append((where[int(target.group(1), 16)], own + REFILL + wait))
         if returns:
-            out.append((None, own + (3 if name == "bx" else 0)))
-        elif not re.match(r"b(\.[nw])?$", name):
+            out.append((None, own + (REFILL if name == "bx" else 0)))
+        elif not re.match(r"b(\.[nw])?$", name) and i + 1 < len(code):
             out.append((i + 1, own + line))
         ways.append(out)
     return ways
@@ -101,10 +109,11 @@ def main():
     path, mhz, wait, fetch = sys.argv[1], *map(int, sys.argv[2:5])
     code = read(path)
     ways = graph(code, wait, fetch)
-    change = {i for i, (_, _, operands) in enumerate(code) if PEND_PRODUCER in operands}
+    offset, address = PEND_PRODUCER
+    change = {i for i, (_, _, operands, literal) in enumerate(code) if offset in operands or literal == address}
     # The turns of the loop that takes events begin where it looks for lateness.
-    heads = [i for i, (_, name, operands) in enumerate(code) if name.startswith(("cmn", "adds", "cmp")) and
-             any(to is not None and to > i and code[to][0] for to, _ in ways[i])]
+    heads = [i for i, (_, name, _, _) in enumerate(code) if name.startswith(("cmn", "adds", "cmp")) and
+             any(to is not None and to > i for to, _ in ways[i])]
     alone = longest(ways, 0, None, change) + ENTRY + EXIT + wait
     turns = [longest(ways, i, i, change) for i in heads]
     further = max(turns)

@@ -52,6 +52,9 @@ static void enumerations(void) {
     printf("\n## Reset causes\n\n| Value | Name | |\n" HEAD);
 #define CAUSE ROW
 #include "firmware/regmap.def"
+    printf("\n## Boards\n\n| Value | Name | |\n" HEAD);
+#define BOARD ROW
+#include "firmware/board/boards.def"
 }
 
 static const char introduction[] =

@@ -80,7 +80,7 @@ void cortex_m_mark(enum fw_cause cause, uint32_t address) {
 void cortex_m_reset(enum fw_cause cause, uint32_t address) {
     cortex_m_mark(cause, address);
     __asm volatile("dsb" ::: "memory");
-    SCB_AIRCR = AIRCR_RESET;
+    board_reset();
     for (;;) {
     }
 }
@@ -95,7 +95,7 @@ __attribute__((used)) static void faulted(const uint32_t *frame) {
 
 __attribute__((naked)) void cortex_m_fault(void) {
     __asm volatile("mrs r0, msp\n"
-                   "b %c0" ::"i"(faulted));
+                   "bl %c0" ::"i"(faulted)); // a plain branch does not reach that far in ARMv6-M
 }
 
 // ---- time ----
@@ -111,8 +111,7 @@ void cortex_m_time_start(uint32_t cycles) {
     SYST_RVR = WRAP_CYCLES - 1;
     SYST_CVR = 0;
     SYST_CSR = 7; // processor clock, interrupt, on
-    SCB_SHPR(15) = PRIORITY_INPUTS;
-    SCB_SHPR(14) = PRIORITY_PRODUCER;
+    SCB_SHPR3 = (uint32_t)PRIORITY_INPUTS << 24 | PRIORITY_PRODUCER << 16;
 }
 
 void cortex_m_wrap(void) {
@@ -144,17 +143,28 @@ void cortex_m_inputs(bool estop_changed) {
 
 // ---- producer ----
 
-void cortex_m_produce(void) { gonio_fw_stepgen_produce(&fw_core.step); }
+// Held back by a word, since ARMv6-M masks all interrupts or none: a producer that comes while the main loop holds the
+// word leaves a note and goes, and is pended again when the word is let go.
+static volatile bool held, wanted;
 
-// Only what has the producer's priority is held back.
+void cortex_m_produce(void) {
+    wanted = held;
+    if (!held)
+        gonio_fw_stepgen_produce(&fw_core.step);
+}
+
 void gonio_fw_board_lock(struct fw_core *core) {
     (void)core;
-    __asm volatile("msr basepri, %0" ::"r"(PRIORITY_PRODUCER) : "memory");
+    held = true;
+    __asm volatile("" ::: "memory");
 }
 
 void gonio_fw_board_unlock(struct fw_core *core) {
     (void)core;
-    __asm volatile("msr basepri, %0" ::"r"(0) : "memory");
+    __asm volatile("" ::: "memory");
+    held = false;
+    if (wanted)
+        SCB_ICSR = ICSR_PENDSVSET;
 }
 
 void gonio_fw_board_restart(struct fw_core *core) {

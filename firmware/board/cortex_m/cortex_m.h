@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the Cortex-M boards share: core peripherals (ARMv7-M Architecture Reference Manual, B3), start-up, time, mark.
+// What the Cortex-M boards share: core peripherals, start-up, time, mark. What is here is in ARMv6-M and ARMv7-M alike
+// (their Architecture Reference Manuals, B3).
 #ifndef FW_CORTEX_M_H
 #define FW_CORTEX_M_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "firmware/board/boards.h"
 #include "firmware/contract/tick.h"
 #include "firmware/contract/watchdog.h"
 #include "firmware/core/core.h"
 
 #ifndef REG32 // a test has registers of its own
 #define REG32(address) (*(volatile uint32_t *)(uintptr_t)(address))
-#define REG8(address) (*(volatile uint8_t *)(uintptr_t)(address))
 #endif
 
 #define SYST_CSR REG32(0xE000E010)
@@ -20,21 +21,21 @@
 #define SYST_CVR REG32(0xE000E018)
 #define NVIC_ISER(n) REG32(0xE000E100 + 4 * (n))
 #define NVIC_ISPR(n) REG32(0xE000E200 + 4 * (n))
-#define NVIC_IPR(irq) REG8(0xE000E400 + (irq))
+#define NVIC_IPR(irq) REG32(0xE000E400 + ((irq) & ~3u)) // four interrupts a word, and no access but by words in ARMv6-M
 #define SCB_ICSR REG32(0xE000ED04)
 #define SCB_VTOR REG32(0xE000ED08)
 #define SCB_AIRCR REG32(0xE000ED0C)
-#define SCB_SHPR(n) REG8(0xE000ED18 - 4 + (n)) // n: exception number 4..15
-#define SCB_SHCSR REG32(0xE000ED24)
+#define SCB_SHPR3 REG32(0xE000ED20) // priorities of SysTick in the highest byte, of PendSV in the next
 
 enum { ICSR_PENDSTSET = 1 << 26, ICSR_PENDSVSET = 1 << 28 };
 #define AIRCR_RESET 0x05FA0004u
 
-// Priorities (contract/tick.h); the chips implement the upper 3 or 4 bits.
-enum { PRIORITY_INPUTS = 0x00, PRIORITY_STEP = 0x20, PRIORITY_UART = 0x40, PRIORITY_PRODUCER = 0xE0 };
+// Priorities (contract/tick.h): ARMv6-M has these four.
+enum { PRIORITY_INPUTS = 0x00, PRIORITY_STEP = 0x40, PRIORITY_UART = 0x80, PRIORITY_PRODUCER = 0xC0 };
 
 static inline void irq_enable(unsigned irq, uint8_t priority) {
-    NVIC_IPR(irq) = priority;
+    const unsigned shift = 8 * (irq % 4);
+    NVIC_IPR(irq) = (NVIC_IPR(irq) & ~(0xFFu << shift)) | (uint32_t)priority << shift;
     NVIC_ISER(irq / 32) = 1u << irq % 32;
 }
 
@@ -59,7 +60,7 @@ enum fw_cause cortex_m_marked_cause(void);
 void cortex_m_mark(enum fw_cause cause, uint32_t address);
 // The address in the mark; 0: none.
 uint32_t cortex_m_marked_address(void);
-// Mark and reset.
+// Mark and reset, as board_reset has it.
 _Noreturn void cortex_m_reset(enum fw_cause cause, uint32_t address);
 
 // ---- each board has ----
@@ -69,6 +70,7 @@ enum fw_cause board_cause(void);         // why it starts, from the reset regist
 void board_start(void);                  // clock and peripherals, all outputs off
 void board_inputs_start(void);           // let contacts interrupt
 void board_turn(void);                   // after every turn of the main loop
+void board_reset(void);                  // ask for a reset of processor and peripherals; it may take a moment
 
 // ---- start-up, for the vector table ----
 void cortex_m_start(void);   // reset

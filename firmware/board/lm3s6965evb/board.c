@@ -20,7 +20,7 @@ enum { CLOCK_HZ = 50000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
 enum { STEPS = 0x0F, DIRECTIONS = 0xF0, MOTORS = 0x0F, HOMES = 0x3C, DRIVER = 0x40, STOPS = 0x0C, ESTOP = 0x04 };
 enum { SHUTTER = 1, TRIGGER = 2, PWM_PERIOD = 2500 }; // 20 kHz
 static const struct step_timing timing = {.tick = TICK_CYCLES, .entry = 100, .near = 124, .leave = 68};
-const uint16_t board_number = 2;
+const uint16_t board_number = FW_BOARD_lm3s6965evb;
 const uint32_t board_tick_cycles = TICK_CYCLES;
 
 // ---- steps ----
@@ -301,6 +301,8 @@ void board_start(void) {
 }
 
 void board_turn(void) { trace_poll(); }
+
+void board_reset(void) { SCB_AIRCR = AIRCR_RESET; }
 
 __attribute__((section(".vectors"), used)) static const vector vectors[16 + IRQS] = {
     CORTEX_M_VECTORS,

@@ -3,6 +3,8 @@
 
 #include "firmware/contract/watchdog.h"
 
+#ifdef FW_TRACE
+
 // Four axes at 40,000 steps/s and more: at incommensurable rates, and at nearly the same one, so that their edges meet
 // in every phase and stay in it for many segments.
 static const int64_t ways[][FW_AXES] = {{10300, -10200, 10100, -10000}, {10006, -10004, 10002, -10000}};
@@ -187,3 +189,4 @@ void trace_poll(void) {
     report();
     semihost(SYS_EXIT, STOPPED);
 }
+#endif

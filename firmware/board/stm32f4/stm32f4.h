@@ -1,12 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Registers of the STM32F405 that this board uses (RM0090, "STM32F405/415 ... reference manual").
-#ifndef FW_STM32F405_H
-#define FW_STM32F405_H
+// What an STM32F4 board tells the code that they share, and the registers of STM32F405 and STM32F446 that it uses
+// (RM0090 and RM0390, the reference manuals; sections are those of RM0090).
+#ifndef FW_STM32F4_H
+#define FW_STM32F4_H
 
 #include "firmware/board/cortex_m/cortex_m.h"
 
+// ---- each board has, beside board_number ----
+struct stm32f4_line {
+    uint32_t usart, bus_hz; // base of its registers, its bus' clock
+    unsigned irq;
+};
+struct stm32f4_line stm32f4_line(void); // which USART is the line; its pins are set up here beyond those of USART 1
+extern const uint32_t stm32f4_voltage;  // PWR_CR: voltage scale 1
+extern const uint32_t stm32f4_crystal;  // RCC_CR: HSE_ON, and HSE_BYPASS where a clock comes instead of a crystal
+enum { APB1_HZ = 42000000, APB2_HZ = 84000000 };
+
 // RCC (RM0090 7.3)
 #define RCC_CR REG32(0x40023800)
+enum { HSE_ON = 1 << 16, HSE_BYPASS = 1 << 18 };
 #define RCC_PLLCFGR REG32(0x40023804)
 #define RCC_CFGR REG32(0x40023808)
 #define RCC_AHB1ENR REG32(0x40023830)
@@ -19,7 +31,7 @@ enum { CSR_CLEAR = 1 << 24, CSR_BOR = 1 << 25, CSR_PIN = 1 << 26, CSR_POR = 1 <<
 // PWR (5.4)
 #define PWR_CR REG32(0x40007000)
 #define PWR_CSR REG32(0x40007004)
-enum { PWR_PVDE = 1 << 4, PWR_PLS_2V9 = 7 << 5, PWR_VOS = 1 << 14, PWR_PVDO = 1 << 2 };
+enum { PWR_PVDE = 1 << 4, PWR_PLS_2V9 = 7 << 5, PWR_PVDO = 1 << 2 };
 
 // Flash interface (3.9)
 #define FLASH_ACR REG32(0x40023C00)
@@ -44,11 +56,12 @@ enum { GPIOA = 0x40020000, GPIOB = 0x40020400, GPIOC = 0x40020800 };
 #define EXTI_FTSR REG32(0x40013C0C)
 #define EXTI_PR REG32(0x40013C14)
 
-// USART 1 (30.6)
-#define USART_SR REG32(0x40011000)
-#define USART_DR REG32(0x40011004)
-#define USART_BRR REG32(0x40011008)
-#define USART_CR1 REG32(0x4001100C)
+// USARTs (30.6)
+enum { USART1 = 0x40011000, USART2 = 0x40004400 };
+#define USART_SR(base) REG32((base) + 0x00)
+#define USART_DR(base) REG32((base) + 0x04)
+#define USART_BRR(base) REG32((base) + 0x08)
+#define USART_CR1(base) REG32((base) + 0x0C)
 enum { USART_ORE = 1 << 3, USART_RXNE = 1 << 5, USART_TC = 1 << 6, USART_TXE = 1 << 7 };
 
 // TIM 2 (steps) and TIM 3 (lamp) (18.4)
@@ -87,6 +100,7 @@ enum { IWDG_START = 0xCCCC, IWDG_UNLOCK = 0x5555, IWDG_FEED = 0xAAAA };
 #define ADC_SQR3 REG32(0x40012034)
 #define ADC_DR REG32(0x4001204C)
 
-enum { IRQ_PVD = 1, IRQ_EXTI0 = 6, IRQ_EXTI9_5 = 23, IRQ_TIM2 = 28, IRQ_USART1 = 37, IRQ_EXTI15_10 = 40, IRQS = 82 };
+enum { IRQ_PVD = 1, IRQ_EXTI0 = 6, IRQ_EXTI9_5 = 23, IRQ_TIM2 = 28, IRQ_USART1 = 37, IRQ_USART2 = 38, IRQ_EXTI15_10 = 40 };
+enum { IRQS = IRQ_EXTI15_10 + 1 }; // those that are used
 
 #endif
