@@ -279,7 +279,8 @@ static void clock_reset(void) {
     RCC_CFGR = 0;
     for (uint32_t i = 0; i < 100000 && (RCC_CFGR & 12) != 0; i++) { // the internal oscillator drives
     }
-    RCC_CR &= 0xFF; // crystal, its bypass, PLL and clock security off, the oscillator's trim stays
+    RCC_CR &= 0xFF | HSE_BYPASS; // crystal, PLL and clock security off, the oscillator's trim stays
+    RCC_CR &= 0xFF;              // and then the bypass, which cannot be written before (7.3.1)
     RCC_CIR = 0;
     SCB_VTOR = FLASH_START;
 }
