@@ -57,7 +57,8 @@ $(B)/firmware/$(1).elf: $$(fw-objs-$(1)) $(wildcard firmware/board/$(2)/*.ld fir
 	$$(Q)$(ARM)gcc $$(fw-flags-$(1)) -mthumb -nostdlib -T firmware/board/$(2)/$(3) -Wl,--gc-sections,--fatal-warnings -o $$@ $$(fw-objs-$(1)) -lgcc
 	$(if $(fw-seal-$(2)),$$(Q)$$(fw-seal-$(2)) || { rm -f $$@; exit 1; })
 	$$(Q)$(ARM)size $$@ > $$(@:.elf=.size)
-	$(if $(4),$$(Q)printf '%-13s ' $(1) && python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) || { rm -f $$@; exit 1; })
+	$(if $(4),$$(Q)python3 firmware/tools/stack.py $$(@:.elf=.size) $(FLASH_LIMIT) $(RAM_LIMIT) $$(fw-objs-$(1):.o=.ci) > $$(@:.elf=.fits) || { cat $$(@:.elf=.fits); rm -f $$@; exit 1; })
+	$(if $(4),$$(Q)printf '%-13s ' $(1) && cat $$(@:.elf=.fits))
 	$(if $(4),$$(Q)$(ARM)objdump -d --no-show-raw-insn $$@ > $$(@:.elf=.lst) && python3 firmware/tools/cycles.py $$(@:.elf=.lst) $$(fw-speed-$(2)) || { rm -f $$@; exit 1; })
 firmware: $(B)/firmware/$(1).elf
 -include $$(fw-objs-$(1):.o=.d)

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Driven by firmware.sh. Every check prints a TAP line; the registers' addresses come from firmware/regmap.def."""
+import contextlib
 import ctypes
 import ctypes.util
+import glob
+import json
 import os
 import re
 import shutil
@@ -51,6 +54,8 @@ def load_map():
 
 
 REGISTERS, E = load_map()
+BOARDS = {name: int(number) for number, name in re.findall(r"^BOARD\((\d+),\s*(\w+),", open("firmware/board/boards.def",
+                                                                                          encoding="utf-8").read(), re.M)}
 
 
 class Controller:
@@ -334,15 +339,167 @@ def trace():
     ok(first == second, "step trace: identical run after run, hash %d" % told["hash"])
 
 
-def stm32():
-    with qemu("netduinoplus2", "stm32f405", "-icount", "shift=1", "-serial", "pty", "-accel", "tcg") as p:
+def stm32(name):
+    """On a machine of an STM32F405. It reads 0 from every pin, so the Nucleo takes USART 1, its RS-485 line."""
+    with qemu("netduinoplus2", name, "-icount", "shift=1", "-serial", "pty", "-accel", "tcg") as p:
         path = line_of(p)
         c = Controller(ModbusSerialClient(path, baudrate=115200, timeout=1))
         c.put("deadman", 0)
-        check_functions(c, "stm32f405")
-        ok(c.get("board") == 3, "stm32f405: boots and answers")
+        check_functions(c, name)
+        ok(c.get("board") == BOARDS[name], name + ": boots and answers")
         c.client.close()
-        check_mbpoll(path, "stm32f405")
+        check_mbpoll(path, name)
+
+
+# ---- the Raspberry Pi Pico, on tests/board/pico.c ----
+
+class Pico:
+    def __init__(self, p):
+        self.p, self.path = p, p.stdout.readline().split()[1]
+
+    def say(self, text):
+        self.p.stdin.write(text + "\n")
+        self.p.stdin.flush()
+        return self.p.stdout.readline()
+
+    def pin(self, pin, level):
+        return self.say(f"pin {pin} {level}") == "ok\n"
+
+    def report(self):
+        return json.loads(self.say("report"))
+
+
+@contextlib.contextmanager
+def pico_machine(*options):
+    with Process(BUILD + "/tests/board/pico", BUILD + "/firmware/pico.uf2", *options, stdin=subprocess.PIPE,
+                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as p:
+        yield Pico(p)
+
+
+PICO_ESTOP, PICO_LIMITS_0, PICO_LIMITS_PHI, PICO_OUTPUTS = 16, 18, 20, 0x10400FFC
+
+
+def pico_moves(c, m):
+    """Four axes at more than 40,000 steps/s each; what the step outputs did was counted outside of the firmware."""
+    ways = [5300, -5200, 5100, -5000]
+    c.put("speed_max", *[45000] * 4)
+    c.put("acceleration", *[1000000] * 4)
+    c.put("jerk", *[100000000] * 4)
+    before = m.report()
+    c.command("MOVE", 15, ways)
+    ok(c.until("finished_id", c.id) and [c.get("position", i) for i in range(4)] == ways, "pico: four axes arrive")
+    after = m.report()
+    moved = [b - a for a, b in zip(before["position"], after["position"])]
+    phase = [b - a for a, b in zip(before["phase"], after["phase"])]
+    ok(moved == ways, "pico: and their outputs made just these steps")
+    # Early by 40 cycles, late by less than a tick; the counter of whole ticks says that none was later.
+    bins = [sum(phase[i:i + 25]) for i in range(0, 125, 25)]
+    print("# steps by their time within a tick, 0.2 us a bin:", bins, "shortest pulse", after["shortest_pulse"] / 125, "us")
+    ok(sum(bins) == sum(map(abs, ways)) and bins[2] + bins[3] < sum(bins) / 100 and c.get("late_edges") == 0,
+       "pico: every edge within a tick")
+    ok(after["shortest_pulse"] > 125 * (c.get("pulse") - 1), "pico: pulses are as long as they were asked to be")
+
+
+def pico_stops(c, m):
+    for pin, alarm in ((PICO_LIMITS_0, "LIMIT_MIN"), (PICO_LIMITS_PHI, "LIMIT_MAX")):
+        home_in_place(c)
+        c.command("MOVE", 15, (-30000, 30000, 30000, 30000) if alarm == "LIMIT_MIN" else (30000, 30000, 0, 0))
+        c.until("state", E["STATE_MOVING"])
+        m.pin(pin, 1)
+        ok(c.until("state", E["STATE_ALARM"]) and c.get("alarm") == E["ALARM_" + alarm] and c.get("moving") == 0,
+           f"pico: limit switches on GP{pin} stop all axes")
+        m.pin(pin, 0)
+        c.command("CLEAR")
+    home_in_place(c)
+    c.command("MOVE", 15, (30000, 30000, 30000, 30000))
+    c.until("state", E["STATE_MOVING"])
+    m.pin(PICO_ESTOP, 1)
+    m.pin(PICO_ESTOP, 0)
+    ok(c.until("state", E["STATE_ESTOP"]) and c.get("moving") == 0,
+       "pico: a short press of the emergency stop (a pin) latches")
+    ok(m.report()["out"] & 0x78 == 0, "pico: and leaves no step output up")
+    c.command("CLEAR")
+
+
+def pico_restarts(c, m):
+    c.put("debounce", 9)
+    c.command("SAVE")
+    ok(c.get("store_slot") == 1, "pico: keeps its parameters in flash")
+    c.client.write_registers(REGISTERS["self_test"][0], 0xFA17, slave=1)  # it dies before it could answer
+    ok(c.until("reset_cause", E["CAUSE_FAULT"]) and 0x20010000 <= c.get("fault_address") < 0x2001C000,
+       "pico: a processor fault is told after the restart")
+    ok(c.get("debounce") == 9 and c.get("store_slot") == 1, "pico: the parameters come back from flash")
+    c.client.write_registers(REGISTERS["self_test"][0], 0xDEAD, slave=1)
+    ok(c.until("reset_cause", E["CAUSE_WATCHDOG"]) and c.get("homed") == 0, "pico: the hardware watchdog resets")
+    c.id += 1
+    c.client.write_registers(REGISTERS["command_id"][0], [0, c.id], slave=1)
+    c.client.write_registers(REGISTERS["command"][0], E["COMMAND_RESTART"], slave=1)
+    ok(c.until("reset_cause", E["CAUSE_COMMAND"]), "pico: restart")
+
+
+def pico():
+    with pico_machine() as m:
+        c = Controller(ModbusSerialClient(m.path, baudrate=115200, timeout=1))
+        c.put("deadman", 0)
+        check_functions(c, "pico")
+        ok(c.get("reset_cause") == E["CAUSE_POWER"] and c.get("board") == BOARDS["pico"], "pico: power-up")
+        ok(home_in_place(c), "pico: homes axes without switches")
+        pico_moves(c, m)
+        ok(abs(c.get("temperature") - 310 * 330000 // 4095) < 100, "pico: reads the lamp's temperature")
+        pico_stops(c, m)
+        pico_restarts(c, m)
+        c.client.close()
+        check_mbpoll(m.path, "pico")
+        check_libmodbus(m.path, "pico")
+        ok(m.report()["wrong"] == 0, "pico: the model of the chip has no objection")
+    with pico_machine("sensor_open=1") as m:
+        c = Controller(ModbusSerialClient(m.path, baudrate=115200, timeout=1))
+        ok(c.get("temperature") == -2**31 and m.report()["wrong"] == 0, "pico: an open sensor wire is no temperature")
+        c.client.close()
+    for option in ("crystal_mhz=0", "crystal_mhz=4", "ring_mhz=1.1", "ring_mhz=12"):
+        with pico_machine(option) as m:
+            c = ModbusSerialClient(m.path, baudrate=115200, timeout=1)
+            c.connect()
+            for _ in range(200):
+                if m.report()["cycles"] > 5e6:  # 40 ms: by far
+                    break
+                time.sleep(0.02)
+            answers = any("Modbus Error" not in str(c.read_holding_registers(0, 2, slave=1)) for _ in range(3))
+            r = m.report()
+            refused = option.startswith("crystal")
+            ok(answers != refused and r["wrong"] == 0 and r["ever_high"] & ~4 == 0 and r["oe"] == PICO_OUTPUTS,
+               f"pico: with {option} " + ("everything stays off and nobody answers" if refused else "it runs"))
+            c.close()
+
+
+def images():
+    """The build prints what an image needs, and holds it to its limits."""
+    for name in BOARDS:
+        if name == "posix":
+            continue
+        fits = open(f"{BUILD}/firmware/{name}.fits", encoding="utf-8").read()
+        n = [int(v) for v in re.findall(r"flash (\d+) of 49152   RAM \d+ static \+ \d+ stack = (\d+) of 12288", fits)[0]]
+        print("#", name, fits.strip())
+        ok(n[0] <= 49152 and n[1] <= 12288, name + ": within 48 KiB of flash and 12 KiB of memory")
+        graphs = glob.glob(f"{BUILD}/firmware/{name}/**/*.ci", recursive=True)
+        run = ["python3", "firmware/tools/stack.py", f"{BUILD}/firmware/{name}.size"]
+        ends = [subprocess.run(run + [str(v) for v in limits] + graphs, capture_output=True, check=False).returncode
+                for limits in (n, (n[0] - 1, n[1]), (n[0], n[1] - 1))]
+        ok(ends == [0, 1, 1], name + ": and a byte too much would have failed the build")
+    folders = {os.path.basename(os.path.dirname(p)) for p in glob.glob("firmware/board/*/board.mk")}
+    ok(folders | {"posix"} == set(BOARDS) and len(set(BOARDS.values())) == len(BOARDS),
+       "each board's folder has its line, and a number of its own, in boards.def")
+
+
+def dependencies():
+    """A header that changes makes every object anew that holds it, under whatever name the build folder is given."""
+    for folder in (os.path.relpath(BUILD), os.path.abspath(BUILD)):
+        run = subprocess.run(["make", "-n", "-W", "firmware/core/core.h", "firmware", "B=" + folder], capture_output=True,
+                             text=True, check=False)
+        for name in [n for n in BOARDS if n != "posix"] + ["lm3s6965evb-trace"]:
+            made = set(re.findall(rf"ARMCC \S*/firmware/{name}/(?:firmware/)(\S+)\.o", run.stdout))
+            ok({"core/core", "core/axis", "board/cortex_m/cortex_m"} <= made and "core/ramp" not in made,
+               f"{name}: a changed header is seen, with B={'build' if folder[0] != '/' else '/.../build'}")
 
 
 def main():
@@ -351,9 +508,13 @@ def main():
         if shutil.which("qemu-system-arm") is None or not os.path.exists(BUILD + "/firmware/lm3s6965evb.elf"):
             skip("emulated boards", "qemu-system-arm or gcc-arm-none-eabi is not installed")
         else:
+            images()
+            dependencies()
             lm3s(folder)
             trace()
-            stm32()
+            stm32("stm32f405")
+            stm32("nucleo_f446re")
+            pico()
     print(f"1..{number}")
     return failures > 0
 
