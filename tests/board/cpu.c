@@ -80,7 +80,7 @@ static uint32_t get(struct cpu *c, int which) {
 
 static void set(struct cpu *c, int which, uint32_t value) { uc_reg_write(c->engine, which, &value); }
 
-static const int framed[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,  UC_ARM_REG_R2, UC_ARM_REG_R3,
+static const int framed[] = {UC_ARM_REG_R0,  UC_ARM_REG_R1, UC_ARM_REG_R2, UC_ARM_REG_R3,
                              UC_ARM_REG_R12, UC_ARM_REG_LR, UC_ARM_REG_PC, UC_ARM_REG_XPSR};
 
 static uint32_t word_at(struct cpu *c, uint32_t address) {
@@ -241,11 +241,13 @@ static void write_core(uc_engine *engine, uint64_t offset, unsigned size, uint64
         rp2040_object(&c->chip, "0x%08X = 0x%08X", 0xE000E000 + (uint32_t)offset, value);
 }
 
-static bool on_bad_access(uc_engine *engine, uc_mem_type type, uint64_t address, int size, int64_t value, void *context) {
+static bool on_bad_access(uc_engine *engine, uc_mem_type type, uint64_t address, int size, int64_t value,
+                          void *context) {
     (void)engine;
     (void)type;
-    rp2040_object(&((struct cpu *)context)->chip, "%d bytes at 0x%08X, 0x%llX: no memory, or flash that cannot be read now", size,
-                  (uint32_t)address, (unsigned long long)value);
+    rp2040_object(&((struct cpu *)context)->chip,
+                  "%d bytes at 0x%08X, 0x%llX: no memory, or flash that cannot be read now", size, (uint32_t)address,
+                  (unsigned long long)value);
     return false;
 }
 
@@ -315,7 +317,8 @@ bool cpu_boot(struct cpu *c, uint32_t reason) {
     uint32_t told;
     memcpy(&told, c->flash + 252, 4);
     if (checksum(c->flash, 252) != told) {
-        fprintf(stderr, "pico: the second stage's checksum is 0x%08X, expected 0x%08X\n", told, checksum(c->flash, 252));
+        fprintf(stderr, "pico: the second stage's checksum is 0x%08X, expected 0x%08X\n", told,
+                checksum(c->flash, 252));
         return false;
     }
     memcpy(c->sram + (BOOT_AT - RP_SRAM), c->flash, 256);
@@ -336,7 +339,8 @@ bool cpu_open(struct cpu *c, uint8_t *flash) {
     c->flash = flash;
     c->sram = calloc(1, RP_SRAM_SIZE);
     c->rom = calloc(1, ROM_SIZE);
-    if (c->sram == NULL || c->rom == NULL || uc_open(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS, &c->engine) != UC_ERR_OK)
+    if (c->sram == NULL || c->rom == NULL ||
+        uc_open(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS, &c->engine) != UC_ERR_OK)
         return false;
     const uint16_t table = ROM_TABLE, look_up = ROM_FUNCTIONS + 1, back = 0x4770; // bx lr
     memcpy(c->rom + 0x14, &table, 2);

@@ -29,7 +29,8 @@ static bool load(const char *path, uint8_t *flash) {
     while (f != NULL && fread(block, BLOCK, 1, f) == 1) {
         const bool good = block[0] == 0x0A324655 && block[1] == 0x9E5D5157 && block[127] == 0x0AB16F30 &&
                           block[2] == 0x2000 && block[7] == 0xE48BFF56 && block[4] == PAYLOAD && block[5] == count &&
-                          block[3] % PAYLOAD == 0 && block[3] >= RP_FLASH && block[3] - RP_FLASH <= RP_FLASH_SIZE - PAYLOAD;
+                          block[3] % PAYLOAD == 0 && block[3] >= RP_FLASH &&
+                          block[3] - RP_FLASH <= RP_FLASH_SIZE - PAYLOAD;
         if (!good)
             break;
         memcpy(flash + (block[3] - RP_FLASH), block + 8, PAYLOAD);
@@ -80,8 +81,8 @@ static void exchange(struct cpu *c, int fd) {
 // ---- commands ----
 
 static void report(struct rp2040 *m) {
-    printf("{\"wrong\":%u,\"cycles\":%llu,\"out\":%u,\"oe\":%u,\"ever_high\":%u,\"shortest_pulse\":%llu,\"position\":[", m->wrong,
-           (unsigned long long)m->cycles, m->out, m->oe, m->ever_high, (unsigned long long)m->shortest_pulse);
+    printf("{\"wrong\":%u,\"cycles\":%llu,\"out\":%u,\"oe\":%u,\"ever_high\":%u,\"shortest_pulse\":%llu,\"position\":[",
+           m->wrong, (unsigned long long)m->cycles, m->out, m->oe, m->ever_high, (unsigned long long)m->shortest_pulse);
     for (unsigned i = 0; i < AXIS_COUNT; i++)
         printf("%s%lld", i > 0 ? "," : "", (long long)m->position[i]);
     printf("],\"phase\":[");
@@ -109,7 +110,8 @@ static bool command(struct cpu *c) {
 }
 
 static bool option(struct cpu *c, const char *text) {
-    if (sscanf(text, "crystal_mhz=%lf", &c->chip.crystal_mhz) == 1 || sscanf(text, "ring_mhz=%lf", &c->chip.ring_mhz) == 1)
+    if (sscanf(text, "crystal_mhz=%lf", &c->chip.crystal_mhz) == 1 ||
+        sscanf(text, "ring_mhz=%lf", &c->chip.ring_mhz) == 1)
         return true;
     if (strcmp(text, "sensor_open=1") == 0)
         c->chip.sensor_open = true;

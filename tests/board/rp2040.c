@@ -35,7 +35,13 @@ void rp2040_object(struct rp2040 *m, const char *format, ...) {
 static void plan(struct rp2040 *m) {
     const uint64_t at[] = {m->tx_busy ? m->tx_at : NEVER,
                            m->rx_full || m->to_receive_count == 0 ? NEVER : m->rx_at,
-                           m->pwm_at, m->adc_at, m->bite_at, m->xosc_at, m->fc_at, m->pll_at[0], m->pll_at[1]};
+                           m->pwm_at,
+                           m->adc_at,
+                           m->bite_at,
+                           m->xosc_at,
+                           m->fc_at,
+                           m->pll_at[0],
+                           m->pll_at[1]};
     m->next = NEVER;
     for (unsigned i = 0; i < sizeof at / sizeof *at; i++)
         m->next = at[i] < m->next ? at[i] : m->next;
@@ -319,8 +325,8 @@ static void write_ssi(struct rp2040 *m, uint32_t offset, uint32_t value) {
     if (offset != 8 || value != 1)
         return;
     // Command 03h, 24 bits of address, one frame of 32 bits, each on one line; at an even divider.
-    m->xip = m->ssi[0] == (31u << 16 | 3u << 8) && m->ssi[1] == 0 && m->ssi[0xF4 / 4] == (3u << 24 | 2u << 8 | 6u << 2) &&
-             m->ssi[5] >= 4 && m->ssi[5] % 2 == 0;
+    m->xip = m->ssi[0] == (31u << 16 | 3u << 8) && m->ssi[1] == 0 &&
+             m->ssi[0xF4 / 4] == (3u << 24 | 2u << 8 | 6u << 2) && m->ssi[5] >= 4 && m->ssi[5] % 2 == 0;
     if (!m->xip)
         rp2040_object(m, "the SSI would not read a flash by 03h");
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A model of the RP2040 as firmware/board/pico uses it: registers that behave, and object, as the data sheet has it.
 //
-// What the data sheet forbids is told on stderr and counted (`wrong`), and the program goes on. Time is counted in cycles
-// of 125 MHz; before the clocks run, the waits are right in kind but not in length.
+// What the data sheet forbids is told on stderr and counted (`wrong`), and the program goes on. Time is counted in
+// cycles of 125 MHz; before the clocks run, the waits are right in kind but not in length.
 #ifndef TESTS_BOARD_RP2040_H
 #define TESTS_BOARD_RP2040_H
 
@@ -29,13 +29,13 @@ struct rp2040 {
     bool xip; // flash can be read as memory
 
     // pins
-    uint32_t out, oe, levels;      // levels: what is outside, for inputs
-    uint32_t ever_high;            // outputs that were, since the reset
-    uint64_t risen[AXIS_COUNT];    // when the step output last rose
-    int64_t position[AXIS_COUNT];  // of a motor there, by its direction output
-    uint64_t shortest_pulse;       // cycles
-    uint32_t phase[CLOCK_MHZ];     // rising edges, by cycles since the last whole tick
-    uint64_t tick_origin;          // where ticks begin: SysTick's start
+    uint32_t out, oe, levels;     // levels: what is outside, for inputs
+    uint32_t ever_high;           // outputs that were, since the reset
+    uint64_t risen[AXIS_COUNT];   // when the step output last rose
+    int64_t position[AXIS_COUNT]; // of a motor there, by its direction output
+    uint64_t shortest_pulse;      // cycles
+    uint32_t phase[CLOCK_MHZ];    // rising edges, by cycles since the last whole tick
+    uint64_t tick_origin;         // where ticks begin: SysTick's start
 
     // UART
     uint32_t divisor; // taken over by LCR_H; 1/64
@@ -47,9 +47,9 @@ struct rp2040 {
     const uint8_t *to_receive; // what the line has for it
     unsigned to_receive_count;
 
-    uint64_t pwm_at;      // wrap of the step slice
-    uint64_t adc_at;      // end of a conversion
-    uint64_t bite_at;     // of the watchdog
+    uint64_t pwm_at;  // wrap of the step slice
+    uint64_t adc_at;  // end of a conversion
+    uint64_t bite_at; // of the watchdog
     uint64_t xosc_at, fc_at, pll_at[2];
 };
 

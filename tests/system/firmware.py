@@ -400,6 +400,26 @@ def pico_moves(c, m):
     ok(after["shortest_pulse"] > 125 * (c.get("pulse") - 1), "pico: pulses are as long as they were asked to be")
 
 
+def pico_contacts(c, m):
+    """Each input is the contact that docs/build-a-rig.md says."""
+    axes = ["light_theta", "light_phi", "camera_theta", "camera_phi"]
+    bits = {"estop": 12, "door": 13}
+    for i, axis in enumerate(axes):
+        bits.update({"home_" + axis: i, "limit_min_" + axis: 4 + i, "limit_max_" + axis: 8 + i})
+    rows = re.findall(r"^\| GP(\d+) \| \d+ \| (.*) \|$", open("docs/build-a-rig.md", encoding="utf-8").read(), re.M)
+    seen, good = 0, True
+    for pin, text in rows:
+        named = sum(1 << bits[name] for name in re.findall(r"`(\w+)`", text) if name in bits)
+        if named:
+            m.pin(int(pin), 1)
+            good = good and c.until("inputs", named, 5)
+            m.pin(int(pin), 0)
+            good = good and c.until("inputs", 0, 5)
+        seen |= named
+    ok(good and seen == 0x3FFF, "pico: every contact is on the pin that the documentation says")
+    c.command("CLEAR")
+
+
 def pico_stops(c, m):
     for pin, alarm in ((PICO_LIMITS_0, "LIMIT_MIN"), (PICO_LIMITS_PHI, "LIMIT_MAX")):
         home_in_place(c)
@@ -446,6 +466,7 @@ def pico():
         ok(home_in_place(c), "pico: homes axes without switches")
         pico_moves(c, m)
         ok(abs(c.get("temperature") - 310 * 330000 // 4095) < 100, "pico: reads the lamp's temperature")
+        pico_contacts(c, m)
         pico_stops(c, m)
         pico_restarts(c, m)
         c.client.close()

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A board of the STM32F4 family on a model of its registers: what the reference manual (RM0090, RM0390) asks for and an
 // emulator does not look at. Each access of the board's code goes through access_to, which first sees what the access
-// before has written. A test defines BOARD_C, VOLTAGE (of PWR_CR), CLOCKED (8 MHz come as a clock, not from a crystal) and
-// STRAPPED (a pin of port C chooses the line; 0: there is no choice), and includes this.
+// before has written. A test defines BOARD_C, VOLTAGE (of PWR_CR), CLOCKED (8 MHz come as a clock, not from a crystal)
+// and STRAPPED (a pin of port C chooses the line; 0: there is no choice), and includes this.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -95,8 +95,9 @@ static void written_clock(uint32_t address, uint32_t value, uint32_t before) {
         const bool ready = model.crystal_mhz > 0 && (value >> 18 & 1) == CLOCKED;
         *cr |= (value >> 16 & 1) != 0 && ready ? 1u << 17 : 0;
         model.wrong += ((value ^ before) >> 18 & 1) != 0 && (before >> 16 & 1) != 0; // HSEBYP while HSE is on (7.3.1)
-        model.wrong += (before >> 24 & 1) == 0 && pll_on() && (*cell(A_PWR_CR) & VOLTAGE) != VOLTAGE; // 168 MHz at scale 2
-        model.wrong += (*cell(A_RCC_CFGR) & 12) == 8 && !pll_on();                              // the clock in use
+        model.wrong +=
+            (before >> 24 & 1) == 0 && pll_on() && (*cell(A_PWR_CR) & VOLTAGE) != VOLTAGE; // 168 MHz at scale 2
+        model.wrong += (*cell(A_RCC_CFGR) & 12) == 8 && !pll_on();                         // the clock in use
     }
     if (address == A_RCC_CFGR) // the switch tells itself
         *cell(A_RCC_CFGR) = (value & ~12u) | (value & 3) << 2;

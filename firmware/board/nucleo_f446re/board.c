@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The Nucleo-F446RE (UM1724, MB1136): its 8 MHz come as a clock from the ST-LINK beside it, whose USB cable is also the
-// line, by USART 2 on PA2 and PA3. With PC12 wired to ground at start the line is USART 1 with an RS-485 driver instead.
-// The other pins are as stm32f4/stm32f4.c has them; PA5 (camera trigger) lights LD2.
+// line, by USART 2 on PA2 and PA3. With PC12 wired to ground at start the line is USART 1 with an RS-485 driver
+// instead. The other pins are as stm32f4/stm32f4.c has them; PA5 (camera trigger) lights LD2.
 #include "firmware/board/stm32f4/stm32f4.h"
 
 const uint16_t board_number = FW_BOARD_nucleo_f446re;

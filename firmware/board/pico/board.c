@@ -35,7 +35,7 @@ const uint32_t board_tick_cycles = TICK_CYCLES;
 INLINE void arm(uint32_t cycles) {
     volatile uint32_t *slice = &PWM_CSR(STEP_SLICE);
     __asm("" : "+r"(slice));
-    slice[2] = 0;                                  // counter
+    slice[2] = 0;                                 // counter
     slice[4] = cycles < 0xFFFF ? cycles : 0xFFFF; // top
     slice[0] = 1;
 }
@@ -84,8 +84,9 @@ void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
 
 uint16_t gonio_fw_board_inputs(struct fw_core *core) {
     (void)core;
-    const uint32_t levels = SIO_IN, limits = (levels >> LIMIT_LIGHT_THETA & 1) | (levels >> LIMIT_CAMERA_THETA & 1) << 2 |
-                                             (levels >> LIMIT_PHI & 1) << 1 | (levels >> LIMIT_PHI & 1) << 3;
+    const uint32_t levels = SIO_IN, limits = (levels >> LIMIT_LIGHT_THETA & 1) |
+                                             (levels >> LIMIT_CAMERA_THETA & 1) << 2 | (levels >> LIMIT_PHI & 1) << 1 |
+                                             (levels >> LIMIT_PHI & 1) << 3;
     return (uint16_t)((levels >> HOME_0 & 15) | limits << FW_CONTACT_limit_min_0 | limits << FW_CONTACT_limit_max_0 |
                       (levels >> ESTOP & 3) << FW_CONTACT_estop);
 }
@@ -268,7 +269,8 @@ bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned 
     page.words[index % (FLASH_PAGE / 4)] = word;
     gonio_fw_board_watchdog_feed(core);
     flash_begin();
-    ((rom_program)rom('R', 'P'))(STORE + slot * FLASH_SECTOR + 4 * index / FLASH_PAGE * FLASH_PAGE, page.bytes, FLASH_PAGE);
+    ((rom_program)rom('R', 'P'))(STORE + slot * FLASH_SECTOR + 4 * index / FLASH_PAGE * FLASH_PAGE, page.bytes,
+                                 FLASH_PAGE);
     flash_end();
     return ((const volatile uint32_t *)gonio_fw_board_store_page(core, slot))[index] == word;
 }
@@ -283,8 +285,8 @@ static bool come(const volatile uint32_t *reg, uint32_t bits) {
     return false;
 }
 
-// As after a reset, whoever ran before: the internal oscillator drives all, and the peripherals but for those of the flash
-// are reset.
+// As after a reset, whoever ran before: the internal oscillator drives all, and the peripherals but for those of the
+// flash are reset.
 static void clock_reset(void) {
     CLK_REF_CTRL = REF_ROSC;
     come(&CLK_REF_SELECTED, 1 << REF_ROSC);
@@ -299,8 +301,8 @@ static bool release(uint32_t resets) {
 }
 
 // Whether the crystal may be one of 12 MHz: measured with it, the internal oscillator has its 1 to 12 MHz (2.15.2.1.1),
-// and a tenth more. That finds a crystal of less than half of it, but not one of twice as much; which is rare, since the
-// boot ROM speaks USB with nothing but 12 MHz.
+// and a tenth more. That finds a crystal of less than half of it, but not one of twice as much; which is rare, since
+// the boot ROM speaks USB with nothing but 12 MHz.
 static bool crystal_fits(void) {
     FC0_REF_KHZ = CRYSTAL_MHZ * 1000;
     FC0_INTERVAL = 10; // 1 ms

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The second stage of the start (RP2040 Datasheet 2.8.1): the boot ROM copies the first 256 bytes of flash to memory, looks
-// at their checksum (image.py puts it there) and runs them, wherever they lie. They let the processor read flash as memory,
-// by the plain read command 03h that every serial flash knows, copy the program from there to memory, and start it.
+// The second stage of the start (RP2040 Datasheet 2.8.1): the boot ROM copies the first 256 bytes of flash to memory,
+// looks at their checksum (image.py puts it there) and runs them, wherever they lie. They let the processor read flash
+// as memory, by the plain read command 03h that every serial flash knows, copy the program from there to memory, and
+// start it.
 //
 // The program runs from memory, all of it: flash is then never on the way of an interrupt, whose time would hang on the
 // cache before it, and can be erased while interrupts go on.

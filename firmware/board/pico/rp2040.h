@@ -77,7 +77,13 @@ enum { FUNCTION_UART = 2, FUNCTION_PWM = 4, FUNCTION_SIO = 5 };
 #define IO_INTE(n) REG32(0x40014100 + 4 * (n)) // processor 0
 enum { IO_EDGES = 12 };
 #define PAD(pin) REG32(0x4001C004 + 4 * (pin))
-enum { PAD_SCHMITT = 1 << 1, PAD_PULL_DOWN = 1 << 2, PAD_PULL_UP = 1 << 3, PAD_INPUT = 1 << 6, PAD_OUTPUT_OFF = 1 << 7 };
+enum {
+    PAD_SCHMITT = 1 << 1,
+    PAD_PULL_DOWN = 1 << 2,
+    PAD_PULL_UP = 1 << 3,
+    PAD_INPUT = 1 << 6,
+    PAD_OUTPUT_OFF = 1 << 7
+};
 #define SIO_IN REG32(0xD0000004)
 #define SIO_OUT_SET REG32(0xD0000014)
 #define SIO_OUT_CLR REG32(0xD0000018)

@@ -5,8 +5,9 @@
 //     PB0, 1, 10, 3 home switches   PB4-7 lower, PB8, 9, 12, 13 upper limit switches   PB14 emergency stop   PB15 door
 //     PA9, PA10 USART 1   PA8 RS-485 driver on   PA0 photodiode   PA1 lamp temperature, 10 mV a degree
 //
-// Sections are those of RM0090, the STM32F405's manual; RM0390, the STM32F446's, has the same registers. Inputs have pull-ups and contacts open when active, so that a broken wire counts as active. PB2 is BOOT1, which
-// boards pull down: it stays free.
+// Sections are those of RM0090, the STM32F405's manual; RM0390, the STM32F446's, has the same registers. Inputs have
+// pull-ups and contacts open when active, so that a broken wire counts as active. PB2 is BOOT1, which boards pull down:
+// it stays free.
 #include "firmware/board/stm32f4/stm32f4.h"
 
 #include "firmware/board/cortex_m/step.h"
@@ -251,13 +252,7 @@ bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned 
 // ---- start ----
 
 enum { FLASH_START = 0x08000000 };
-enum {
-    HSI_ON = 1 << 0,
-    HSI_READY = 1 << 1,
-    HSE_READY = 1 << 17,
-    PLL_ON = 1 << 24,
-    PLL_READY = 1 << 25
-};
+enum { HSI_ON = 1 << 0, HSI_READY = 1 << 1, HSE_READY = 1 << 17, PLL_ON = 1 << 24, PLL_READY = 1 << 25 };
 
 // Whether a bit of a register comes; bounded.
 #define WAIT_FOR(name, reg, bit)                                                                                       \

@@ -100,7 +100,15 @@ enum { IWDG_START = 0xCCCC, IWDG_UNLOCK = 0x5555, IWDG_FEED = 0xAAAA };
 #define ADC_SQR3 REG32(0x40012034)
 #define ADC_DR REG32(0x4001204C)
 
-enum { IRQ_PVD = 1, IRQ_EXTI0 = 6, IRQ_EXTI9_5 = 23, IRQ_TIM2 = 28, IRQ_USART1 = 37, IRQ_USART2 = 38, IRQ_EXTI15_10 = 40 };
+enum {
+    IRQ_PVD = 1,
+    IRQ_EXTI0 = 6,
+    IRQ_EXTI9_5 = 23,
+    IRQ_TIM2 = 28,
+    IRQ_USART1 = 37,
+    IRQ_USART2 = 38,
+    IRQ_EXTI15_10 = 40
+};
 enum { IRQS = IRQ_EXTI15_10 + 1 }; // those that are used
 
 #endif

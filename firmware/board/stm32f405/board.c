@@ -6,4 +6,6 @@ const uint16_t board_number = FW_BOARD_stm32f405;
 const uint32_t stm32f4_voltage = 1u << 14;
 const uint32_t stm32f4_crystal = HSE_ON;
 
-struct stm32f4_line stm32f4_line(void) { return (struct stm32f4_line){USART1, APB2_HZ, IRQ_USART1}; }
+struct stm32f4_line stm32f4_line(void) {
+    return (struct stm32f4_line){USART1, APB2_HZ, IRQ_USART1};
+}
