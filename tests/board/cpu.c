@@ -241,6 +241,14 @@ static void write_core(uc_engine *engine, uint64_t offset, unsigned size, uint64
         rp2040_object(&c->chip, "0x%08X = 0x%08X", 0xE000E000 + (uint32_t)offset, value);
 }
 
+static void on_access(uc_engine *engine, uc_mem_type type, uint64_t address, int size, int64_t value, void *context) {
+    (void)engine;
+    (void)type;
+    (void)value;
+    if (address % (uint64_t)size != 0)
+        rp2040_object(&((struct cpu *)context)->chip, "%d bytes at 0x%08X are not aligned", size, (uint32_t)address);
+}
+
 static bool on_bad_access(uc_engine *engine, uc_mem_type type, uint64_t address, int size, int64_t value,
                           void *context) {
     (void)engine;
@@ -350,6 +358,8 @@ bool cpu_open(struct cpu *c, uint8_t *flash) {
     uc_engine *e = c->engine;
     uc_hook hook;
     uc_ctl_set_cpu_model(e, UC_CPU_ARM_CORTEX_M0);
+    if (c->aligned)
+        uc_hook_add(e, &hook, UC_HOOK_MEM_READ | UC_HOOK_MEM_WRITE, hook_of((void (*)(void))on_access), c, 1, 0);
     return uc_mem_map_ptr(e, 0, ROM_SIZE, UC_PROT_READ | UC_PROT_EXEC, c->rom) == UC_ERR_OK &&
            uc_mem_map_ptr(e, RP_FLASH, RP_FLASH_SIZE, UC_PROT_READ, flash) == UC_ERR_OK &&
            uc_mem_map_ptr(e, RP_SRAM, RP_SRAM_SIZE, UC_PROT_ALL, c->sram) == UC_ERR_OK &&

@@ -23,6 +23,7 @@ struct cpu {
     bool systick_on;
     uint64_t systick_from, systick_wrap;
     bool dead;
+    bool aligned; // look at each access to memory: ARMv6-M knows none that is not aligned
 };
 
 // flash: RP_FLASH_SIZE bytes, which the program erases and programs.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs an image for the Raspberry Pi Pico on the model of rp2040.c, its UART on a pseudo-terminal.
 //
-// usage: pico IMAGE.uf2 [NAME=VALUE ...]     crystal_mhz (12; 0: none), ring_mhz (6.5), sensor_open
+// usage: pico IMAGE.uf2 [NAME=VALUE ...]     crystal_mhz (12; 0: none), ring_mhz (6.5), sensor_open, aligned
 // Prints "line PATH". Commands on stdin, each answered by a line: "pin N LEVEL" sets an input; "report" tells, as one
 // line of JSON, what the outputs did; the end of stdin ends it.
 //
@@ -114,8 +114,8 @@ static bool option(struct cpu *c, const char *text) {
         sscanf(text, "ring_mhz=%lf", &c->chip.ring_mhz) == 1)
         return true;
     if (strcmp(text, "sensor_open=1") == 0)
-        c->chip.sensor_open = true;
-    return c->chip.sensor_open;
+        return c->chip.sensor_open = true;
+    return strcmp(text, "aligned=1") == 0 && (c->aligned = true);
 }
 
 // Until stdin ends. Exit status.
@@ -142,7 +142,7 @@ int main(int argc, char **argv) {
     static struct cpu cpu;
     uint8_t *flash = malloc(RP_FLASH_SIZE);
     if (argc < 2 || flash == NULL) {
-        fprintf(stderr, "usage: pico IMAGE.uf2 [crystal_mhz=MHZ] [ring_mhz=MHZ] [sensor_open=1]\n");
+        fprintf(stderr, "usage: pico IMAGE.uf2 [crystal_mhz=MHZ] [ring_mhz=MHZ] [sensor_open=1] [aligned=1]\n");
         return 2;
     }
     memset(flash, 0xFF, RP_FLASH_SIZE);

@@ -268,6 +268,8 @@ static void write_pwm(struct rp2040 *m, uint32_t offset) {
     if (offset / 0x14 != STEP_SLICE || offset >= 0xA0)
         return;
     const uint32_t base = PWM + 0x14 * STEP_SLICE;
+    if (offset % 0x14 != 0 && (*reg(m, base) & 1) != 0)
+        rp2040_object(m, "the step slice is set while it runs: it would count after the next wrap (4.5.2.3)");
     m->pwm_at = NEVER;
     if ((*reg(m, base) & 1) != 0)
         m->pwm_at = m->cycles + *reg(m, base + 0x10) + 1 - *reg(m, base + 8);

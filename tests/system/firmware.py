@@ -473,9 +473,13 @@ def pico():
         check_mbpoll(m.path, "pico")
         check_libmodbus(m.path, "pico")
         ok(m.report()["wrong"] == 0, "pico: the model of the chip has no objection")
-    with pico_machine("sensor_open=1") as m:
+    with pico_machine("sensor_open=1", "aligned=1") as m:
         c = Controller(ModbusSerialClient(m.path, baudrate=115200, timeout=1))
-        ok(c.get("temperature") == -2**31 and m.report()["wrong"] == 0, "pico: an open sensor wire is no temperature")
+        c.put("deadman", 0)
+        ok(c.get("temperature") == -2**31, "pico: an open sensor wire is no temperature")
+        home_in_place(c)
+        c.command("MOVE", 15, (300, -200, 100, -50))
+        ok(c.until("finished_id", c.id) and m.report()["wrong"] == 0, "pico: every access to memory is aligned")
         c.client.close()
     for option in ("crystal_mhz=0", "crystal_mhz=4", "ring_mhz=1.1", "ring_mhz=12"):
         with pico_machine(option) as m:

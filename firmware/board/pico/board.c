@@ -31,7 +31,7 @@ const uint32_t board_tick_cycles = TICK_CYCLES;
 
 // ---- steps: a PWM slice without pins counts cycles, 16 bits of them ----
 
-// It stands. (One address and offsets to it: the compiler would load each register's own.)
+// It stands, so that the top counts at once and not after a wrap (4.5.2.3). (One address and offsets to it: the compiler would load each register's own.)
 INLINE void arm(uint32_t cycles) {
     volatile uint32_t *slice = &PWM_CSR(STEP_SLICE);
     __asm("" : "+r"(slice));
