@@ -4,7 +4,8 @@
 
 usage: stack.py ELF_SIZE_FILE FLASH_LIMIT RAM_LIMIT CI_FILE...
 ELF_SIZE_FILE holds `arm-none-eabi-size` output. Prints flash, static RAM, stack and their limits; exit status 1 where
-one is passed, or where the graph holds recursion, an indirect call, or floating point below an interrupt.
+one is passed, or where the graph holds recursion, an indirect call, floating point below an interrupt, or a division by the
+library in one that delays step edges.
 """
 import re
 import sys
@@ -90,6 +91,8 @@ def main():
             for used in graph.reach(name, set()):
                 if re.match(r"__aeabi_(d|f|i2d|ui2d|l2d|ul2d|i2f|ui2f)", short(used)):
                     graph.problems.append(f"floating point below {short(name)}: {short(used)}")
+                if level in LEVELS[:2] and re.match(r"__aeabi_(u?idiv|u?ldiv)", short(used)):
+                    graph.problems.append(f"division below {short(name)}, for which edges wait: {short(used)}")
     flash, static = int(size[0]) + int(size[1]), int(size[1]) + int(size[2])
     print(f"flash {flash} of {flash_limit}   RAM {static} static + {total} stack = {static + total} of {ram_limit}")
     if flash > flash_limit or static + total > ram_limit:

@@ -105,19 +105,23 @@ __attribute__((naked)) void cortex_m_fault(void) {
 static volatile uint32_t wrap_tick; // tick during which the counter last wrapped
 static uint32_t wrap_cycles;        // cycles of that tick that were over by then
 static uint32_t tick_cycles;
+static uint32_t wrap_ticks, wrap_rest; // of a wrap: whole ticks, and cycles beyond them
 
 void cortex_m_time_start(uint32_t cycles) {
     tick_cycles = cycles;
+    wrap_ticks = WRAP_CYCLES / cycles;
+    wrap_rest = WRAP_CYCLES % cycles;
     SYST_RVR = WRAP_CYCLES - 1;
     SYST_CVR = 0;
     SYST_CSR = 7; // processor clock, interrupt, on
     SCB_SHPR3 = (uint32_t)PRIORITY_INPUTS << 24 | PRIORITY_PRODUCER << 16;
 }
 
+// Nothing preempts it, and an edge may be due: no division, which takes a Cortex-M0+ hundreds of cycles.
 void cortex_m_wrap(void) {
-    const uint32_t cycles = wrap_cycles + WRAP_CYCLES;
-    wrap_cycles = cycles % tick_cycles;
-    wrap_tick += cycles / tick_cycles;
+    const uint32_t cycles = wrap_cycles + wrap_rest, over = cycles >= tick_cycles;
+    wrap_cycles = over != 0 ? cycles - tick_cycles : cycles;
+    wrap_tick += wrap_ticks + over;
 }
 
 uint32_t gonio_fw_board_now(struct fw_core *core) {

@@ -31,7 +31,8 @@ const uint32_t board_tick_cycles = TICK_CYCLES;
 
 // ---- steps: a PWM slice without pins counts cycles, 16 bits of them ----
 
-// It stands, so that the top counts at once and not after a wrap (4.5.2.3). (One address and offsets to it: the compiler would load each register's own.)
+// It stands, so that the top counts at once and not after a wrap (4.5.2.3). (One address and offsets to it: the
+// compiler would load each register's own.)
 INLINE void arm(uint32_t cycles) {
     volatile uint32_t *slice = &PWM_CSR(STEP_SLICE);
     __asm("" : "+r"(slice));
@@ -115,7 +116,9 @@ void gonio_fw_board_trigger(struct fw_core *core, bool high) {
 
 void gonio_fw_board_lamp(struct fw_core *core, uint16_t level) {
     (void)core;
-    PWM_CC(LAMP_SLICE) = ((uint32_t)level * PWM_PERIOD / 10000) << 16;
+    _Static_assert(8 * PWM_PERIOD == 5 * 10000,
+                   "the lamp's drive in cycles; an emergency stop comes here, so without division");
+    PWM_CC(LAMP_SLICE) = (level * 5u / 8) << 16;
 }
 
 // ---- line ----
