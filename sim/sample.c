@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "io/spec.h"
+#include "scene/patch/patch_model.h"
 
 gonio_status gonio_sim_sample_parse(const char *spec, sim_settings *settings, gonio_model **out, gonio_error *error) {
     *out = NULL;
@@ -21,7 +22,8 @@ gonio_status gonio_sim_sample_parse(const char *spec, sim_settings *settings, go
         }
     }
     if (status == GONIO_OK) {
-        status = gonio_model_from_spec(text, out, error);
+        status = strncmp(text, "patch:", 6) == 0 ? gonio_patch_model_new(text + 6, out, error)
+                                                 : gonio_model_from_spec(text, out, error);
     }
     free(text);
     return status;

@@ -6,8 +6,8 @@
 #include "gonio/model.h"
 #include "sim/settings.h"
 
-// Takes shape=, radius_mm= and plate_mm= off the end of the spec into the settings and makes the model of the rest. The
-// caller frees it.
+// Takes shape=, radius_mm= and plate_mm= off the end of the spec into the settings and makes the model of the rest,
+// which may be patch:PATCH, microgeometry (gonio_patch_open). The caller frees it.
 gonio_status gonio_sim_sample_parse(const char *spec, sim_settings *settings, gonio_model **out, gonio_error *error);
 
 // The model in `channels` (1 mono, 3 Bayer) channels: itself where it has as many; the mean over its channels on a mono

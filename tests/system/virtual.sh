@@ -20,4 +20,14 @@ printf 'v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\n' >hole.obj
 [ $? = 1 ] && grep -q horizon err; ok $? "a lamp below the horizon: refused with the reason"
 ("$GONIO" virtual velvet --error 0.01 --max-rays 16M -o long.csv >out 2>err & pid=$!; sleep 0.5; kill -INT $pid; wait $pid; [ $? = 4 ]) && [ ! -e long.csv ]
 ok $? "Ctrl-C: exit 4, nothing written"
+# The whole chain on a microgeometry: frames, radiance and samples give what the rays give.
+printf 'theta_i,phi_i,theta_o,phi_o\n40,0,20,180\n30,90,50,200\n' >pair.csv
+"$GONIO" virtual sawtooth:slope=40,rho=0.5 --interreflection --plan pair.csv --error 0.3 -o rays.csv >out 2>err &&
+    "$GONIO" measure --sample patch:sawtooth:slope=40,rho=0.5 --plan pair.csv --method mba --level 1 --hold-out 0 chain >out 2>err &&
+    "$GONIO" samples chain -o chain.csv >out 2>err
+ok $? "the simulated rig measures a patch"
+# In the rig's own order; by theta_i.
+for f in rays chain; do grep -v '^[#t]' $f.csv | sort -t, -k1n >$f.rows; done
+paste -d, rays.rows chain.rows | awk -F, '{ n++; d = $5 / $11 - 1; if (d * d > 0.0009) bad++ } END { exit !(n == 2 && !bad) }'
+ok $? "within 3 % of the rays"
 finish
