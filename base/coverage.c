@@ -2,9 +2,13 @@
 #include "gonio/coverage.h"
 
 #include <math.h>
+#include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/head.h"
+#include "base/number.h"
 #include "base/text.h"
 
 // Of the search for the largest hole: its probes, every so many degrees up to the last; samples beyond the limit are
@@ -70,10 +74,14 @@ typedef struct directions {
 static void probe(const directions *all, size_t n, bool isotropic, const gonio_pair *at, gonio_coverage *c) {
     const gonio_vec3 wi = gonio_direction(at->theta_i, at->phi_i), wo = gonio_direction(at->theta_o, at->phi_o);
     const gonio_vec3 mirrored = {wo.x, -wo.y, wo.z};
-    double nearest = INFINITY;
+    double nearest = INFINITY, limit = -2; // the limit is its cosine
     for (size_t i = 0; i < n; i++) {
+        if (wi.x * all[i].wi.x + wi.y * all[i].wi.y + wi.z * all[i].wi.z < limit) {
+            continue; // the light's angle alone is more
+        }
         const double out = isotropic ? fmin(angle(wo, all[i].wo), angle(mirrored, all[i].wo)) : angle(wo, all[i].wo);
         nearest = fmin(nearest, hypot(angle(wi, all[i].wi), out));
+        limit = nearest < GONIO_PI ? cos(nearest) - 1e-12 : -2;
     }
     if (gonio_degrees(nearest) > c->hole_deg) {
         c->hole_deg = gonio_degrees(nearest);
@@ -128,12 +136,95 @@ bool gonio_coverage_is_narrow(const gonio_coverage *c) {
     return c->samples > 0 && (c->incidences < tuning.incidences || c->in_plane || c->hole_deg > tuning.narrow_deg);
 }
 
+// ---- as lines ----
+
+// The figures by name; both ends of a range are two.
+static const struct figure {
+    const char *name;
+    size_t offset;
+    enum { COUNT, FLAG, REAL } kind;
+} figures[] = {
+    {"sampled.samples", offsetof(gonio_coverage, samples), COUNT},
+    {"sampled.geometries", offsetof(gonio_coverage, geometries), COUNT},
+    {"sampled.incidences", offsetof(gonio_coverage, incidences), COUNT},
+    {"sampled.in_plane", offsetof(gonio_coverage, in_plane), FLAG},
+    {"sampled.theta_i_min_deg", offsetof(gonio_coverage, theta_i_deg[0]), REAL},
+    {"sampled.theta_i_max_deg", offsetof(gonio_coverage, theta_i_deg[1]), REAL},
+    {"sampled.theta_o_min_deg", offsetof(gonio_coverage, theta_o_deg[0]), REAL},
+    {"sampled.theta_o_max_deg", offsetof(gonio_coverage, theta_o_deg[1]), REAL},
+    {"sampled.horizon_deg", offsetof(gonio_coverage, horizon_deg), REAL},
+    {"sampled.hole_deg", offsetof(gonio_coverage, hole_deg), REAL},
+    {"sampled.hole_theta_i_rad", offsetof(gonio_coverage, hole.theta_i), REAL},
+    {"sampled.hole_phi_i_rad", offsetof(gonio_coverage, hole.phi_i), REAL},
+    {"sampled.hole_theta_o_rad", offsetof(gonio_coverage, hole.theta_o), REAL},
+    {"sampled.hole_phi_o_rad", offsetof(gonio_coverage, hole.phi_o), REAL},
+};
+enum { FIGURES = sizeof figures / sizeof *figures };
+
+gonio_status gonio_coverage_put(const gonio_coverage *coverage, char **lines, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (size_t k = 0; k < FIGURES && status == GONIO_OK; k++) {
+        const void *at = (const char *)coverage + figures[k].offset;
+        char text[32];
+        switch (figures[k].kind) {
+        case COUNT:
+            snprintf(text, sizeof text, "%zu", *(const size_t *)at);
+            break;
+        case FLAG:
+            snprintf(text, sizeof text, "%d", *(const bool *)at);
+            break;
+        case REAL:
+            // What a libm may compute otherwise in its last digits is none of it.
+            gonio_number_format(text, sizeof text, "%.9g", *(const double *)at);
+        }
+        status = gonio_head_add(lines, figures[k].name, text, error);
+    }
+    return status;
+}
+
+bool gonio_coverage_take(const char *lines, gonio_coverage *coverage) {
+    *coverage = (gonio_coverage){0};
+    for (size_t k = 0; k < FIGURES; k++) {
+        void *at = (char *)coverage + figures[k].offset;
+        char text[64], *end;
+        if (!gonio_head_find(lines, figures[k].name, text, sizeof text)) {
+            return false;
+        }
+        const double value = gonio_number_parse(text, &end);
+        if (end == text || *end != 0 || !isfinite(value) || (figures[k].kind == COUNT && !(value >= 0 && value < 1e15))) {
+            return false;
+        }
+        switch (figures[k].kind) {
+        case COUNT:
+            *(size_t *)at = (size_t)value;
+            break;
+        case FLAG:
+            *(bool *)at = value != 0;
+            break;
+        case REAL:
+            *(double *)at = value;
+        }
+    }
+    return true;
+}
+
+// ---- in words ----
+
 static void put_range(char *text, size_t size, const char *name, const double range[2]) {
     if (range[1] - range[0] < 0.05) {
         gonio_text_append(text, size, "%s %.4g deg", name, range[0]);
     } else {
         gonio_text_append(text, size, "%s %.4g to %.4g deg", name, range[0], range[1]);
     }
+}
+
+void gonio_coverage_range_text(const gonio_coverage *c, char *text, size_t size) {
+    text[0] = 0;
+    put_range(text, size, "theta_i", c->theta_i_deg);
+    gonio_text_append(text, size, ", ");
+    put_range(text, size, "theta_o", c->theta_o_deg);
+    gonio_text_append(text, size, ", %zu incidence%s%s", c->incidences, c->incidences == 1 ? "" : "s",
+                      c->in_plane ? ", in its plane alone" : "");
 }
 
 void gonio_coverage_text(const gonio_coverage *c, char *text, size_t size) {

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/head.h"
+
 gonio_status gonio_samples_new(int channels, bool with_sigma, gonio_samples **out, gonio_error *error) {
     *out = NULL;
     if (channels < 1 || channels > GONIO_CHANNELS_MAX) {
@@ -44,6 +46,7 @@ void gonio_samples_free(gonio_samples *samples) {
     free(samples->sigma_systematic);
     free(samples->channel_names);
     free(samples->group);
+    free(samples->head);
     free(samples);
 }
 
@@ -123,12 +126,13 @@ gonio_status gonio_samples_set_group(gonio_samples *samples, size_t index, uint1
 static gonio_status like(const gonio_samples *samples, int channels, int first_channel, gonio_samples **out,
                          gonio_error *error) {
     const gonio_status status = gonio_samples_new(channels, samples->sigma_random != NULL, out, error);
-    if (status == GONIO_OK) {
-        (*out)->isotropic = samples->isotropic;
-        memcpy((*out)->channel_names, samples->channel_names + first_channel,
-               (size_t)channels * sizeof *samples->channel_names);
+    if (status != GONIO_OK) {
+        return status;
     }
-    return status;
+    (*out)->isotropic = samples->isotropic;
+    memcpy((*out)->channel_names, samples->channel_names + first_channel,
+           (size_t)channels * sizeof *samples->channel_names);
+    return gonio_head_copy(samples->head, &(*out)->head, error);
 }
 
 gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep, gonio_samples **out,

@@ -4,14 +4,26 @@
 #include "gonio/model.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "gonio/sample.h"
 
 void gonio_model_free(gonio_model *model) {
     if (model != NULL) {
+        free(model->about);
         model->ops->free(model);
     }
+}
+
+gonio_status gonio_model_tell(gonio_model *model, const char *about, gonio_error *error) {
+    char *copy = about != NULL ? strdup(about) : NULL;
+    if (about != NULL && copy == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for what is known of a model");
+    }
+    free(model->about);
+    model->about = copy;
+    return GONIO_OK;
 }
 
 gonio_status gonio_model_save(const gonio_model *model, const char *path, gonio_error *error) {

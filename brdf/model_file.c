@@ -12,6 +12,9 @@
 //   56  u64      checksum of all bytes from 64 on, seeded with those of the head before it
 //   64  char[32] a channel: its name, terminated
 //
+// Behind the names, from a multiple of 64 on, there may stand char[8] "GONIOABT", u64 length and a text of that length:
+// what the model was made of. Readers that know nothing of it skip it, as the section's offset tells them.
+//
 // The file is mapped read-only and its arrays are used where they lie, so opening costs one pass for the checksum, or
 // none, and nothing is copied.
 #include "brdf/model_file.h"
@@ -28,6 +31,7 @@
 #include "gonio/sample.h"
 
 #define MEMORY "(memory)" // in place of a path in messages
+#define ABOUT_MAX ((size_t)4 << 20)
 
 static gonio_status check_head(const gonio_model_file_head *h, const char *path, size_t length, gonio_error *error) {
     if (length < sizeof *h || memcmp(h->magic, GONIO_MODEL_FILE_MAGIC, sizeof h->magic) != 0) {
@@ -95,6 +99,37 @@ static gonio_status check_names(const gonio_model_file_head *h, const unsigned c
     return GONIO_OK;
 }
 
+// The text before the section, which the caller frees; NULL: there is none.
+static gonio_status read_about(const gonio_model_file_head *h, const unsigned char *base, const char *path, char **about,
+                               gonio_error *error) {
+    const size_t align = GONIO_MODEL_FILE_ALIGN, names = sizeof *h + 32 * (size_t)h->channels;
+    const size_t at = (names + align - 1) / align * align;
+    gonio_model_file_about head;
+    *about = NULL;
+    if (h->section <= at || h->section - at < sizeof head) {
+        return GONIO_OK;
+    }
+    memcpy(&head, base + at, sizeof head);
+    if (memcmp(head.magic, GONIO_MODEL_FILE_ABOUT, sizeof head.magic) != 0) {
+        return GONIO_OK; // of a later version
+    }
+    const char *text = (const char *)base + at + sizeof head;
+    if (head.length > h->section - at - sizeof head || memchr(text, 0, (size_t)head.length) != NULL ||
+        head.length > ABOUT_MAX) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)at + 8,
+                               "what it was made of: a text of %llu bytes was expected before the section",
+                               (unsigned long long)head.length);
+    }
+    *about = strndup(text, (size_t)head.length);
+    if (*about == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to open %s", path);
+    }
+    for (unsigned char *c = (unsigned char *)*about; *c != 0; c++) {
+        *c = (*c < 0x20 && *c != '\n') || *c == 0x7f ? ' ' : *c; // it goes to terminals
+    }
+    return GONIO_OK;
+}
+
 static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped, gonio_error *error) {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     struct stat info;
@@ -143,10 +178,18 @@ static gonio_status read_mapped(gonio_mapped *mapped, const char *path, bool who
     mapped->channels = (int)h.channels;
     mapped->isotropic = (h.flags & GONIO_MODEL_FILE_ISOTROPIC) != 0;
     const gonio_kind *kind = memchr(h.kind, 0, sizeof h.kind) != NULL ? gonio_kind_find(h.kind) : NULL;
-    if (kind != NULL) {
-        return kind->read(mapped, out, error);
+    if (kind == NULL) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, 16, "a model of the unknown kind '%.16s'", h.kind);
     }
-    return gonio_fail_byte(error, GONIO_E_INPUT, path, 16, "a model of the unknown kind '%.16s'", h.kind);
+    char *about = NULL;
+    status = read_about(&h, base, path, &about, error);
+    status = status == GONIO_OK ? kind->read(mapped, out, error) : status;
+    if (status != GONIO_OK) {
+        free(about);
+        return status;
+    }
+    (*out)->about = about;
+    return GONIO_OK;
 }
 
 static gonio_status open_file(const char *path, bool whole, gonio_model **out, gonio_error *error) {

@@ -11,6 +11,7 @@
 #define GONIO_MODEL_FILE_ORDER 0x01020304u
 #define GONIO_MODEL_FILE_ISOTROPIC 1u // flags
 #define GONIO_MODEL_FILE_ALIGN 64     // sections and the arrays inside them begin at multiples of it
+#define GONIO_MODEL_FILE_ABOUT "GONIOABT"
 
 // As it stands in a file (brdf/model_file.c).
 typedef struct gonio_model_file_head {
@@ -21,6 +22,13 @@ typedef struct gonio_model_file_head {
     uint64_t length, section, checksum;
 } gonio_model_file_head;
 _Static_assert(sizeof(gonio_model_file_head) == 64, "the head of a model file is 64 bytes");
+
+// Behind the names, at a multiple of 64 bytes, and before the section there may stand what the model was made of: this,
+// then `length` bytes of text, then zeros up to the section. A reader that does not know it skips it.
+typedef struct gonio_model_file_about {
+    char magic[8];
+    uint64_t length;
+} gonio_model_file_about;
 
 // The sum to which everything behind the head is added; begun with the head, its own checksum taken as 0.
 gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head);

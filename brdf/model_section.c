@@ -63,8 +63,27 @@ gonio_status gonio_mapped_fail(const gonio_mapped *mapped, size_t section_offset
 static const unsigned char zeros[GONIO_MODEL_FILE_ALIGN];
 
 static void write_part(FILE *stream, const gonio_file_part *part) {
-    fwrite(part->data, 1, part->length, stream);
+    if (part->length > 0) {
+        fwrite(part->data, 1, part->length, stream);
+    }
     fwrite(zeros, 1, aligned(part->length) - part->length, stream);
+}
+
+// Its own head, then the text. The caller frees part->data.
+static gonio_status about_part(const gonio_model *model, gonio_file_part *part, gonio_error *error) {
+    const gonio_model_file_about head = {.length = model->about != NULL ? strlen(model->about) : 0};
+    if (head.length == 0) {
+        return GONIO_OK;
+    }
+    unsigned char *data = malloc(sizeof head + head.length);
+    if (data == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for what is known of a model");
+    }
+    memcpy(data, &head, sizeof head);
+    memcpy(data, GONIO_MODEL_FILE_ABOUT, sizeof head.magic);
+    memcpy(data + sizeof head, model->about, head.length);
+    *part = (gonio_file_part){data, sizeof head + head.length};
+    return GONIO_OK;
 }
 
 gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
@@ -76,7 +95,12 @@ gonio_status gonio_model_file_write(const gonio_model *model, const char *path, 
     memcpy(h.magic, GONIO_MODEL_FILE_MAGIC, sizeof h.magic);
     strncpy(h.kind, model->ops->kind, sizeof h.kind - 1);
     const gonio_file_part names = {model->channel_names, 32 * (size_t)model->channels};
-    h.section = sizeof h + aligned(names.length);
+    gonio_file_part about = {0};
+    gonio_status status = about_part(model, &about, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    h.section = sizeof h + aligned(names.length) + aligned(about.length);
     h.length = h.section;
     for (int i = 0; i < n; i++) {
         h.length += aligned(parts[i].length);
@@ -84,19 +108,25 @@ gonio_status gonio_model_file_write(const gonio_model *model, const char *path, 
     // A part that ends inside a block of 64 is summed with zeros up to the block's end, as it is written.
     gonio_checksum sum = gonio_model_file_checksum(&h);
     gonio_checksum_add(&sum, names.data, names.length);
+    if (about.length > 0) {
+        gonio_checksum_add(&sum, about.data, about.length);
+    }
     for (int i = 0; i < n; i++) {
         gonio_checksum_add(&sum, parts[i].data, parts[i].length);
     }
     sum.length = h.length;
     h.checksum = gonio_checksum_end(&sum);
     gonio_output *output;
-    const gonio_status status = gonio_output_open(path, &output, error);
+    status = gonio_output_open(path, &output, error);
     if (status != GONIO_OK) {
+        free((void *)(uintptr_t)about.data);
         return status;
     }
     FILE *stream = gonio_output_stream(output);
     fwrite(&h, 1, sizeof h, stream);
     write_part(stream, &names);
+    write_part(stream, &about);
+    free((void *)(uintptr_t)about.data);
     for (int i = 0; i < n; i++) {
         write_part(stream, &parts[i]);
     }

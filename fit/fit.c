@@ -292,9 +292,12 @@ gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *op
     gonio_fit_report own;
     report = report != NULL ? report : &own;
     *report = (gonio_fit_report){0};
-    if (several_groups(samples)) {
-        return fit_groups(samples, options, out, report, error);
-    }
     const gonio_samples plain = without_common_sigma(samples);
-    return fit_set(&plain, options, out, report, error);
+    gonio_status status = several_groups(samples) ? fit_groups(samples, options, out, report, error)
+                                                  : fit_set(&plain, options, out, report, error);
+    if (status == GONIO_OK && (status = gonio_model_tell(*out, samples->head, error)) != GONIO_OK) {
+        gonio_model_free(*out);
+        *out = NULL;
+    }
+    return status;
 }

@@ -2,12 +2,16 @@
 #include "io/format.h"
 
 #include <ctype.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "base/head.h"
 #include "base/number.h"
 
-enum { LINE = 400, NAME = 96 };
+enum { LINE = 4000, NAME = 96 };
+
+#define POLARISATIONS "none|unpolarised|unpolarized|s|p|h|v|45|135|left|right"
 
 const gonio_declaration gonio_declarations_common[] = {
     {"quantity", "f_r|fr|brdf|bsdf|f_r in 1/sr|brdf in 1/sr|brdf (1/sr)|f_r (1/sr)", GONIO_DECLARED_NOTHING},
@@ -25,7 +29,11 @@ const gonio_declaration gonio_declarations_common[] = {
     {"convention", "gonio", GONIO_DECLARED_NOTHING},
     {"mirror_at", "180|180 deg", GONIO_DECLARED_NOTHING},
     {"wavelength_units", "nm|nanometre|nanometres|nanometer|nanometers", GONIO_DECLARED_NOTHING},
-    {"polarisation", "none|unpolarised|unpolarized|average|averaged|depolarised|depolarized", GONIO_DECLARED_NOTHING},
+    {"polarisation", "none|unpolarised|unpolarized|average|averaged|depolarised|depolarized", GONIO_DECLARED_KNOWN},
+    // The values are f_r of these; a lone "polarisation = s" leaves open whose it is.
+    {"light_polarisation", POLARISATIONS, GONIO_DECLARED_KNOWN},
+    {"detector_polarisation", POLARISATIONS, GONIO_DECLARED_KNOWN},
+    {"mueller", "absolute|f_r", GONIO_DECLARED_NOTHING},
     {"scale", "1|1.0|linear", GONIO_DECLARED_NOTHING},
     {"factor", "1|1.0", GONIO_DECLARED_NOTHING},
     {"offset", "0|0.0", GONIO_DECLARED_NOTHING},
@@ -34,9 +42,34 @@ const gonio_declaration gonio_declarations_common[] = {
     {"cosine", "yes|true|1", GONIO_DECLARED_COSINE},
     {"halves", "reflection", GONIO_DECLARED_NOTHING},
     {"missing", NULL, GONIO_DECLARED_MISSING},
-    {"wavelength", NULL, GONIO_DECLARED_NOTHING},  // of a single channel: its name may say it too
+    {"wavelength", NULL, GONIO_DECLARED_KNOWN},    // of a single channel: its name may say it too
     {"wavelengths", NULL, GONIO_DECLARED_NOTHING}, // how many
     {"columns", NULL, GONIO_DECLARED_NOTHING},     // the header says them
+    {"light_solid_angle_sr", NULL, GONIO_DECLARED_FIGURE},
+    {"light_half_angle_deg", NULL, GONIO_DECLARED_FIGURE},
+    {"aperture_solid_angle_sr", NULL, GONIO_DECLARED_FIGURE},
+    {"aperture_half_angle_deg", NULL, GONIO_DECLARED_FIGURE},
+    {"spot_mm", NULL, GONIO_DECLARED_FIGURE},
+    {"measured_mm", NULL, GONIO_DECLARED_FIGURE},
+    {"light_distance_mm", NULL, GONIO_DECLARED_FIGURE},
+    {"camera_distance_mm", NULL, GONIO_DECLARED_FIGURE},
+    {"bandwidth_nm", NULL, GONIO_DECLARED_FIGURE},
+    {"temperature_c", NULL, GONIO_DECLARED_FIGURE},
+    {"humidity_percent", NULL, GONIO_DECLARED_FIGURE},
+    {"reference_sigma_percent", NULL, GONIO_DECLARED_FIGURE},
+    // Their words may hold what weighs in others: "at an angle of", "scale".
+    {"reference", NULL, GONIO_DECLARED_KNOWN},
+    {"reference_reflectance", NULL, GONIO_DECLARED_KNOWN},
+    {"traceability", NULL, GONIO_DECLARED_KNOWN},
+    {"sample", NULL, GONIO_DECLARED_KNOWN},
+    {"instrument", NULL, GONIO_DECLARED_KNOWN},
+    {"serials", NULL, GONIO_DECLARED_KNOWN},
+    {"operator", NULL, GONIO_DECLARED_KNOWN},
+    {"laboratory", NULL, GONIO_DECLARED_KNOWN},
+    {"date", NULL, GONIO_DECLARED_KNOWN},
+    {"notes", NULL, GONIO_DECLARED_KNOWN},
+    {"session", NULL, GONIO_DECLARED_KNOWN},
+    {"simulated", NULL, GONIO_DECLARED_KNOWN},
     {0}};
 
 // Other spellings of the keys.
@@ -52,6 +85,19 @@ static const char *const synonyms[][2] = {{"unit", "units"},
                                           {"anglesin", "angleunits"},
                                           {"wavelengthunit", "wavelengthunits"},
                                           {"polarization", "polarisation"},
+                                          {"lightpolarization", "lightpolarisation"},
+                                          {"sourcepolarisation", "lightpolarisation"},
+                                          {"sourcepolarization", "lightpolarisation"},
+                                          {"incidentpolarisation", "lightpolarisation"},
+                                          {"incidentpolarization", "lightpolarisation"},
+                                          {"detectorpolarization", "detectorpolarisation"},
+                                          {"solidangle", "aperturesolidanglesr"},
+                                          {"solidanglesr", "aperturesolidanglesr"},
+                                          {"detectorsolidanglesr", "aperturesolidanglesr"},
+                                          {"sourcesolidanglesr", "lightsolidanglesr"},
+                                          {"temperaturedegc", "temperaturec"},
+                                          {"spotdiametermm", "spotmm"},
+                                          {"laboratoryname", "laboratory"},
                                           {"normalized", "normalised"},
                                           {"normalisation", "normalised"},
                                           {"normalization", "normalised"},
@@ -136,6 +182,8 @@ static void apply(const gonio_declaration *d, const char *value, gonio_declared 
     char *end;
     switch (d->effect) {
     case GONIO_DECLARED_NOTHING:
+    case GONIO_DECLARED_KNOWN:
+    case GONIO_DECLARED_FIGURE:
         break;
     case GONIO_DECLARED_ISOTROPIC:
         declared->isotropic = true;
@@ -170,6 +218,48 @@ static size_t capital_key(const char *comment) {
     return n >= 2 && (comment[n] == ' ' || comment[n] == '\t' || comment[n] == 0) ? n : 0;
 }
 
+// The comment as a line of what is known of the measurement, where it has the form of one: a key of letters, digits and
+// what stands between words.
+static gonio_status keep(const char *comment, size_t length, const char *rest, const gonio_declaration *d,
+                         gonio_declared *declared, gonio_error *error) {
+    char key[GONIO_HEAD_KEY_MAX];
+    size_t n = 0;
+    if (d != NULL) {
+        snprintf(key, sizeof key, "%s", d->key);
+    } else {
+        for (; n < length && n + 1 < sizeof key; n++) {
+            const unsigned char c = (unsigned char)comment[n];
+            key[n] = (char)(c == ' ' || c == '-' || c == '.' ? '_' : tolower(c));
+            if (!isalnum(c) && strchr(" -._", c) == NULL) {
+                return GONIO_OK;
+            }
+        }
+        key[n] = 0;
+        if (n == 0 || !isalpha((unsigned char)key[0])) {
+            return GONIO_OK;
+        }
+        while (key[n - 1] == '_') {
+            key[--n] = 0;
+        }
+    }
+    return gonio_head_add(&declared->head, key, rest, error);
+}
+
+static bool is_figure(const gonio_declaration *d, const char *text) {
+    char *end;
+    const double figure = gonio_number_parse(text, &end);
+    return end != text && *end == 0 && isfinite(figure) && (figure >= 0 || strcmp(d->key, "temperature_c") == 0);
+}
+
+static gonio_status check_figure(const gonio_source *source, long long line, const gonio_declaration *d,
+                                 const char *value, gonio_error *error) {
+    const char *text = value + strspn(value, " \t");
+    return is_figure(d, text)
+               ? GONIO_OK
+               : gonio_fail_line(error, GONIO_E_INPUT, source->path, line, "%s: expected a number of 0 or more, found '%.60s'",
+                                 d->key, text);
+}
+
 static gonio_status heed(const gonio_source *source, long long line, const char *comment, const gonio_declaration *own,
                          gonio_declared *declared, gonio_error *error) {
     const size_t mark = strcspn(comment, "=:"), capital = capital_key(comment);
@@ -190,7 +280,13 @@ static gonio_status heed(const gonio_source *source, long long line, const char 
     d = d != NULL || known ? d : look_up(gonio_declarations_common, key, value, &known);
     if (d != NULL) {
         apply(d, rest, declared);
-        return GONIO_OK;
+        gonio_status status = GONIO_OK;
+        if (d->effect == GONIO_DECLARED_FIGURE) {
+            status = check_figure(source, line, d, rest, error);
+        }
+        return status == GONIO_OK && (d->effect == GONIO_DECLARED_FIGURE || d->effect == GONIO_DECLARED_KNOWN)
+                   ? keep(comment, length, rest, d, declared, error)
+                   : status;
     }
     if (known) {
         return refuse(source, line, comment, "the value", error);
@@ -204,7 +300,18 @@ static gonio_status heed(const gonio_source *source, long long line, const char 
             weight = strcmp(p->key, weight) == 0 ? NULL : weight; // it says what this format is anyway
         }
     }
-    return weight != NULL ? refuse(source, line, comment, weight, error) : GONIO_OK;
+    return weight != NULL       ? refuse(source, line, comment, weight, error)
+           : capital > 0 || pair ? keep(comment, length, rest, NULL, declared, error)
+                                 : GONIO_OK;
+}
+
+bool gonio_declaration_holds(const char *key, const char *value) {
+    char name[NAME], text[NAME];
+    bool known = false;
+    plain(key, strlen(key), name, sizeof name);
+    plain(value, strlen(value), text, sizeof text);
+    const gonio_declaration *d = look_up(gonio_declarations_common, name, text, &known);
+    return d != NULL && (d->effect != GONIO_DECLARED_FIGURE || is_figure(d, value));
 }
 
 gonio_status gonio_declarations_read(const gonio_source *source, const gonio_declaration *own, gonio_declared *declared,

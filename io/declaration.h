@@ -15,6 +15,8 @@ typedef enum gonio_declared_effect {
     GONIO_DECLARED_COSINE,      // values are f_r cos(theta_o)
     GONIO_DECLARED_FACTOR,      // values are pi f_r, the reflectance factor
     GONIO_DECLARED_MISSING,     // the number that stands for missing values
+    GONIO_DECLARED_KNOWN,       // no value depends on it: kept with the samples, as all is that nobody knows
+    GONIO_DECLARED_FIGURE,      // likewise, and it must be a number of 0 or more
 } gonio_declared_effect;
 
 // One known declaration; a table ends with {0}. Keys and values are compared without case, blanks, and _ - ^ * .
@@ -30,15 +32,18 @@ typedef struct gonio_declared {
     double factor; // and by this
     bool has_missing;
     double missing;
+    char *head; // "key = value" lines of what the measurement was, NULL: none; owned
 } gonio_declared;
 
 // What every text format knows besides its own table.
 extern const gonio_declaration gonio_declarations_common[];
 
 // Go through all comment lines of a text. own: NULL, or the format's table, which comes first. Changes nothing in the
-// source.
+// source. Free declared->head, also on failure.
 gonio_status gonio_declarations_read(const gonio_source *source, const gonio_declaration *own, gonio_declared *declared,
                                      gonio_error *error);
+// Would the line "key = value" be heeded without a word, as one of those that every text format knows?
+bool gonio_declaration_holds(const char *key, const char *value);
 // Does a name speak of something that could change values: units, angles, factors ...? The word for messages; NULL: no.
 const char *gonio_declaration_weight(const char *name);
 

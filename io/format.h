@@ -124,6 +124,7 @@ typedef struct gonio_row_collector {
     long long *lines; // of the samples' rows
     size_t lines_capacity;
     double *sigmas;  // scratch of a row
+    bool *is_signed; // channels that may be negative by nature: Mueller elements
     size_t horizon;  // rows left out there
     bool by_mapping; // what the values are is stated, and said, by a mapping
 } gonio_row_collector;
@@ -138,6 +139,8 @@ gonio_status gonio_row_collector_number(const gonio_row_collector *collector, co
 // Make the empty set, of which the rows then are; once, before the first row.
 gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channels, bool with_sigma,
                                       gonio_error *error);
+// Once the channels have their names: those of Mueller matrices are no subject of the policy.
+gonio_status gonio_row_collector_named(gonio_row_collector *collector, gonio_error *error);
 // values may be changed (clamped). sigma_random and sigma_systematic: both NULL where the file states none. The line is
 // the text's current one.
 gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio_pair *pair, double *values,

@@ -163,8 +163,5 @@ gonio_status gonio_mapping_parse(const gonio_format_values *values, gonio_mappin
     gonio_status status = parse_columns(at[GONIO_TABLE_COLUMNS].text, m, error);
     status = status == GONIO_OK ? parse_separator(at[GONIO_TABLE_SEPARATOR].text, &m->separator, error) : status;
     status = status == GONIO_OK ? parse_decimal(at[GONIO_TABLE_DECIMAL].text, &m->decimal, error) : status;
-    if (status == GONIO_OK && m->decimal == ',' && m->separator == ',') {
-        status = gonio_fail(error, GONIO_E_USAGE, "a comma is either the separator or the decimal sign");
-    }
-    return status;
+    return status; // a comma may be both, between quotes
 }

@@ -103,14 +103,9 @@ static const gonio_declaration declarations[] = {
     {"mirror_at", "0|0 deg", GONIO_DECLARED_NOTHING},
     {0}};
 
-static gonio_status read_nist(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
-                              gonio_read_report *report, gonio_error *error) {
+static gonio_status read_element(const gonio_source *source, const gonio_format_values *values, int element,
+                                 gonio_samples **out, gonio_read_report *report, gonio_error *error) {
     gonio_text text = gonio_text_begin(source->path, source->data, source->size);
-    const int element = element_of(values->at[MUELLER].text);
-    if (element < 0) {
-        return gonio_fail(error, GONIO_E_USAGE, "Mueller element '%s'; expected f_r11 to f_r44",
-                          values->at[MUELLER].text);
-    }
     gonio_row_collector collector;
     gonio_status status = gonio_row_collector_begin(&collector, &text, source, values, declarations, "nist", error);
     if (element > 0) {
@@ -127,9 +122,87 @@ static gonio_status read_nist(const gonio_source *source, const gonio_format_val
     return gonio_row_collector_end(&collector, status, out, report, error);
 }
 
+// One wavelength: f_r11 to f_r44; several: 351nm_f_r11 ...
+static void name_element(const gonio_samples *one, int wavelength, int element, char name[GONIO_CHANNEL_NAME_MAX]) {
+    const bool several = one->channels > 1;
+    snprintf(name, GONIO_CHANNEL_NAME_MAX, "%.20s%sf_r%d%d", several ? one->channel_names[wavelength] : "", several ? "_" : "",
+             element / 4 + 1, element % 4 + 1);
+}
+
+static gonio_status join(gonio_samples *const sets[16], gonio_samples **out, gonio_error *error) {
+    const gonio_samples *first = sets[0];
+    const int channels = first->channels;
+    for (int e = 1; e < 16; e++) {
+        if (sets[e]->n != first->n || memcmp(sets[e]->pairs, first->pairs, first->n * sizeof *first->pairs) != 0) {
+            return gonio_fail(error, GONIO_E_INPUT, "elements 1 and %d are missing at different geometries", e + 1);
+        }
+    }
+    gonio_status status = gonio_samples_new(16 * channels, false, out, error);
+    status = status == GONIO_OK ? gonio_samples_reserve(*out, first->n, error) : status;
+    for (int c = 0; c < 16 * channels && status == GONIO_OK; c++) {
+        name_element(first, c / 16, c % 16, (*out)->channel_names[c]);
+    }
+    for (size_t i = 0; i < first->n && status == GONIO_OK; i++) {
+        double values[GONIO_CHANNELS_MAX];
+        for (int c = 0; c < 16 * channels; c++) {
+            values[c] = sets[c % 16]->values[i * (size_t)channels + (size_t)(c / 16)];
+        }
+        status = gonio_samples_add(*out, &first->pairs[i], values, NULL, NULL, error);
+    }
+    if (status == GONIO_OK) {
+        (*out)->isotropic = first->isotropic;
+        (*out)->head = sets[0]->head;
+        sets[0]->head = NULL;
+    }
+    return status;
+}
+
+// Each element as it is read alone, from a copy: reading cuts the text up.
+static gonio_status read_matrix(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                                gonio_read_report *report, gonio_error *error) {
+    gonio_samples *sets[16] = {0};
+    gonio_source copy = {source->path, malloc(source->size + 1), source->size};
+    gonio_status status =
+        copy.data != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
+    for (int e = 0; e < 16 && status == GONIO_OK; e++) {
+        gonio_read_report own;
+        memcpy(copy.data, source->data, source->size + 1);
+        status = read_element(&copy, values, e, &sets[e], &own, error);
+        if (report != NULL && e == 0) {
+            *report = own;
+        }
+    }
+    free(copy.data);
+    if (status == GONIO_OK && sets[0]->channels > GONIO_CHANNELS_MAX / 16) {
+        status = gonio_fail(error, GONIO_E_INPUT, "16 elements of %d wavelengths; --wavelength chooses one",
+                            sets[0]->channels);
+    }
+    status = status == GONIO_OK ? join(sets, out, error) : status;
+    for (int e = 0; e < 16; e++) {
+        gonio_samples_free(sets[e]);
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+static gonio_status read_nist(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                              gonio_read_report *report, gonio_error *error) {
+    const int element = element_of(values->at[MUELLER].text);
+    *out = NULL;
+    if (strcmp(values->at[MUELLER].text, "all") == 0) {
+        return read_matrix(source, values, out, report, error);
+    }
+    return element >= 0 ? read_element(source, values, element, out, report, error)
+                        : gonio_fail(error, GONIO_E_USAGE, "Mueller element '%s'; expected f_r11 to f_r44, or all",
+                                     values->at[MUELLER].text);
+}
+
 static const gonio_format_option options[] = {
     GONIO_TEXT_OPTIONS,
-    [MUELLER] = {"mueller", GONIO_FORMAT_TEXT, "ELEMENT", "f_r11", "Mueller element, f_r11 to f_r44"},
+    [MUELLER] = {"mueller", GONIO_FORMAT_TEXT, "ELEMENT|all", "f_r11", "Mueller element, f_r11 to f_r44, or all sixteen as channels"},
     {0}};
 
 const gonio_format gonio_format_nist = {.name = "nist",

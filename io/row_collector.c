@@ -4,6 +4,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/mueller.h"
 #include "base/number.h"
 #include "io/format.h"
 
@@ -73,6 +74,20 @@ gonio_status gonio_row_collector_number(const gonio_row_collector *collector, co
         return GONIO_OK;
     }
     return gonio_text_number(collector->text, field, what, value, error);
+}
+
+static bool is_signed(const gonio_row_collector *collector, int channel) {
+    return collector->is_signed != NULL && collector->is_signed[channel];
+}
+
+gonio_status gonio_row_collector_named(gonio_row_collector *collector, gonio_error *error) {
+    const gonio_samples *s = collector->samples;
+    collector->is_signed = malloc((size_t)s->channels * sizeof *collector->is_signed);
+    if (collector->is_signed == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the channels");
+    }
+    gonio_mueller_signed((const char(*)[GONIO_CHANNEL_NAME_MAX])s->channel_names, s->channels, collector->is_signed);
+    return GONIO_OK;
 }
 
 static bool accepts(const gonio_row_collector *collector, double value, double sigma) {
@@ -162,7 +177,9 @@ static bool leaves_out(gonio_row_collector *collector, const double *values, con
     const gonio_missing *m = &collector->missing;
     for (int c = 0; c < collector->samples->channels; c++) {
         const double sigma = random != NULL ? hypot(random[c], systematic[c]) : (double)NAN;
-        if (isnan(values[c]) || (m->has_number && values[c] == m->number) || is_sentinel(collector, values[c], sigma)) {
+        const bool natural = is_signed(collector, c) && fabs(values[c]) < 9;
+        if (isnan(values[c]) || (m->has_number && values[c] == m->number) ||
+            (!natural && is_sentinel(collector, values[c], sigma))) {
             note_missing(collector, values[c], c, sigma);
             return true;
         }
@@ -206,7 +223,7 @@ gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio
             sigmas[c] = sigma_random[c] / divisor;
             sigmas[channels + c] = sigma_systematic[c] / divisor;
         }
-        if (values[c] < 0) {
+        if (values[c] < 0 && !is_signed(collector, c)) {
             note_negative(collector, c, values[c],
                           sigma_random != NULL ? hypot(sigmas[c], sigmas[channels + c]) : (double)NAN);
             if (collector->policy == GONIO_NEGATIVES_CLAMP) {
@@ -288,6 +305,8 @@ gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channe
     }
     if (status == GONIO_OK) {
         collector->samples->isotropic = !collector->declared.anisotropic;
+        collector->samples->head = collector->declared.head;
+        collector->declared.head = NULL;
     }
     return status;
 }
@@ -317,6 +336,8 @@ gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_statu
     }
     free(collector->lines);
     free(collector->sigmas);
+    free(collector->is_signed);
+    free(collector->declared.head);
     *out = collector->samples;
     return status;
 }

@@ -2,6 +2,7 @@
 // A model's values at given pairs, as a sample set.
 #include <string.h>
 
+#include "base/head.h"
 #include "base/thread_pool.h"
 #include "gonio/io.h"
 
@@ -27,12 +28,30 @@ static void fill_block(void *context, size_t block) {
     }
 }
 
+// What was known of the measurement goes on; how the model was fitted, and to what, is no word about these samples.
+static gonio_status take_head(const char *about, char **head, gonio_error *error) {
+    char key[GONIO_HEAD_KEY_MAX], value[4096];
+    gonio_status status = GONIO_OK;
+    for (const char *at = about; status == GONIO_OK && gonio_head_next(&at, key, value, sizeof value);) {
+        const bool own = strncmp(key, "sampled.", 8) == 0 || strcmp(key, "fit") == 0 || strcmp(key, "train") == 0 ||
+                         strcmp(key, "held_out") == 0;
+        status = own ? GONIO_OK : gonio_head_add(head, key, value, error);
+    }
+    const bool tell = status == GONIO_OK && *head != NULL && !gonio_head_find(*head, "origin", value, sizeof value);
+    return tell ? gonio_head_add(head, "origin", "values of a model that was fitted to the measurement", error) : status;
+}
+
 gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, int threads,
                                     gonio_samples **out, gonio_error *error) {
     *out = NULL;
     gonio_samples *s;
     gonio_status status = gonio_samples_new(model->channels, model->ops->sigma != NULL, &s, error);
     status = status == GONIO_OK ? gonio_samples_reserve(s, n, error) : status;
+    if (status != GONIO_OK) {
+        gonio_samples_free(s);
+        return status;
+    }
+    status = take_head(model->about, &s->head, error);
     if (status != GONIO_OK) {
         gonio_samples_free(s);
         return status;

@@ -13,6 +13,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/head.h"
 #include "io/columns.h"
 #include "io/long_rows.h"
 
@@ -138,7 +139,8 @@ static gonio_status read_wide(const rows *r, gonio_row_collector *collector, gon
     for (int c = 0; c < l->channels; c++) {
         snprintf(collector->samples->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", r->names[c]);
     }
-    return read_rows(r, collector, error);
+    const gonio_status named = gonio_row_collector_named(collector, error);
+    return named == GONIO_OK ? read_rows(r, collector, error) : named;
 }
 
 static gonio_status read_header(gonio_text *text, char **fields, gonio_columns *l, gonio_row_collector *collector,
@@ -229,6 +231,10 @@ static bool has_systematic(const gonio_samples *s) {
 }
 
 static void put_header(const gonio_samples *s, bool systematic, FILE *stream) {
+    char key[GONIO_HEAD_KEY_MAX], value[4096];
+    for (const char *at = s->head; gonio_head_next(&at, key, value, sizeof value);) {
+        fprintf(stream, "# %s = %s\n", key, value);
+    }
     if (!s->isotropic) {
         fputs(ANISOTROPIC "\n", stream);
     }

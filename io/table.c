@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "io/long_rows.h"
+#include "io/table_matrix.h"
 
 // No text is recognised as such: the mapping says so.
 static bool recognise(const gonio_source *source) {
@@ -33,6 +34,7 @@ typedef struct reader {
     char **fields;
     double *numbers;       // values, sigmas and zeros of a row
     gonio_long_rows *tall; // NULL: a row is a sample
+    const long long *lines; // of the file, for each line of an unfolded matrix; NULL: they are the same
 } reader;
 
 // ---- a row ----
@@ -157,13 +159,21 @@ static gonio_status read_rows(reader *r, gonio_error *error) {
     const gonio_table_layout *l = r->layout;
     gonio_status status = GONIO_OK;
     for (char *line; status == GONIO_OK && (line = gonio_text_line(&r->text)) != NULL;) {
-        if (r->text.line < l->first_row || gonio_table_is_blank(line)) {
+        if (r->text.line < l->first_row || gonio_table_is_blank(line) || r->text.line > l->last_row) {
             continue;
         }
+        const long long own = r->text.line;
+        r->text.line = r->lines != NULL ? r->lines[own] : own;
         const int n = gonio_table_split(line, l->separator, l->columns, r->fields, GONIO_TABLE_COLUMNS_MAX);
         status = n == l->columns ? add_row(r, error)
                                  : gonio_text_fail(&r->text, error, "expected %d columns as in the first row, found %d",
                                                    l->columns, n);
+        r->text.line = own;
+    }
+    if (status == GONIO_OK && l->footers > 0) {
+        gonio_text_append(r->collector->report.notes, sizeof r->collector->report.notes,
+                          "%zu lines of text behind the table are not read (the first is line %lld)\n", l->footers,
+                          l->first_footer);
     }
     return status;
 }
@@ -265,6 +275,36 @@ int gonio_mirror_of_samples(const gonio_samples *s, double means[2]) {
     return -1;
 }
 
+// Do the values rise towards that side's direction itself, and not only from the other's?
+static bool has_peak(const gonio_samples *s, int side) {
+    double sums[2] = {0};
+    size_t counts[2] = {0};
+    for (size_t i = 0; i < s->n; i++) {
+        const gonio_pair *p = &s->pairs[i];
+        const double cosine = sin(p->theta_i) * sin(p->theta_o) * cos(p->phi_o - p->phi_i - side * GONIO_PI) +
+                              cos(p->theta_i) * cos(p->theta_o);
+        const double deg = gonio_degrees(acos(fmin(fmax(cosine, -1), 1)));
+        if (p->theta_i >= gonio_radians(20) && (deg <= 4 || (deg >= 8 && deg <= 16))) {
+            sums[deg > 4] += s->values[i * (size_t)s->channels];
+            counts[deg > 4]++;
+        }
+    }
+    return counts[0] > 0 && counts[1] > 1 && sums[0] / (double)counts[0] > 1.3 * sums[1] / (double)counts[1];
+}
+
+bool gonio_mirror_is_open(const gonio_source *source, const gonio_samples *samples, char *why, size_t size) {
+    const char *slash = strrchr(source->path, '/');
+    const bool both = has_peak(samples, 0) && has_peak(samples, 1);
+    const bool retro = strcasestr(slash != NULL ? slash : source->path, "retro") != NULL ||
+                       memmem(source->data, source->size, "retro", 5) != NULL ||
+                       memmem(source->data, source->size, "Retro", 5) != NULL;
+    snprintf(why, size, "%s: --mirror-at 0 where a theta_o of theta_i's own sign is the mirror direction, --mirror-at 180 where "
+                        "it is the light's side",
+             both ? "peaks stand on both sides of the normal, one of them a retro-reflector's"
+                  : "a retro-reflector's peak looks like a mirror direction");
+    return both || retro;
+}
+
 static bool has_azimuth(const gonio_table_columns *c) {
     static const gonio_mapped_role azimuths[] = {GONIO_MAPPED_PHI, GONIO_MAPPED_PHI_I, GONIO_MAPPED_PHI_O};
     bool has = false;
@@ -284,7 +324,7 @@ static void note_mirror(const reader *r, int shown, const double means[2], gonio
         snprintf(both, sizeof both, " (mean %.3g at 0, %.3g at 180)", means[0], means[1]);
     }
     if (!has_azimuth(r->columns)) {
-        gonio_text_append(notes, size, "the mirror direction is taken to stand at %d%s%s; --mirror-at says it\n",
+        gonio_text_append(notes, size, "the mirror direction is taken to stand at %d%s%s; --mirror-at says it, as it must of a retro-reflector\n",
                           r->mirror_at == GONIO_MIRROR_AT_0 ? 0 : 180, shown >= 0 ? ", as the values show" : "", both);
     } else if (shown == 0) {
         gonio_text_append(notes, size,
@@ -309,6 +349,14 @@ static gonio_status read_both(const gonio_source *source, const gonio_format_val
         memcpy(copy.data, source->data, source->size + 1);
     }
     gonio_status status = read_once(source, values, r, out, report, error);
+    char why[300];
+    if (status == GONIO_OK && open && !has_azimuth(r->columns) && gonio_mirror_is_open(&copy, *out, why, sizeof why)) {
+        gonio_samples_free(*out);
+        *out = NULL;
+        free(copy.data);
+        return gonio_fail_line(error, GONIO_E_INPUT, source->path, r->lines != NULL ? r->lines[r->layout->first_row] : r->layout->first_row,
+                               "%s", why);
+    }
     const int shown = status == GONIO_OK && open ? gonio_mirror_of_samples(*out, means) : -1;
     if (status == GONIO_OK && shown == 0 && !has_azimuth(r->columns)) {
         gonio_samples_free(*out);
@@ -333,6 +381,18 @@ static void note_words(const reader *r, gonio_read_report *report) {
     gonio_text_append(report->notes, sizeof report->notes, "%s", notes);
 }
 
+// What the comments of a matrix declare, with the file's own lines; the unfolded one has others.
+static gonio_status check_declarations(const gonio_source *source, const gonio_format_values *values, bool radians,
+                                       gonio_error *error) {
+    gonio_declared declared = {0};
+    const gonio_status status =
+        values->at[GONIO_TEXT_DECLARED].choice == 0
+            ? gonio_declarations_read(source, radians ? in_radians : in_degrees, &declared, error)
+            : GONIO_OK;
+    free(declared.head);
+    return status;
+}
+
 static gonio_status read_table(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                gonio_read_report *report, gonio_error *error) {
     gonio_mapping *mapping = malloc(sizeof *mapping);
@@ -343,16 +403,24 @@ static gonio_status read_table(const gonio_source *source, const gonio_format_va
     report = report != NULL ? report : &own;
     gonio_status status = mapping != NULL && columns != NULL ? gonio_mapping_parse(values, mapping, error)
                                                              : gonio_fail(error, GONIO_E_MEMORY, "no memory");
+    gonio_table_flat flat = {0};
+    const char *matrix = values->at[GONIO_TABLE_MATRIX].text;
+    if (status == GONIO_OK && strcmp(matrix, "auto") != 0) {
+        status = check_declarations(source, values, mapping->radians, error);
+        status = status == GONIO_OK ? gonio_table_unfold(source, matrix, mapping, &flat, error) : status;
+        source = status == GONIO_OK ? &flat.source : source;
+    }
     status = status == GONIO_OK ? gonio_table_layout_find(source, mapping, &layout, error) : status;
     status = status == GONIO_OK ? gonio_table_columns_find(source, mapping, &layout, columns, error) : status;
     if (status == GONIO_OK) {
-        reader r = {.mapping = mapping, .layout = &layout, .columns = columns};
+        reader r = {.mapping = mapping, .layout = &layout, .columns = columns, .lines = flat.lines};
         status = read_both(source, values, &r, out, report, error);
         if (status == GONIO_OK) {
             note_words(&r, report);
         }
     }
     gonio_table_layout_free(&layout);
+    gonio_table_flat_free(&flat);
     free(columns);
     free(mapping);
     return status;
@@ -375,6 +443,8 @@ static const gonio_format_option options[] = {
                                "phi_o of the mirror direction of phi_i = 0"},
     [GONIO_TABLE_WAVELENGTH] = {"wavelength-column", GONIO_FORMAT_TEXT, "COLUMN", "auto",
                                 "of a table with a row for each wavelength"},
+    [GONIO_TABLE_MATRIX] = {"matrix", GONIO_FORMAT_TEXT, "ROWS,COLUMNS,BLOCKS", "auto",
+                            "a value a cell: which coordinates rows, columns and the headings of blocks tell"},
     [GONIO_TABLE_MAP] = {"map", GONIO_FORMAT_TEXT, "FILE", "auto",
                          "these options from a file (INPUT" GONIO_MAP_ENDING ")"},
     {0}};

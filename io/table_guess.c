@@ -10,6 +10,7 @@
 #include "base/number.h"
 #include "base/statistics.h"
 #include "io/columns.h"
+#include "io/table_matrix.h"
 
 // ---- what stands in the columns ----
 
@@ -340,7 +341,8 @@ static bool falls_with_cosine(const gonio_samples *s) {
 
 static gonio_status propose_quantity(const gonio_samples *s, gonio_table_guess *g, gonio_error *error) {
     const int column = column_of(g, "value");
-    const char *quantity = quantity_of_name(g->columns[column].name);
+    const char *name = column >= 0 ? g->columns[column].name : "";
+    const char *quantity = quantity_of_name(name);
     double level = 0;
     const gonio_status status = base_level(s, &level, error);
     if (status != GONIO_OK) {
@@ -353,7 +355,7 @@ static gonio_status propose_quantity(const gonio_samples *s, gonio_table_guess *
                                                      : NULL;
     char reason[200];
     if (quantity != NULL) {
-        snprintf(reason, sizeof reason, "the name '%.40s' says %s%s", g->columns[column].name, quantity,
+        snprintf(reason, sizeof reason, "the name '%.40s' says %s%s", name, quantity,
                  strcmp(quantity, "f_r") == 0 && GONIO_PI * level > limit
                      ? ", but the values away from the lobe would reflect more than all light"
                      : "");
@@ -378,8 +380,18 @@ static gonio_status propose_quantity(const gonio_samples *s, gonio_table_guess *
     return GONIO_OK;
 }
 
-static void propose_mirror(const gonio_samples *s, gonio_table_guess *g) {
+static void propose_mirror(const gonio_source *source, const gonio_samples *s, gonio_table_guess *g) {
     double means[2];
+    char why[300];
+    bool azimuths = false; // of a matrix they stand among its keys
+    for (int k = 0; k < g->layout.columns; k++) {
+        azimuths = azimuths || strncmp(g->columns[k].key, "phi", 3) == 0;
+    }
+    azimuths = azimuths || strstr(g->mapped, "phi") != NULL;
+    if (!azimuths && gonio_mirror_is_open(source, s, why, sizeof why)) {
+        snprintf(g->open, sizeof g->open, "%s", why);
+        return;
+    }
     const int at = gonio_mirror_of_samples(s, means);
     char reason[160];
     if (at >= 0) {
@@ -392,7 +404,8 @@ static void propose_mirror(const gonio_samples *s, gonio_table_guess *g) {
 }
 
 // Read as proposed so far, with the mirror direction where Gonio has it, to look at the values.
-static gonio_status look_at_values(const char *path, gonio_table_guess *g, gonio_error *error) {
+static gonio_status look_at_values(const gonio_source *source, gonio_table_guess *g, gonio_error *error) {
+    const char *path = source->path;
     gonio_read_options options = g->options;
     int n = 0;
     while (options.settings[n].name != NULL) {
@@ -417,9 +430,56 @@ static gonio_status look_at_values(const char *path, gonio_table_guess *g, gonio
         return GONIO_OK;
     }
     status = propose_quantity(samples, g, error);
-    propose_mirror(samples, g);
+    propose_mirror(source, samples, g);
     gonio_samples_free(samples);
     return status;
+}
+
+// ---- a matrix ----
+
+static const char *key_of_heading(const char *heading) {
+    static const struct {
+        const char *word, *key;
+    } words[] = {{"phi", "phi"},         {"azim", "phi"},        {"theta_i", "theta_i"},  {"incid", "theta_i"}, {"aoi", "theta_i"},
+                 {"einfall", "theta_i"}, {"theta i", "theta_i"}, {"lambda", "wavelength"}, {"wave", "wavelength"}, {" nm", "wavelength"},
+                 {"theta_o", "theta_o"}, {NULL, NULL}};
+    int k = 0;
+    while (words[k].word != NULL && strcasestr(heading, words[k].word) == NULL) {
+        k++;
+    }
+    return words[k].key;
+}
+
+// Rows and columns by their ranges, and by what the headings leave for them.
+static bool propose_matrix(const gonio_source *source, gonio_table_guess *g) {
+    int blocks;
+    double columns[2], rows[2];
+    char heading[80];
+    if (!gonio_table_is_matrix(source, &blocks, columns, rows, heading)) {
+        return false;
+    }
+    const char *block = blocks > 0 ? key_of_heading(heading) : NULL;
+    const bool turned = blocks > 0 && block != NULL && strcmp(block, "theta_i") == 0;
+    const char *row = rows[0] >= 200 && rows[1] > 360 ? "wavelength" : rows[1] > 90 ? "phi" : "theta_o";
+    const char *column = strcmp(row, "theta_o") != 0 ? "theta_o" : columns[1] > 90 || turned ? "phi" : "theta_i";
+    snprintf(g->mapped, sizeof g->mapped, "%s,%s%s%s", row, column, block != NULL ? "," : "", block != NULL ? block : "");
+    set(g, GONIO_TABLE_MATRIX, g->mapped);
+    because(g, "a number at the head of each row and column: a matrix, a value a cell");
+    const bool light = strstr(g->mapped, "theta_i") != NULL;
+    double incidence;
+    if (!light && find_incidence(source, g, &incidence)) {
+        snprintf(g->constants, sizeof g->constants, "theta_i=%gdeg", incidence);
+        set(g, GONIO_TABLE_COLUMNS, g->constants);
+        because(g, "theta_i is in neither; the text before the matrix tells it");
+    } else if (!light) {
+        snprintf(g->open, sizeof g->open, "neither rows nor columns are theta_i: say it, as in --columns theta_i=30deg");
+    } else if (blocks > 1 && block == NULL) {
+        snprintf(g->open, sizeof g->open, "what does the number in '%.60s' tell? It is the third of --matrix", heading);
+    }
+    if (fmin(rows[0], columns[0]) < 0 && strcmp(row, "phi") != 0) {
+        set(g, GONIO_TABLE_SIGNED, "yes");
+    }
+    return true;
 }
 
 // ---- as a shell takes it ----
@@ -452,6 +512,10 @@ static gonio_status guess(const gonio_source *source, gonio_table_guess *g, goni
     if (status != GONIO_OK) {
         return status;
     }
+    if (propose_matrix(source, g)) {
+        propose_signs(g);
+        return g->open[0] == 0 ? look_at_values(source, g, error) : GONIO_OK;
+    }
     const int named = roles_by_name(g);
     lone_angle(g);
     if (named == 0 && g->layout.header_line == 0) {
@@ -461,7 +525,7 @@ static gonio_status guess(const gonio_source *source, gonio_table_guess *g, goni
     propose_columns(source, g);
     propose_angles(g);
     propose_signs(g);
-    return g->open[0] == 0 ? look_at_values(source->path, g, error) : GONIO_OK;
+    return g->open[0] == 0 ? look_at_values(source, g, error) : GONIO_OK;
 }
 
 // Another format's file, or a samples file with its header, is no table of one's own.

@@ -18,10 +18,10 @@ typedef struct gonio_table_guess {
     size_t rows;
     gonio_table_layout layout;
     gonio_table_column_facts *columns; // layout.columns of them
-    char mapped[4096], separator[12], decimal[4];
+    char mapped[4096], constants[32], separator[12], decimal[4];
     gonio_read_options options; // the proposal; its texts are here
     bool whole;                 // the proposal leaves nothing open
-    char open[200];             // else: what
+    char open[320];             // else: what
     char reasons[1200];         // lines
     char command[4400];         // the options as a shell takes them
 } gonio_table_guess;

@@ -57,6 +57,10 @@ int gonio_table_split(char *line, char separator, int columns, char **fields, in
             first += strspn(first, " \t");
         }
         char *end = first;
+        const char *closing = first[strspn(first, " \t")] == '"' ? strchr(first + strspn(first, " \t") + 1, '"') : NULL;
+        if (closing != NULL && (closing[1] == 0 || closing[1] == separator || strchr(" \t", closing[1]) != NULL)) {
+            end = first + (closing - first) + 1; // separators between quotes separate nothing
+        }
         while (*end != 0 && (separator == ' ' ? *end != ' ' && *end != '\t' : *end != separator)) {
             end++;
         }
@@ -146,7 +150,8 @@ static bool find_signs(const gonio_source *source, const gonio_mapping *m, char 
         for (size_t d = 0; d < sizeof decimals; d++) {
             int columns = 0;
             if ((m->separator != 0 && m->separator != separators[s]) ||
-                (m->decimal != 0 && m->decimal != decimals[d]) || (separators[s] == ',' && decimals[d] == ',')) {
+                (m->decimal != 0 && m->decimal != decimals[d]) ||
+                (separators[s] == ',' && decimals[d] == ',' && memchr(source->data, '"', source->size) == NULL)) {
                 continue;
             }
             const long found = score(source, separators[s], decimals[d], fields, &columns);
@@ -352,6 +357,27 @@ static gonio_status find_any(const gonio_source *source, char **fields, gonio_ta
     return status;
 }
 
+// Lines at the end that neither begin with a number nor have as many fields as a row.
+static void find_last(const gonio_source *source, char **fields, gonio_table_layout *l) {
+    gonio_table_lines lines = gonio_table_lines_begin(source);
+    l->last_row = l->first_row;
+    for (char *line; (line = gonio_table_lines_next(&lines)) != NULL;) {
+        double value;
+        if (lines.number <= l->first_row || gonio_table_is_blank(line)) {
+            continue;
+        }
+        const int n = gonio_table_split(line, l->separator, l->columns, fields, GONIO_TABLE_COLUMNS_MAX);
+        if (n == l->columns || n > GONIO_TABLE_COLUMNS_MAX || gonio_table_number(fields[0], l->decimal, &value)) {
+            l->last_row = lines.number;
+            l->footers = 0;
+        } else {
+            l->first_footer = l->footers == 0 ? lines.number : l->first_footer;
+            l->footers++;
+        }
+    }
+    free(lines.buffer);
+}
+
 static bool has_names(const gonio_mapping *m) {
     bool has = m->wavelength != NULL && m->wavelength[0] != '#';
     for (int k = 0; k < m->n; k++) {
@@ -383,6 +409,7 @@ static gonio_status find(const gonio_source *source, const gonio_mapping *m, cha
         status = find_numeric_header(source, fields, l, error);
         status = status == GONIO_OK && l->header_line == 0 ? find_any(source, fields, l, error) : status;
     }
+    find_last(source, fields, l);
     return status == GONIO_OK && l->first_row == 0
                ? gonio_fail_line(error, GONIO_E_INPUT, source->path, l->header_line > 0 ? l->header_line : 1,
                                  "no rows of numbers behind the header")

@@ -13,6 +13,9 @@ typedef struct gonio_table_layout {
     int columns;           // of a row
     long long header_line; // 0: none
     long long first_row;   // line of the first row of numbers
+    long long last_row;    // of the last; lines of text behind it, that could be no row, are footers
+    long long first_footer;
+    size_t footers;
     char *header;          // its line, cut up
     char **names;          // of the columns, "" where there is none; borrowed from header
 } gonio_table_layout;

@@ -4,6 +4,7 @@
 #define GONIO_TESTS_FORMAT_FILES_H
 
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -69,13 +70,24 @@ static inline void format_rgl(format_bytes *b) {
 
 #define FORMAT_TABLE_COLUMNS "theta_i=theta_i,theta_o=theta_o,phi=phi,value=BRF" // of the file "table"
 
-enum { FORMAT_FILES = 17 };
+enum { FORMAT_FILES = 21, FORMAT_TEXTS = 17 };
+
+enum { FORMAT_CURET = 205 };
+
+// The table of directions that "curet" needs, in radians. The caller frees it.
+static inline char *format_directions(void) {
+    char *text = (char *)malloc(64 * FORMAT_CURET), *at = text;
+    for (int m = 0; text != NULL && m < FORMAT_CURET; m++) {
+        at += sprintf(at, "%d %.3f %.3f %.3f 0\n", m + 1, 0.007 * m, 0.03 * m - 3, 1.5 - 0.007 * m);
+    }
+    return text;
+}
 
 // rgl holds the bytes of the last file.
 static inline void format_files(format_file files[FORMAT_FILES], format_bytes *rgl) {
     static const struct {
         const char *name, *format, *text;
-    } texts[FORMAT_FILES - 2] = {
+    } texts[FORMAT_TEXTS] = {
         {"samples", "samples",
          "# anisotropic\ntheta_i,phi_i,theta_o,phi_o,r,g,sigma_r,sigma_g,sigma_random_r,"
          "sigma_random_g,sigma_systematic_r,sigma_systematic_g\n"
@@ -128,13 +140,35 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
          RADIANCE_BEGIN "TensorTree3</IncidentDataStructure>" RADIANCE_VISIBLE(
              "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>") "{{1}{2}{3}{4}{5 6 7 8 9 10 11 "
                                                            "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END},
+        {"alta", "alta",
+         "a note of nobody's\n#ALTA HEADER\n#DIM 3 3\n#PARAM_IN  RUSIN_TH_TD_PD\n#PARAM_OUT RGB_COLOR\n#VS 1 0 0\n#ALTA END HEADER\n"
+         "0.1 0.2 0.3 1 2 3 0.5\n# b\n0.2\t0\t0\t4\t5\t6\t0.5\t\n1.5 1.2 0 7 8 9 0.5\n"},
+        {"tracepro", "tracepro",
+         "TracePro Surface Property Data\nFile Name\ta.txt\nTracePro Release: 7 0 0\nDatabase Version: 3 3 0\nData generated at "
+         "12:00:00 May 1, 2020\n\nName\ta b\nCatalog\tc\nDescription\nCoating    1\nScatter    5\nInteraction    0\n"
+         "Polarization   0\nUser_Data  1\nSolve\tBRDF\n\nTemperature\tWavelength\n300\t0.55\nTable_BSDF_Data\n"
+         "Temperature\tWavelength\tIncAngle\tAziAngle\tScatterBeta\tScatterAzimuth\tBRDF\tBTDF\n"
+         "300\t0.55\t30\t0\t0\t0\t2\t0\t\n300\t0.55\t30\t0\t0.25\t180\t1\t0\n300\t0.55\t30\t0\t0.75\t0\t1\t0\n"
+         "300\t0.65\t30\t0\t0\t0\t3\t0\n300\t0.65\t30\t0\t0.25\t180\t1.5\t0\n300\t0.65\t30\t0\t0.75\t0\t1\t0\n"},
         {"table", "table",
          "Measured by hand\n\ntheta_i;theta_o;phi;BRF\n10;20,5;180;1,25\n10;30;180;0,5\n# b\n20;30;180;0,25\n"}};
     static const char mbsdf[] = "NVIDIA ARC MBSDF V1\nname=\"a\"\nMBSDF_DATA=\n"
                                 "\0\0\0\0\1\0\0\0\2\0\0\0\0\0\x80\x3f\0\0\0\x3f";
-    for (int k = 0; k + 2 < FORMAT_FILES; k++) {
+    static const char stream[] = "#DIM 2 1\n#PARAM_IN COS_TH_TD\n#PARAM_OUT INV_STERADIAN\n#FORMAT binary\n#VERSION 0\n"
+                                 "#PRECISION ieee754-double\n#SAMPLE_COUNT 1\n#VS 0\n#ENDIAN little\n#BEGIN_STREAM\n"
+                                 "\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xe0\x3f\n#END_STREAM\n";
+    static char curet[8 * (FORMAT_CURET + 1)];
+    int k = 0;
+    for (; k < FORMAT_TEXTS; k++) {
         files[k] = (format_file){texts[k].name, texts[k].format, texts[k].text, strlen(texts[k].text)};
     }
+    char *at = curet + sprintf(curet, "7");
+    for (int m = 0; m < FORMAT_CURET; m++) {
+        at += sprintf(at, " 0.%03d", m + 1);
+    }
+    at += sprintf(at, "\n");
+    files[k++] = (format_file){"curet", "curet", curet, (size_t)(at - curet)};
+    files[k++] = (format_file){"alta-stream", "alta", stream, sizeof stream - 1};
     files[FORMAT_FILES - 2] = (format_file){"mbsdf", "mbsdf", mbsdf, sizeof mbsdf - 1};
     format_rgl(rgl);
     files[FORMAT_FILES - 1] = (format_file){"rgl", "rgl", rgl->data, rgl->size};

@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/head.h"
 #include "base/statistics.h"
 #include "base/thread_pool.h"
 #include "fit/smooth/matrix.h"
@@ -293,6 +294,7 @@ gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, dou
     for (int c = 0; c < samples->channels; c++) {
         snprintf((*out)->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%s", samples->channel_names[c]);
     }
+    status = gonio_head_copy(samples->head, &(*out)->head, error);
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         gonio_pair images[4] = {samples->pairs[i]};
         int n = 1;

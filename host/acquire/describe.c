@@ -74,6 +74,10 @@ static const gonio_key facts_members[] = {
     M(gonio_rig_facts, notes, TEXT, 0, 0),
     M(gonio_rig_facts, sample_id, TEXT, 0, 0),
     M(gonio_rig_facts, serials, TEXT, 0, 0),
+    LATE(gonio_rig_facts, light_polarisation, TEXT, 0, 0),
+    LATE(gonio_rig_facts, detector_polarisation, TEXT, 0, 0),
+    LATE(gonio_rig_facts, temperature_c, TEXT, 0, 0),
+    LATE(gonio_rig_facts, traceability, TEXT, 0, 0),
     {0},
 };
 static const gonio_key alignment_members[] = {

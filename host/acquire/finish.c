@@ -88,6 +88,13 @@ static gonio_status fit_twice(const gonio_process *process, gonio_fit_stream *st
     return status == GONIO_OK ? gonio_fit(out->samples, options, &out->model, &out->fit, error) : status;
 }
 
+// The model's own words go into its file, and so into its checksum.
+static gonio_status describe(gonio_outcome *out, gonio_error *error) {
+    gonio_coverage coverage;
+    const gonio_status status = gonio_coverage_of(out->samples, &coverage, error);
+    return status == GONIO_OK ? gonio_model_describe(out->model, &coverage, &out->fit, error) : status;
+}
+
 static void count(const gonio_process *process, gonio_outcome *out) {
     for (size_t i = 0; i < process->n; i++) {
         out->poses += process->steps[i].kind == GONIO_STEP_SAMPLE && process->steps[i].done;
@@ -119,6 +126,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     bool changed = false;
     count(process, out);
     gonio_status status = gonio_process_new_samples(process, &out->samples, error);
+    status = status == GONIO_OK ? gonio_session_head(session, &out->samples->head, error) : status;
     status = status == GONIO_OK ? join(session, process, options->sets, out->samples, &clock_s, error) : status;
     status = status == GONIO_OK ? correct_drift(session, process, clock_s, out, &changed, error) : status;
     free(clock_s);
@@ -134,7 +142,8 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     }
     if (status == GONIO_OK) {
         gonio_calib_blur(&process->setup.facts, out->model, out->samples, &out->blur);
-        status = save(session, options, out, error);
+        status = describe(out, error);
+        status = status == GONIO_OK ? save(session, options, out, error) : status;
     }
     if (status != GONIO_OK) {
         gonio_outcome_free(out);

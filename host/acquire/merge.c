@@ -10,9 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/head.h"
 #include "base/text.h"
-#include "gonio/io.h"
-#include "gonio/output.h"
 #include "gonio/version.h"
 
 // What of the JSON settings need not agree. STATED: only with `force`.
@@ -25,6 +24,8 @@ static const struct exception {
     {"camera", "exposure_max_s", FREE},
     {"facts", "operator_name", FREE},
     {"facts", "notes", FREE},
+    {"facts", "temperature_c", FREE},
+    {"facts", "traceability", STATED},
     {"facts", "response_path", FREE}, // their contents are compared
     {"facts", "reference_brdf", FREE},
     {"facts", "flat_path", FREE},
@@ -162,6 +163,41 @@ static gonio_status append(gonio_samples *all, const gonio_samples *set, uint16_
     return status;
 }
 
+// Of the head the lines that both have; the others stand in none of a merged file's.
+static gonio_status common_head(char **head, const char *other, gonio_error *error) {
+    char key[GONIO_HEAD_KEY_MAX], value[4096], line[sizeof key + sizeof value + 4], *kept = NULL;
+    gonio_status status = GONIO_OK;
+    for (const char *at = *head; status == GONIO_OK && gonio_head_next(&at, key, value, sizeof value);) {
+        snprintf(line, sizeof line, "%s = %s\n", key, value);
+        const char *found = other != NULL ? strstr(other, line) : NULL;
+        if (found != NULL && (found == other || found[-1] == '\n')) {
+            status = gonio_head_add(&kept, key, value, error);
+        }
+    }
+    free(*head);
+    *head = kept;
+    return status;
+}
+
+// Before it, a line a session.
+static gonio_status name_sessions(gonio_samples *all, const json_t *sessions, gonio_error *error) {
+    size_t i;
+    json_t *one;
+    char *head = NULL, key[GONIO_HEAD_KEY_MAX], value[4096];
+    gonio_status status = gonio_head_add(&head, "merged", "sigma_systematic is common to one systematic_group", error);
+    json_array_foreach((json_t *)sessions, i, one) {
+        char *line = json_dumps(one, JSON_COMPACT | JSON_PRESERVE_ORDER); // control characters stand as \u there
+        status = status == GONIO_OK && line != NULL ? gonio_head_add(&head, "session", line, error) : status;
+        free(line);
+    }
+    for (const char *at = all->head; status == GONIO_OK && gonio_head_next(&at, key, value, sizeof value);) {
+        status = gonio_head_add(&head, key, value, error);
+    }
+    free(all->head);
+    all->head = head;
+    return status;
+}
+
 // The same session twice would count every sample for two.
 static gonio_status check_new(const json_t *sessions, const json_t *one, gonio_error *error) {
     size_t i;
@@ -191,8 +227,10 @@ static gonio_status take(gonio_session *session, uint16_t group, gonio_samples *
         status = gonio_samples_new(set->channels, true, all, error);
         if (status == GONIO_OK) {
             memcpy((*all)->channel_names, set->channel_names, (size_t)set->channels * sizeof *set->channel_names);
+            status = gonio_head_copy(set->head, &(*all)->head, error);
         }
     }
+    status = status == GONIO_OK ? common_head(&(*all)->head, set->head, error) : status;
     status = status == GONIO_OK ? append(*all, set, group, error) : status;
     if (status == GONIO_OK) {
         json_array_append(sessions, one);
@@ -219,6 +257,7 @@ gonio_status gonio_sessions_merge(const char *const *paths, int n, bool force, g
         }
     }
     gonio_session_close(first);
+    status = status == GONIO_OK ? name_sessions(*out, *sessions, error) : status;
     if (status != GONIO_OK) {
         gonio_samples_free(*out);
         json_decref(*sessions);
@@ -228,26 +267,3 @@ gonio_status gonio_sessions_merge(const char *const *paths, int n, bool force, g
     return status;
 }
 
-gonio_status gonio_merged_write(const gonio_samples *samples, const json_t *sessions, const char *path,
-                                gonio_error *error) {
-    gonio_output *output;
-    gonio_status status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    size_t i;
-    json_t *one;
-    FILE *stream = gonio_output_stream(output);
-    fputs("# merged sessions; sigma_systematic is common to the samples of one systematic_group\n", stream);
-    json_array_foreach((json_t *)sessions, i, one) {
-        char *line = json_dumps(one, JSON_COMPACT | JSON_PRESERVE_ORDER); // control characters stand as \u there
-        fprintf(stream, "# %s\n", line != NULL ? line : "");
-        free(line);
-    }
-    status = gonio_write_samples_stream(samples, stream, error);
-    if (status != GONIO_OK) {
-        gonio_output_abandon(output);
-        return status;
-    }
-    return gonio_output_commit(output, error);
-}

@@ -2,6 +2,7 @@
 // Rig files (INI, by libinih) and settings that override them -> an open rig.
 #include "host/acquire/rig_file.h"
 
+#include <math.h>
 #include <ini.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -217,10 +218,23 @@ static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
     memcpy(to->operator_name, from->operator_name, sizeof to->operator_name);
     memcpy(to->notes, from->notes, sizeof to->notes);
     memcpy(to->sample_id, from->sample_id, sizeof to->sample_id);
+    memcpy(to->light_polarisation, from->light_polarisation, sizeof to->light_polarisation);
+    memcpy(to->detector_polarisation, from->detector_polarisation, sizeof to->detector_polarisation);
+    memcpy(to->temperature_c, from->temperature_c, sizeof to->temperature_c);
+    memcpy(to->traceability, from->traceability, sizeof to->traceability);
     memcpy(to->reference_brdf, from->reference_brdf, sizeof to->reference_brdf);
     memcpy(to->flat_path, from->flat_path, sizeof to->flat_path);
     if (from->serials[0] != 0) {
         memcpy(to->serials, from->serials, sizeof to->serials);
+    }
+}
+
+// Positions are rounded to steps: an error of up to half of one, equally likely anywhere between, beside what was stated
+// of the repeatability. (The simulator's arms stand where they were sent.)
+static void add_half_step(gonio_rig *rig) {
+    if (rig->stage->step_rad != NULL) {
+        const double step_deg = gonio_degrees(rig->stage->step_rad(rig->stage_device));
+        rig->facts.pointing_random_deg = hypot(rig->facts.pointing_random_deg, step_deg / sqrt(12));
     }
 }
 
@@ -239,6 +253,9 @@ static gonio_status open_devices(builder *b, int threads, gonio_rig_file *rig, g
         rig->rig.facts = b->keys.facts;
     }
     status = status == GONIO_OK ? gonio_hardware_open(b->hardware, &rig->rig, b->sim != NULL, error) : status;
+    if (status == GONIO_OK && b->sim == NULL) {
+        add_half_step(&rig->rig);
+    }
     rig->sim = b->sim;
     rig->scan = b->keys.scan;
     snprintf(rig->driver, sizeof rig->driver, "%s", b->keys.driver);

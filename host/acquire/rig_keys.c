@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/number.h"
+#include "io/declaration.h"
 
 // The width and height of the window's pixels: 0, 0 is auto, -1, -1 full.
 static bool parse_window(const char *text, void *value) {
@@ -28,6 +29,22 @@ static bool parse_window(const char *text, void *value) {
 }
 
 static const gonio_key_form window = {"auto, full, or WIDTHxHEIGHT in pixels", parse_window, NULL};
+
+// Texts that every samples file of the session will declare.
+static bool parse_declared(const char *key, const char *text, char *value, size_t size) {
+    if (strlen(text) >= size || !gonio_declaration_holds(key, text)) {
+        return false;
+    }
+    strcpy(value, text);
+    return true;
+}
+static bool parse_polarisation(const char *text, void *value) {
+    return parse_declared("light_polarisation", text, value, 16);
+}
+static bool parse_temperature(const char *text, void *value) { return parse_declared("temperature_c", text, value, 16); }
+static const gonio_key_form polarisation = {
+    "unpolarised, s, p, h, v, 45, 135, left or right", parse_polarisation, NULL};
+static const gonio_key_form temperature = {"a temperature in degrees Celsius", parse_temperature, NULL};
 GONIO_KEY_NAMES(hands, "changer", "operator")
 GONIO_KEY_NAMES(shapes, "flat", "sphere")
 GONIO_KEY_NAMES(switches, "on", "off")
@@ -39,6 +56,12 @@ const gonio_key gonio_rig_keys[] = {{KEY("rig", "driver", TEXT, driver), .standa
                                     {KEY("rig", "serials", TEXT, facts.serials)},
                                     {KEY("rig", "alignment", TEXT, alignment)},
                                     {KEY("sample", "id", TEXT, facts.sample_id)},
+                                    {KEY("rig", "light_polarisation", OWN, facts.light_polarisation),
+                                     .form = &polarisation},
+                                    {KEY("rig", "detector_polarisation", OWN, facts.detector_polarisation),
+                                     .form = &polarisation},
+                                    {KEY("rig", "temperature_c", OWN, facts.temperature_c), .form = &temperature},
+                                    {KEY("reference", "traceability", TEXT, facts.traceability)},
                                     {KEY("sample", "spec", TEXT, sample)},
                                     {KEY("scan", "dark_frames", INTEGER, scan.dark_frames), 4, 1000},
                                     {KEY("scan", "motion_check", INTEGER, scan.motion_check), 0, 1},

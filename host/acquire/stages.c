@@ -148,7 +148,11 @@ gonio_status gonio_stages_results(gonio_session *session, const gonio_outcome *o
     get_checksum(session, "result.samples_sha256", report->samples_sha256);
     get_checksum(session, "result.model_sha256", report->model_sha256);
     copy_checksum(final->journalled, report->samples_sha256);
-    copy_checksum(final->again, outcome->samples_sha256);
+    // Sessions of earlier releases have the checksum of the samples without their head.
+    copy_checksum(final->again, outcome->samples != NULL && final->journalled[0] != 0 &&
+                                        gonio_sha256_samples_is(outcome->samples, final->journalled)
+                                    ? final->journalled
+                                    : outcome->samples_sha256);
     copy_checksum(model->journalled, report->model_sha256);
     copy_checksum(model->again, outcome->model_sha256);
     settle(final);

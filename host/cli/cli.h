@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "gonio/check.h"
 #include "gonio/coverage.h"
 #include "gonio/metrics.h"
 #include "gonio/status.h"
@@ -103,6 +104,9 @@ extern const cli_figure cli_blur_figures[];          // those of gonio_blur that
 json_t *cli_json_errors(const gonio_errors *errors); // {"rmse", "max_abs" ...}: "train" and "held_out" of fit
 // What a set of samples covers, and for what of it errors speak.
 json_t *cli_json_coverage(const gonio_coverage *coverage);
+// Are Mueller matrices among the channels, and are they realisable? null, or nothing printed, where there are none.
+json_t *cli_json_mueller(const gonio_mueller_report *report);
+void cli_print_mueller(const gonio_mueller_report *report);
 void cli_print_coverage(const gonio_coverage *coverage);
 void cli_print_errors(const char *label, const gonio_errors *errors);
 

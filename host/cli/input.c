@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "host/cli/input.h"
 
+#include <hdf5.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -196,17 +197,28 @@ static gonio_status keep_map(const char *path, const gonio_read_options *options
 
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error) {
+    gonio_read_report report;
+    return cli_input_read_reported(path, in, common, out, &report, error);
+}
+
+gonio_status cli_input_read_reported(const char *path, const cli_input *in, const cli_common *common,
+                                     gonio_samples **out, gonio_read_report *report, gonio_error *error) {
     *out = NULL;
     gonio_status status;
+    *report = (gonio_read_report){.format = "session"};
     if (gonio_session_is(path)) {
         status = cli_input_refuse(in, "a session", error);
         status = status == GONIO_OK ? gonio_session_read(path, out, error) : status;
+    } else if (gonio_session_is_hdf5(path)) {
+        H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
+        status = cli_input_refuse(in, "a session", error);
+        status = status == GONIO_OK ? gonio_session_read_hdf5(path, out, error) : status;
+        snprintf(report->format, sizeof report->format, "hdf5");
     } else {
         const gonio_read_options options = options_of(in, common);
-        gonio_read_report report;
-        status = gonio_read(path, &options, out, &report, error);
+        status = gonio_read(path, &options, out, report, error);
         if (status == GONIO_OK) {
-            cli_input_tell(path, &report);
+            cli_input_tell(path, report);
             status = in->save_map ? keep_map(path, &options, error) : GONIO_OK;
         }
         if (status != GONIO_OK) {

@@ -32,6 +32,8 @@ bool cli_input_maps(const char *path, const cli_input *in);
 // What the report of a read says, on stderr.
 void cli_input_tell(const char *path, const gonio_read_report *report);
 // Read INPUT; what was clamped or left out is told on stderr. The caller frees the samples.
+gonio_status cli_input_read_reported(const char *path, const cli_input *in, const cli_common *common,
+                                     gonio_samples **out, gonio_read_report *report, gonio_error *error);
 gonio_status cli_input_read(const char *path, const cli_input *in, const cli_common *common, gonio_samples **out,
                             gonio_error *error);
 

@@ -130,6 +130,34 @@ void cli_print_coverage(const gonio_coverage *coverage) {
     }
 }
 
+json_t *cli_json_mueller(const gonio_mueller_report *report) {
+    const gonio_mueller_report r = *report;
+    return r.matrices == 0
+               ? json_null()
+               : json_pack("{s:I,s:I,s:o,s:f,s:[f,f,f,f],s:o}", "matrices", (json_int_t)r.matrices, "unphysical",
+                           (json_int_t)r.unphysical, "worst", cli_json_real(r.worst), "tolerance", r.tolerance,
+                           "worst_at", gonio_degrees(r.worst_pair.theta_i), gonio_degrees(r.worst_pair.phi_i),
+                           gonio_degrees(r.worst_pair.theta_o), gonio_degrees(r.worst_pair.phi_o), "worst_channel",
+                           cli_json_text(r.worst_channel));
+}
+
+void cli_print_mueller(const gonio_mueller_report *report) {
+    const gonio_mueller_report r = *report;
+    if (r.matrices == 0) {
+        return;
+    }
+    const gonio_pair *p = &r.worst_pair;
+    printf("%-10s %zu matrices of 16 elements, ", "mueller", r.matrices);
+    if (r.unphysical == 0) {
+        printf("all physically realisable");
+    } else {
+        printf("%zu of no physical sample", r.unphysical);
+    }
+    printf("; the smallest eigenvalue of a coherency matrix is %.3g of their sum (%s at %.5g,%.5g,%.5g,%.5g)\n", r.worst,
+           cli_text(r.worst_channel), gonio_degrees(p->theta_i), gonio_degrees(p->phi_i), gonio_degrees(p->theta_o),
+           gonio_degrees(p->phi_o));
+}
+
 void cli_print_errors(const char *label, const gonio_errors *e) {
     if (e->samples == 0) {
         printf("%-10s no samples\n", label);

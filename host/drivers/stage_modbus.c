@@ -374,12 +374,22 @@ static void stage_close(void *device) {
     free(s);
 }
 
+static double stage_step_rad(void *device) {
+    const stage *s = device;
+    double step = 0;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        step = fmax(step, gonio_radians(1 / s->axes[k].steps_per_deg));
+    }
+    return step;
+}
+
 const gonio_stage_ops gonio_stage_modbus = {.name = "modbus",
                                             .home = stage_home,
                                             .move = stage_move,
                                             .position = stage_position,
                                             .stop = stage_stop,
                                             .duration_s = stage_duration_s,
+                                            .step_rad = stage_step_rad,
                                             .close = stage_close,
                                             .check = stage_check,
                                             .audit = stage_audit,

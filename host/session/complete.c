@@ -108,13 +108,13 @@ static bool is_hash(const char *hash, char *expected) {
 
 static gonio_status check_samples(gonio_session *session, bool *good, gonio_error *error) {
     gonio_samples *samples = NULL;
-    char hash[GONIO_SHA256_HEX] = "", *expected = NULL;
+    char *expected = NULL;
     bool final = false;
-    gonio_status status = gonio_session_final_samples(session, &samples, &final, error);
-    status = status == GONIO_OK && final ? gonio_sha256_samples(samples, hash, error) : status;
-    gonio_samples_free(samples);
+    const gonio_status status = gonio_session_final_samples(session, &samples, &final, error);
     gonio_session_get(session, "result.samples_sha256", &expected, NULL);
-    *good = is_hash(hash, expected);
+    *good = status == GONIO_OK && final && expected != NULL && gonio_sha256_samples_is(samples, expected);
+    gonio_samples_free(samples);
+    free(expected);
     return status;
 }
 

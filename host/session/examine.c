@@ -212,7 +212,7 @@ static void check_final(gonio_session *session, gonio_doctor_report *report) {
         gonio_doctor_note(report, "%s", why.message);
     } else if (final && samples != NULL &&
                gonio_session_get(session, "result.samples_sha256", &expected, NULL) == GONIO_OK &&
-               gonio_sha256_samples(samples, hash, &why) == GONIO_OK && strcmp(hash, expected) != 0) {
+               gonio_sha256_samples(samples, hash, &why) == GONIO_OK && !gonio_sha256_samples_is(samples, expected)) {
         gonio_doctor_note(report, "the final samples have SHA-256 %.12s..., %.12s... was journalled", hash, expected);
         report->results_ok = false;
     }

@@ -179,12 +179,13 @@ static gonio_status make_database(const h5_file *file, const char *made, int64_t
 
 // ---- the rest ----
 
-static gonio_status get_files(const h5_file *file, const char *made, gonio_error *error) {
+// only: NULL, or the one that is wanted.
+static gonio_status get_files(const h5_file *file, const char *made, const char *only, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (const char *const *name = gonio_h5_folder_files; status == GONIO_OK && *name != NULL; name++) {
         char group[160], *path;
         snprintf(group, sizeof group, "/entry/files/%s", *name);
-        if (!gonio_h5_exists(file, group)) {
+        if ((only != NULL && strcmp(*name, only) != 0) || !gonio_h5_exists(file, group)) {
             continue;
         }
         if (asprintf(&path, "%s/%s", made, *name) < 0) {
@@ -239,20 +240,26 @@ static gonio_status enter_sizes(const char *made, gonio_error *error) {
     return status;
 }
 
-static gonio_status fill_folder(const h5_file *file, const char *made, const h5_progress *progress,
-                                gonio_error *error) {
-    int64_t format = 0, version = 0;
-    bool write = false;
+static gonio_status read_versions(const h5_file *file, int64_t *version, gonio_error *error) {
+    int64_t format = 0;
     gonio_status status = gonio_h5_read_integer(file, "/", "gonio_format", &format, error);
-    status = status == GONIO_OK ? gonio_h5_read_integer(file, "/", "gonio_session_version", &version, error) : status;
-    if (status == GONIO_OK && (format != H5_FORMAT_VERSION || version < 1 || version > GONIO_SESSION_VERSION)) {
+    status = status == GONIO_OK ? gonio_h5_read_integer(file, "/", "gonio_session_version", version, error) : status;
+    if (status == GONIO_OK && (format != H5_FORMAT_VERSION || *version < 1 || *version > GONIO_SESSION_VERSION)) {
         status = gonio_fail_line(error, GONIO_E_INPUT, file->path, -1,
                                  "format %lld with a session of version %lld; this Gonio reads format %d with sessions "
                                  "of versions 1 to %d",
-                                 (long long)format, (long long)version, H5_FORMAT_VERSION, GONIO_SESSION_VERSION);
+                                 (long long)format, (long long)*version, H5_FORMAT_VERSION, GONIO_SESSION_VERSION);
     }
+    return status;
+}
+
+static gonio_status fill_folder(const h5_file *file, const char *made, const h5_progress *progress,
+                                gonio_error *error) {
+    int64_t version = 0;
+    bool write = false;
+    gonio_status status = read_versions(file, &version, error);
     status = status == GONIO_OK ? make_database(file, made, version, error) : status;
-    status = status == GONIO_OK ? get_files(file, made, error) : status;
+    status = status == GONIO_OK ? get_files(file, made, NULL, error) : status;
     status = status == GONIO_OK ? fill_frames(file, made, progress, &write, error) : status;
     // A session of version 1 becomes one of this version; another only says where it has changed.
     return status == GONIO_OK && (write || version < GONIO_SESSION_VERSION) ? enter_sizes(made, error) : status;
@@ -271,5 +278,70 @@ gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_prog
         remove_folder(AT_FDCWD, made);
     }
     free(made);
+    return status;
+}
+
+// ---- the samples alone ----
+
+// A folder of nobody else's; the caller frees *made.
+static gonio_status make_temporary(char **made, gonio_error *error) {
+    const char *folder = getenv("TMPDIR");
+    if (asprintf(made, "%s/gonio-XXXXXX", folder != NULL && folder[0] == '/' ? folder : "/tmp") < 0) {
+        *made = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    if (mkdtemp(*made) == NULL) {
+        const gonio_status status =
+            gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot make a folder for the journal: %s", strerror(errno));
+        free(*made);
+        *made = NULL;
+        return status;
+    }
+    char *frames;
+    if (asprintf(&frames, "%s/frames", *made) < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    const bool good = mkdir(frames, 0777) == 0;
+    free(frames);
+    return good ? GONIO_OK : gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot write there: %s", strerror(errno));
+}
+
+static gonio_status read_journal(const char *made, gonio_samples **out, gonio_error *error) {
+    gonio_session *session = NULL;
+    bool final;
+    gonio_status status = gonio_session_open(made, false, &session, error);
+    status = status == GONIO_OK ? check_session(session, error) : status;
+    status = status == GONIO_OK ? gonio_session_final_samples(session, out, &final, error) : status;
+    gonio_session_close(session);
+    return status;
+}
+
+gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, gonio_error *error) {
+    h5_file file;
+    char *made = NULL;
+    int64_t version = 0;
+    gonio_error own = {.line = -1, .byte = -1};
+    *out = NULL;
+    gonio_status status = gonio_h5_open(hdf5, &file, &own);
+    status = status == GONIO_OK ? make_temporary(&made, &own) : status;
+    status = status == GONIO_OK ? read_versions(&file, &version, &own) : status;
+    status = status == GONIO_OK ? make_database(&file, made, version, &own) : status;
+    status = status == GONIO_OK ? get_files(&file, made, "session.log", &own) : status;
+    status = status == GONIO_OK ? read_journal(made, out, &own) : status;
+    status = gonio_h5_close(&file, status, &own);
+    if (made != NULL) {
+        remove_folder(AT_FDCWD, made);
+        if (strncmp(own.file, made, strlen(made)) == 0) {
+            snprintf(own.file, sizeof own.file, "%s", hdf5); // the folder is no more
+        }
+    }
+    free(made);
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+        if (error != NULL) {
+            *error = own;
+        }
+    }
     return status;
 }

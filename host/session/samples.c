@@ -342,7 +342,12 @@ gonio_status gonio_session_final_samples(gonio_session *session, gonio_samples *
         return status;
     }
     size_t n;
-    return read_set(session, *final ? "final_samples" : "samples", -1, out, &n, error);
+    gonio_status read = read_set(session, *final ? "final_samples" : "samples", -1, out, &n, error);
+    if (read == GONIO_OK && (read = gonio_session_head(session, &(*out)->head, error)) != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
+    return read;
 }
 
 gonio_status gonio_session_read(const char *path, gonio_samples **out, gonio_error *error) {

@@ -24,6 +24,12 @@ typedef struct gonio_coverage {
 gonio_status gonio_coverage_of(const gonio_samples *samples, gonio_coverage *coverage, gonio_error *error);
 // "171 geometries of 1 incidence (theta_i 30 deg) in its plane, theta_o 0 to 85 deg; ...", at most size bytes.
 void gonio_coverage_text(const gonio_coverage *coverage, char *text, size_t size);
+// The figures as lines of what a model was made of ("sampled.geometries = 171" ...) at the end of *lines, which is
+// allocated anew; and back from such lines, false where they tell nothing of it.
+gonio_status gonio_coverage_put(const gonio_coverage *coverage, char **lines, gonio_error *error);
+bool gonio_coverage_take(const char *lines, gonio_coverage *coverage);
+// "theta_i 10 to 70 deg of 5 incidences, theta_o 0 to 80 deg", of which its errors speak, at most size bytes.
+void gonio_coverage_range_text(const gonio_coverage *coverage, char *text, size_t size);
 // Does the set say too little of the rest for held-out errors to speak of it? They are then those of its own part.
 bool gonio_coverage_is_narrow(const gonio_coverage *coverage);
 

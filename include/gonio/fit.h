@@ -3,6 +3,7 @@
 #ifndef GONIO_FIT_H
 #define GONIO_FIT_H
 
+#include "gonio/coverage.h"
 #include "gonio/export.h"
 #include "gonio/metrics.h"
 #include "gonio/model.h"
@@ -93,6 +94,10 @@ void gonio_fit_options_default(gonio_fit_options *options);
 // Fit; the caller frees the model. On failure *out is NULL and nothing leaks.
 gonio_status gonio_fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                        gonio_fit_report *report, gonio_error *error);
+// Behind the measurement's head, which gonio_fit puts there, model->about tells from then on what was sampled, by which
+// method it was fitted and how well.
+gonio_status gonio_model_describe(gonio_model *model, const gonio_coverage *coverage, const gonio_fit_report *report,
+                                  gonio_error *error);
 // The names of the registered methods, NULL-terminated; static storage.
 const char *const *gonio_fit_methods(void);
 

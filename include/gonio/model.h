@@ -47,6 +47,9 @@ struct gonio_model {
     const char (*channel_names)[32]; // [channels], owned by the model
     size_t bytes;                    // what evaluation needs in memory: control points, tables, hashes
     size_t control_points;           // a channel
+    // What it was made of: lines "key = value" of the measurement and of what was sampled (docs/formats.md), which its
+    // file keeps; NULL: nothing is known. gonio_model_tell sets it.
+    char *about;
 };
 
 // Map a model file; every length and the checksum are checked before use. The caller frees it with gonio_model_free.
@@ -64,6 +67,8 @@ gonio_status gonio_model_open_memory(const void *data, size_t length, gonio_mode
 // Write it (beside, sync, rename). GONIO_E_UNSUPPORTED for kinds that have no file form.
 gonio_status gonio_model_save(const gonio_model *model, const char *path, gonio_error *error);
 void gonio_model_free(gonio_model *model); // NULL is allowed
+// Put a copy of these lines in place of model->about; NULL: none. Evaluation does not depend on them.
+gonio_status gonio_model_tell(gonio_model *model, const char *about, gonio_error *error);
 
 // f_r of every channel (values: channels); wi and wo must be unit vectors with z >= 0.
 void gonio_model_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);

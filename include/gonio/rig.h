@@ -74,6 +74,8 @@ typedef struct gonio_stage_ops {
     // to `turn`, and from there to the target.
     bool (*turns)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
                   double turn_rad[GONIO_AXES]);
+    // Optional: the largest of the axes' steps. A position is rounded to whole steps, so it is off by half of one at most.
+    double (*step_rad)(void *device);
     bool real; // there are arms that swing: the time to settle after a move is truly waited for
 } gonio_stage_ops;
 
@@ -192,6 +194,9 @@ typedef struct gonio_rig_facts {
     char flat_path[256];      // flat field that gonio_calib_flat_save wrote; empty: the session's reference tells it
     char response_path[256];  // camera response curve (CSV: relative exposure, relative value); empty: linear
     char operator_name[64], notes[512], sample_id[64], serials[256];
+    // What goes with the samples and changes none of them; empty: not known. Polarisations as docs/formats.md spells
+    // them; of the room; of the reference, a certificate's number.
+    char light_polarisation[16], detector_polarisation[16], temperature_c[16], traceability[160];
 } gonio_rig_facts;
 
 typedef struct gonio_rig {

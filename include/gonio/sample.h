@@ -31,6 +31,9 @@ typedef struct gonio_samples {
     double *sigma_systematic;
     char (*channel_names)[GONIO_CHANNEL_NAME_MAX]; // [channels], "r" "g" "b" or "550nm"
     uint16_t *group;                               // [n], from 1 on; NULL: all are of one group
+    // What the measurement was: lines "key = value" (docs/formats.md), each with its line feed; NULL: nothing is known.
+    // Owned; gonio_samples_tell adds to it.
+    char *head;
 } gonio_samples;
 
 // A new empty set; the caller frees it with gonio_samples_free. with_sigma: carry both sigma arrays.
@@ -41,6 +44,12 @@ gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, c
                                const double *sigma_random, const double *sigma_systematic, gonio_error *error);
 // The group of a sample that is there; further ones take that of the sample before them.
 gonio_status gonio_samples_set_group(gonio_samples *samples, size_t index, uint16_t group, gonio_error *error);
+// Add a line to what is known of the measurement. Line breaks and control characters in it become blanks; an empty value
+// says nothing and adds nothing.
+gonio_status gonio_samples_tell(gonio_samples *samples, const char *key, const char *value, gonio_error *error);
+// The first line of that key in such lines (NULL: none); false, and value "", where there is none. Cut where size is
+// less.
+bool gonio_head_find(const char *head, const char *key, char *value, size_t size);
 gonio_status gonio_samples_reserve(gonio_samples *samples, size_t capacity, gonio_error *error);
 // A new set with the samples whose keep[i] is true, in order; the caller frees it.
 gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep, gonio_samples **out,

@@ -231,6 +231,9 @@ gonio_status gonio_session_export(gonio_session *session, const char *path, goni
 // GONIO_E_INPUT says where it is not what it should be.
 gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_progress_fn progress, void *context,
                                   gonio_error *error);
+// The samples of such a file, as gonio_session_read gives a session's; its journal is verified, its frames are not read.
+// The caller frees them.
+gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, gonio_error *error);
 bool gonio_session_is_hdf5(const char *path); // a file that begins as HDF5 files do
 
 // What the doctor found.
@@ -272,10 +275,16 @@ bool gonio_doctor_sound(const gonio_doctor_report *report);
 // rather than damage: then, and after every other failure, the session is as it was.
 gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error);
 
-// SHA-256 as 64 hex digits: of bytes, of a file, and of the CSV that gonio_write_samples makes of a set.
+// What the session knows of its measurement, as gonio_samples.head has it, whose samples carry it; the caller frees
+// *head, which is NULL where nothing is known.
+gonio_status gonio_session_head(gonio_session *session, char **head, gonio_error *error);
+// SHA-256 as 64 hex digits: of bytes, of a file, and of the CSV that gonio_write_samples makes of a set, but for the
+// lines of its head that say with which instrument, and when.
 gonio_status gonio_sha256(const void *data, size_t size, char hex[GONIO_SHA256_HEX], gonio_error *error);
 gonio_status gonio_sha256_file(const char *path, char hex[GONIO_SHA256_HEX], gonio_error *error);
 gonio_status gonio_sha256_samples(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
+// Is that the SHA-256 of the set, or, as earlier releases had it, of the set without its head?
+bool gonio_sha256_samples_is(const gonio_samples *samples, const char *expected);
 // Of a step's samples as the journal holds them (docs/formats.md).
 gonio_status gonio_sha256_rows(const gonio_samples *samples, char hex[GONIO_SHA256_HEX], gonio_error *error);
 

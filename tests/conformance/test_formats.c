@@ -51,6 +51,22 @@ static bool has_option(const gonio_format *f, const char *name) {
     return false;
 }
 
+// A file for the process, for every format that reads a second one.
+static const char *directions_file(void) {
+    static char path[64];
+    if (path[0] == 0) {
+        char *text = format_directions();
+        scratch_file(path, text, strlen(text));
+        free(text);
+    }
+    return path;
+}
+
+static int remove_directions(void **state) {
+    (void)state;
+    return unlink(directions_file());
+}
+
 // Everything that the file holds, but of a table only about `limit` samples.
 static gonio_read_options all_of(const gonio_format *f, const char *limit) {
     gonio_read_options options = {.seed = 1};
@@ -61,6 +77,9 @@ static gonio_read_options all_of(const gonio_format *f, const char *limit) {
     }
     if (has_option(f, "scale")) {
         options.settings[0] = (gonio_format_setting){"scale", "1"};
+    }
+    if (has_option(f, "directions")) {
+        options.settings[1] = (gonio_format_setting){"directions", directions_file()};
     }
     if (f->by_mapping) {
         options.settings[1] = (gonio_format_setting){"columns", FORMAT_TABLE_COLUMNS};
@@ -541,5 +560,5 @@ int main(void) {
         cmocka_unit_test_teardown(options_are_the_formats_own, tell),
         cmocka_unit_test_teardown(the_writer_is_found, tell),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, remove_directions);
 }

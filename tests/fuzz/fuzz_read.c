@@ -5,9 +5,13 @@
 #include <string.h>
 
 #include "gonio/io.h"
+#include "tests/format_files.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static char removed[64];
+static void remove_directions(void) { unlink(removed); }
 
 static void require(int condition) {
     if (!condition) {
@@ -56,6 +60,22 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         gonio_samples_free(samples);
     } else {
         require(samples == NULL && error.message[0] != 0);
+    }
+    // With the second file that some formats read.
+    static char directions[] = "/tmp/gonio-fuzz-XXXXXX";
+    if (strchr(directions, 'X') != NULL) {
+        char *text = format_directions();
+        const int fd = mkstemp(directions);
+        require(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text) && close(fd) == 0);
+        free(text);
+        atexit(remove_directions);
+        snprintf(removed, sizeof removed, "%s", directions);
+    }
+    const gonio_read_options second = {.settings = {{"directions", directions}, {"negatives", "keep"}}};
+    status = gonio_read(memory_file(data, size), &second, &samples, NULL, &error);
+    if (status == GONIO_OK) {
+        check_samples(samples);
+        gonio_samples_free(samples);
     }
     // The same as a table of somebody's own.
     static const char *const columns[] = {"auto", "theta_i=1,theta_o=2,value=3", "theta_i=30deg,theta_o=#1"};

@@ -11,7 +11,8 @@ typedef struct check_arguments {
     const char *apply, *output;
     double max_reciprocity, max_energy;
     int transforms;
-    gonio_coverage coverage; // no samples: of a model
+    gonio_coverage coverage;
+    gonio_mueller_report mueller; // no samples: of a model
     cli_input input;
 } check_arguments;
 
@@ -62,7 +63,10 @@ static gonio_status check(const char *name, check_arguments *a, const cli_common
         status = status == GONIO_OK ? gonio_check_model(model, common->threads, report, error) : status;
     } else {
         status = cli_input_read(name, &a->input, common, &samples, error);
-        status = status == GONIO_OK ? gonio_coverage_of(samples, &a->coverage, error) : status;
+        if (status == GONIO_OK) {
+            gonio_check_mueller(samples, &a->mueller);
+            status = gonio_coverage_of(samples, &a->coverage, error);
+        }
         status =
             status == GONIO_OK ? gonio_check_samples(samples, common->seed, common->threads, report, error) : status;
     }
@@ -81,16 +85,18 @@ static json_t *to_json(const char *name, const check_arguments *a, const gonio_c
     for (int k = 0; k < GONIO_CHECK_RANKS; k++) {
         json_array_append_new(ranks, cli_json_real(r->separability[k]));
     }
-    return json_pack("{s:s,s:o,s:o,s:f,s:i,s:o,s:o,s:I,s:o}", "input", name, "reciprocity",
+    return json_pack("{s:s,s:o,s:o,s:f,s:i,s:o,s:o,s:I,s:o,s:o}", "input", name, "reciprocity",
                      cli_json_real(r->reciprocity), "energy", cli_json_real(r->energy), "energy_theta_i",
                      gonio_degrees(r->energy_theta_rad), "energy_channel", r->energy_channel, "isotropy",
                      cli_json_real(r->isotropy), "separability", ranks, "negative", (json_int_t)r->negative, "sampled",
-                     a->coverage.samples > 0 ? cli_json_coverage(&a->coverage) : json_null());
+                     a->coverage.samples > 0 ? cli_json_coverage(&a->coverage) : json_null(), "mueller",
+                     cli_json_mueller(&a->mueller));
 }
 
 static void print(const check_arguments *a, const gonio_check_report *r) {
     if (a->coverage.samples > 0) {
         cli_print_coverage(&a->coverage);
+        cli_print_mueller(&a->mueller);
     }
     printf("reciprocity   %.3g %% median difference when incident and outgoing are exchanged\n", 100 * r->reciprocity);
     printf("energy        %.4g largest directional albedo, at theta_i = %g deg%s\n", r->energy,

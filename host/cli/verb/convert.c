@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/head.h"
+#include "base/text.h"
 #include "gonio/plan.h"
 #include "gonio/session.h"
 #include "host/cli/apart.h"
@@ -68,6 +70,20 @@ static gonio_status to_samples(const char *in, const char *out, const char *form
     return status;
 }
 
+// What is known of the measurement has no place in other programs' tables.
+static void tell_dropped(const gonio_model *model, const char *out, const char *format) {
+    char key[GONIO_HEAD_KEY_MAX], value[16], keys[300] = "";
+    for (const char *at = model->about; gonio_head_next(&at, key, value, sizeof value);) {
+        if (strncmp(key, "sampled.", strlen("sampled.")) != 0) {
+            gonio_text_append(keys, sizeof keys, "%s%s", keys[0] != 0 ? ", " : "", key);
+        }
+    }
+    if (keys[0] != 0) {
+        fprintf(stderr, "gonio: %s: %s has no place for what is known of the measurement; dropped: %s\n", cli_text(out),
+                format, cli_text(keys));
+    }
+}
+
 // format NULL: a model file.
 static gonio_status to_table(const char *in, const char *out, const char *format, const convert_arguments *a,
                              int threads, gonio_error *error) {
@@ -80,6 +96,9 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     if (status == GONIO_OK) {
         status = format == NULL ? gonio_model_save(model, out, error)
                                 : gonio_write_table_as(model, out, format, threads, error);
+        if (status == GONIO_OK && format != NULL) {
+            tell_dropped(model, out, format);
+        }
         gonio_model_free(model);
     }
     return status;

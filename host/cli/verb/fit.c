@@ -11,6 +11,7 @@ typedef struct fit_arguments {
     cli_input input;
     gonio_fit_options options;
     gonio_coverage coverage;
+    gonio_mueller_report mueller;
 } fit_arguments;
 
 static bool on_progress(void *context, double fraction, const char *what, double error_now) {
@@ -19,13 +20,14 @@ static bool on_progress(void *context, double fraction, const char *what, double
 }
 
 static json_t *to_json(const fit_arguments *a, const char *input, const gonio_fit_report *r) {
-    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o}", "method", r->method, "level",
+    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o,s:o}", "method", r->method, "level",
                      r->level, "coordinates", gonio_coordinates_name(r->coordinates), "domain",
                      gonio_domain_name(r->domain), "samples", (json_int_t)r->samples, "channels", r->channels,
                      "control_points", (json_int_t)r->control_points, "bytes", (json_int_t)r->bytes, "fit_seconds",
                      cli_json_real(r->fit_seconds), "train", cli_json_errors(&r->train), "held_out",
                      cli_json_errors(&r->held_out), "options", r->options, "note", r->note, "input", input, "model",
-                     a->output, "sampled", cli_json_coverage(&a->coverage));
+                     a->output, "sampled", cli_json_coverage(&a->coverage), "mueller",
+                     cli_json_mueller(&a->mueller));
 }
 
 static void print(const fit_arguments *a, const gonio_fit_report *r) {
@@ -34,8 +36,12 @@ static void print(const fit_arguments *a, const gonio_fit_report *r) {
     printf("%zu samples, %d channels -> %zu control points a channel, %zu bytes, %.3g s\n", r->samples, r->channels,
            r->control_points, r->bytes, r->fit_seconds);
     cli_print_coverage(&a->coverage);
+    cli_print_mueller(&a->mueller);
     cli_print_errors("train", &r->train);
     cli_print_errors("held out", &r->held_out);
+    char of[200];
+    gonio_coverage_range_text(&a->coverage, of, sizeof of);
+    printf("%-10s both are of %s\n", "", of);
     if (r->note[0] != 0) {
         printf("note: %s\n", cli_text(r->note));
     }
@@ -49,6 +55,7 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     if (status != GONIO_OK) {
         return status;
     }
+    gonio_check_mueller(samples, &a->mueller);
     status = gonio_coverage_of(samples, &a->coverage, error);
     if (status != GONIO_OK) {
         gonio_samples_free(samples);
@@ -65,6 +72,7 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     if (status == GONIO_OK && cli_interrupted()) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
     }
+    status = status == GONIO_OK ? gonio_model_describe(model, &a->coverage, report, error) : status;
     status = status == GONIO_OK && a->output != NULL ? gonio_model_save(model, a->output, error) : status;
     gonio_model_free(model);
     gonio_samples_free(samples);

@@ -1,24 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gonio info: what a session or a model says of itself.
+// gonio info: what a session, a model or a file of samples says of itself.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/head.h"
 #include "brdf/kind.h"
 #include "gonio/io.h"
-#include "host/cli/cli.h"
+#include "host/cli/input.h"
 #include "host/session/info.h"
 
 static int run(int argc, char **argv);
-const cli_verb cmd_info = {"info", "SESSION|MODEL [--json]",
-                           "what a session (who, what, with which devices, files and options, when) or a model is",
+const cli_verb cmd_info = {"info", "SESSION|MODEL|FILE [options]",
+                           "what a session (who, what, with which devices, files and options, when), a model or a file "
+                           "of samples is and tells of its measurement",
                            run};
+
+typedef struct info_request {
+    const char *path;
+    const cli_common *common;
+    cli_input input;
+} info_request;
 
 // ---- a session ----
 
-static gonio_status session_info(const char *path, json_t **out, gonio_error *error) {
+static gonio_status session_info(const info_request *r, json_t **out, gonio_error *error) {
     gonio_session *session;
-    const gonio_status status = gonio_session_open(path, false, &session, error);
+    gonio_status status = cli_input_refuse(&r->input, "a session", error);
+    status = status == GONIO_OK ? gonio_session_open(r->path, false, &session, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -155,6 +164,63 @@ static void print_session(const json_t *info) {
     print_part("events", json_object_get(info, "events"));
 }
 
+// ---- what is known of a measurement ----
+
+static json_t *head_json(const char *lines) {
+    char key[GONIO_HEAD_KEY_MAX], value[4096];
+    json_t *object = json_object();
+    for (const char *at = lines; gonio_head_next(&at, key, value, sizeof value);) {
+        json_t *before = json_object_get(object, key), *text = cli_json_text(value);
+        if (strncmp(key, "sampled.", strlen("sampled.")) == 0) {
+            json_decref(text);
+        } else if (before == NULL) {
+            json_object_set_new(object, key, text);
+        } else if (json_is_array(before)) {
+            json_array_append_new(before, text);
+        } else {
+            json_object_set_new(object, key, json_pack("[O,o]", before, text));
+        }
+    }
+    return object;
+}
+
+static void print_head(const json_t *head) {
+    const char *key;
+    json_t *value, *one;
+    size_t i;
+    json_object_foreach((json_t *)head, key, value) {
+        if (json_is_array(value)) {
+            json_array_foreach(value, i, one) { print_scalar(cli_text(key), one); }
+        } else {
+            print_scalar(cli_text(key), value);
+        }
+    }
+}
+
+static void print_sampled(const json_t *sampled) {
+    if (json_is_object(sampled)) {
+        print_scalar("sampled", json_object_get(sampled, "text"));
+        if (json_is_true(json_object_get(sampled, "narrow"))) {
+            printf("%-23s errors, the held-out ones too, are of what was sampled and say nothing of the rest\n", "");
+        }
+    }
+}
+
+// Everything but the parts that have their own form.
+static void print_members(const json_t *info) {
+    const char *key;
+    json_t *value;
+    json_object_foreach((json_t *)info, key, value) {
+        if (strcmp(key, "sampled") == 0) {
+            print_sampled(value);
+        } else if (strcmp(key, "head") == 0) {
+            print_head(value);
+        } else if (!json_is_null(value)) {
+            print_scalar(key, value);
+        }
+    }
+}
+
 // ---- a model ----
 
 static const gonio_kind *kind_of(const gonio_model *model) {
@@ -165,71 +231,109 @@ static const gonio_kind *kind_of(const gonio_model *model) {
     return *k;
 }
 
-static gonio_status model_info(const char *path, json_t **out, gonio_error *error) {
+static bool is_model(const char *path) { return strncmp(path, "spec:", 5) == 0 || gonio_model_file_is(path); }
+
+static json_t *names_json(const char (*names)[32], int n) {
+    json_t *list = json_array();
+    for (int c = 0; c < n; c++) {
+        json_array_append_new(list, json_string(names[c]));
+    }
+    return list;
+}
+
+static gonio_status model_info(const info_request *r, json_t **out, gonio_error *error) {
     gonio_model *model;
     char hash[GONIO_SHA256_HEX] = "";
-    gonio_status status = gonio_model_open(path, &model, error);
+    gonio_coverage coverage;
+    gonio_status status = cli_input_refuse(&r->input, "a model", error);
+    status = status == GONIO_OK ? gonio_model_resolve(r->path, &model, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
-    status = gonio_sha256_file(path, hash, error);
-    json_t *names = json_array();
-    for (int c = 0; c < model->channels; c++) {
-        json_array_append_new(names, json_string(model->channel_names[c]));
-    }
+    status = gonio_model_file_is(r->path) ? gonio_sha256_file(r->path, hash, error) : GONIO_OK;
     const gonio_kind *kind = kind_of(model);
-    *out = json_pack("{s:s,s:s,s:s?,s:s?,s:b,s:i,s:o,s:I,s:I,s:b,s:s}", "kind", "model", "path", path, "form",
-                     kind != NULL ? kind->name : NULL, "summary", kind != NULL ? kind->summary : NULL, "isotropic",
-                     (int)model->isotropic, "channels", model->channels, "names", names, "control_points",
+    *out = json_pack("{s:s,s:o,s:s?,s:s?,s:b,s:i,s:o,s:I,s:I,s:b,s:o}", "kind", "model", "path", cli_json_text(r->path),
+                     "form", kind != NULL ? kind->name : NULL, "summary", kind != NULL ? kind->summary : NULL,
+                     "isotropic", (int)model->isotropic, "channels", model->channels, "names",
+                     names_json(model->channel_names, model->channels), "control_points",
                      (json_int_t)model->control_points, "bytes", (json_int_t)model->bytes, "sigma",
-                     model->ops->sigma != NULL, "sha256", hash);
+                     model->ops->sigma != NULL, "sha256", cli_json_text(hash));
+    json_object_set_new(*out, "head", head_json(model->about));
+    json_object_set_new(*out, "sampled",
+                        gonio_coverage_take(model->about, &coverage) ? cli_json_coverage(&coverage) : json_null());
     gonio_model_free(model);
-    if (status == GONIO_OK && *out == NULL) {
-        status = gonio_fail(error, GONIO_E_INPUT, "the model's path is not UTF-8");
-    }
     return status;
 }
 
-static void print_model(const json_t *info) {
-    const char *key;
-    json_t *value;
-    json_object_foreach((json_t *)info, key, value) { print_scalar(key, value); }
+// ---- a file of samples, or a table that is read as such ----
+
+static bool is_any(const char *path) {
+    (void)path;
+    return true;
+}
+
+static gonio_status file_info(const info_request *r, json_t **out, gonio_error *error) {
+    gonio_samples *s;
+    gonio_read_report report;
+    gonio_coverage coverage;
+    char hash[GONIO_SHA256_HEX] = "";
+    gonio_status status = cli_input_read_reported(r->path, &r->input, r->common, &s, &report, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_coverage_of(s, &coverage, error);
+    if (status == GONIO_OK && strcmp(r->path, "-") != 0) {
+        gonio_sha256_file(r->path, hash, NULL); // of a pipe there is none
+    }
+    if (status == GONIO_OK) {
+        gonio_mueller_report mueller;
+        gonio_check_mueller(s, &mueller);
+        *out = json_pack("{s:s,s:o,s:s,s:I,s:b,s:b,s:i,s:o,s:o,s:o,s:o,s:o}", "kind", "file", "path", cli_json_text(r->path),
+                         "format", report.format, "samples", (json_int_t)s->n, "isotropic", (int)s->isotropic, "sigma",
+                         s->sigma_random != NULL, "channels", s->channels, "names",
+                         names_json((const char(*)[32])s->channel_names, s->channels), "sha256",
+                         hash[0] != 0 ? json_string(hash) : json_null(), "head", head_json(s->head), "sampled",
+                         cli_json_coverage(&coverage), "mueller", cli_json_mueller(&mueller));
+    }
+    gonio_samples_free(s);
+    return status;
 }
 
 // ---- what there is to describe: the first that recognises it ----
 
 static const struct {
     bool (*recognise)(const char *path);
-    gonio_status (*describe)(const char *path, json_t **out, gonio_error *error);
+    gonio_status (*describe)(const info_request *request, json_t **out, gonio_error *error);
     void (*print)(const json_t *info);
 } subjects[] = {
     {gonio_session_is, session_info, print_session},
-    {gonio_model_file_is, model_info, print_model},
+    {is_model, model_info, print_members},
+    {is_any, file_info, print_members},
 };
 
 static int run(int argc, char **argv) {
-    const char *path;
+    info_request r = {0};
+    const cli_option options[] = {CLI_INPUT_OPTIONS(r.input), {0}};
     int count;
     cli_common common;
-    if (!cli_parse(&cmd_info, NULL, argc, argv, &path, 1, 1, &count, &common)) {
+    if (!cli_parse(&cmd_info, options, argc, argv, &r.path, 1, 1, &count, &common)) {
         return 2;
     }
+    r.common = &common;
     gonio_error error = {.line = -1, .byte = -1};
-    for (size_t k = 0; k < sizeof subjects / sizeof *subjects; k++) {
-        if (!subjects[k].recognise(path)) {
-            continue;
-        }
-        json_t *info;
-        if (subjects[k].describe(path, &info, &error) != GONIO_OK) {
-            return cli_fail(&common, &error);
-        }
-        if (common.json) {
-            return cli_json(info);
-        }
-        subjects[k].print(info);
-        json_decref(info);
-        return 0;
+    size_t k = 0;
+    while (!subjects[k].recognise(r.path)) {
+        k++;
     }
-    gonio_fail_line(&error, GONIO_E_INPUT, path, -1, "a session's folder or a model file is expected");
-    return cli_fail(&common, &error);
+    json_t *info = NULL;
+    if (subjects[k].describe(&r, &info, &error) != GONIO_OK) {
+        json_decref(info);
+        return cli_fail(&common, &error);
+    }
+    if (common.json) {
+        return cli_json(info);
+    }
+    subjects[k].print(info);
+    json_decref(info);
+    return 0;
 }

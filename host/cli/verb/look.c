@@ -43,8 +43,11 @@ static json_t *to_json(const char *path, const gonio_samples *s, const channel_r
         json_array_append_new(channels, json_pack("{s:s,s:f,s:f,s:f}", "name", s->channel_names[c], "low",
                                                   ranges[c].low, "median", ranges[c].median, "high", ranges[c].high));
     }
-    return json_pack("{s:s,s:b,s:b,s:o,s:o}", "input", path, "isotropic", (int)s->isotropic, "sigma",
-                     s->sigma_random != NULL, "channels", channels, "sampled", cli_json_coverage(coverage));
+    gonio_mueller_report mueller;
+    gonio_check_mueller(s, &mueller);
+    return json_pack("{s:s,s:b,s:b,s:o,s:o,s:o}", "input", path, "isotropic", (int)s->isotropic, "sigma",
+                     s->sigma_random != NULL, "channels", channels, "sampled", cli_json_coverage(coverage),
+                     "mueller", cli_json_mueller(&mueller));
 }
 
 static void print(const gonio_samples *s, const channel_range *ranges, const gonio_coverage *coverage) {
@@ -55,6 +58,9 @@ static void print(const gonio_samples *s, const channel_range *ranges, const gon
                ranges[c].median);
     }
     cli_print_coverage(coverage);
+    gonio_mueller_report mueller;
+    gonio_check_mueller(s, &mueller);
+    cli_print_mueller(&mueller);
 }
 
 static gonio_status look(const gonio_samples *s, channel_range *ranges, gonio_coverage *coverage, gonio_error *error) {

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "gonio/io.h"
 #include "host/acquire/merge.h"
 #include "host/cli/cli.h"
 
@@ -53,7 +54,7 @@ static int run(int argc, char **argv) {
     char hash[GONIO_SHA256_HEX];
     gonio_status status = gonio_sessions_merge(paths, n, force, &samples, &sessions, &error);
     status = status == GONIO_OK ? gonio_sha256_samples(samples, hash, &error) : status;
-    status = status == GONIO_OK ? gonio_merged_write(samples, sessions, output, &error) : status;
+    status = status == GONIO_OK ? gonio_write_samples(samples, output, &error) : status;
     const int result =
         status == GONIO_OK ? report(&common, output, samples, sessions, hash) : cli_fail(&common, &error);
     gonio_samples_free(samples);

@@ -7,7 +7,7 @@
 
 #include "gonio/io.h"
 #include "host/acquire/acquire.h"
-#include "host/cli/cli.h"
+#include "host/cli/input.h"
 
 static int run(int argc, char **argv);
 const cli_verb cmd_samples = {"samples", "SESSION [-o CSV] [--budget TI,PI,TO,PO]",
@@ -127,6 +127,38 @@ static int write_samples(const request *r, gonio_session *session) {
                            (json_int_t)flagged, "output", r->output));
     } else if (r->output != NULL) {
         printf("%s: %zu samples\n", r->output, samples->n);
+    }
+    gonio_samples_free(samples);
+    return 0;
+}
+
+// A whole session in one file, of which the samples alone are read.
+static int write_file(const request *r) {
+    if (r->budget != NULL || r->edges) {
+        return cli_usage(r->common, "samples: %s: `gonio convert` makes a session of %s first",
+                         r->edges ? "edges" : "budget", r->path);
+    }
+    gonio_error error = {.line = -1, .byte = -1};
+    gonio_samples *samples = NULL;
+    char hash[GONIO_SHA256_HEX] = "";
+    const cli_input nothing = {0};
+    gonio_status status = cli_input_read(r->path, &nothing, r->common, &samples, &error);
+    if (status == GONIO_OK && r->output != NULL) {
+        status = gonio_write_samples(samples, r->output, &error);
+    } else if (status == GONIO_OK && !r->common->json) {
+        status = gonio_write_samples_stream(samples, stdout, &error);
+    }
+    status = status == GONIO_OK ? gonio_sha256_samples(samples, hash, &error) : status;
+    if (status != GONIO_OK) {
+        gonio_samples_free(samples);
+        return cli_fail(r->common, &error);
+    }
+    if (r->common->json) {
+        cli_json(json_pack("{s:o,s:I,s:i,s:s,s:o}", "session", cli_json_text(r->path), "samples",
+                           (json_int_t)samples->n, "channels", samples->channels, "samples_sha256", hash, "output",
+                           r->output != NULL ? cli_json_text(r->output) : json_null()));
+    } else if (r->output != NULL) {
+        printf("%s: %zu samples\n", cli_text(r->output), samples->n);
     }
     gonio_samples_free(samples);
     return 0;
@@ -314,6 +346,9 @@ static int run(int argc, char **argv) {
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_session *session;
+    if (gonio_session_is_hdf5(r.path)) {
+        return write_file(&r);
+    }
     if (gonio_session_open(r.path, false, &session, &error) != GONIO_OK) {
         return cli_fail(&common, &error);
     }
