@@ -191,7 +191,8 @@ bool gonio_coverage_take(const char *lines, gonio_coverage *coverage) {
             return false;
         }
         const double value = gonio_number_parse(text, &end);
-        if (end == text || *end != 0 || !isfinite(value) || (figures[k].kind == COUNT && !(value >= 0 && value < 1e15))) {
+        if (end == text || *end != 0 || !isfinite(value) ||
+            (figures[k].kind == COUNT && !(value >= 0 && value < 1e15))) {
             return false;
         }
         switch (figures[k].kind) {

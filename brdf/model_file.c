@@ -100,8 +100,8 @@ static gonio_status check_names(const gonio_model_file_head *h, const unsigned c
 }
 
 // The text before the section, which the caller frees; NULL: there is none.
-static gonio_status read_about(const gonio_model_file_head *h, const unsigned char *base, const char *path, char **about,
-                               gonio_error *error) {
+static gonio_status read_about(const gonio_model_file_head *h, const unsigned char *base, const char *path,
+                               char **about, gonio_error *error) {
     const size_t align = GONIO_MODEL_FILE_ALIGN, names = sizeof *h + 32 * (size_t)h->channels;
     const size_t at = (names + align - 1) / align * align;
     gonio_model_file_about head;

@@ -27,8 +27,8 @@ static void add_errors(lines *l, const char *key, const gonio_errors *e) {
         return;
     }
     // Fewer digits than a compiler or a libm could change.
-    gonio_number_format(text, sizeof text, "rmse %.4g, median_rel %.3g %%, rms_log %.3g, max_rel %.3g (%zu samples)", e->rmse,
-                        100 * e->median_rel, e->rms_log, e->max_rel, e->samples);
+    gonio_number_format(text, sizeof text, "rmse %.4g, median_rel %.3g %%, rms_log %.3g, max_rel %.3g (%zu samples)",
+                        e->rmse, 100 * e->median_rel, e->rms_log, e->max_rel, e->samples);
     add(l, key, text);
 }
 

@@ -254,10 +254,9 @@ static bool is_figure(const gonio_declaration *d, const char *text) {
 static gonio_status check_figure(const gonio_source *source, long long line, const gonio_declaration *d,
                                  const char *value, gonio_error *error) {
     const char *text = value + strspn(value, " \t");
-    return is_figure(d, text)
-               ? GONIO_OK
-               : gonio_fail_line(error, GONIO_E_INPUT, source->path, line, "%s: expected a number of 0 or more, found '%.60s'",
-                                 d->key, text);
+    return is_figure(d, text) ? GONIO_OK
+                              : gonio_fail_line(error, GONIO_E_INPUT, source->path, line,
+                                                "%s: expected a number of 0 or more, found '%.60s'", d->key, text);
 }
 
 static gonio_status heed(const gonio_source *source, long long line, const char *comment, const gonio_declaration *own,
@@ -300,7 +299,7 @@ static gonio_status heed(const gonio_source *source, long long line, const char 
             weight = strcmp(p->key, weight) == 0 ? NULL : weight; // it says what this format is anyway
         }
     }
-    return weight != NULL       ? refuse(source, line, comment, weight, error)
+    return weight != NULL        ? refuse(source, line, comment, weight, error)
            : capital > 0 || pair ? keep(comment, length, rest, NULL, declared, error)
                                  : GONIO_OK;
 }

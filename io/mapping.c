@@ -156,6 +156,7 @@ gonio_status gonio_mapping_parse(const gonio_format_values *values, gonio_mappin
     const gonio_format_value *at = values->at;
     *m = (gonio_mapping){.is_signed = at[GONIO_TABLE_SIGNED].choice == 1,
                          .radians = at[GONIO_TABLE_ANGLES].choice == 1,
+                         .elevation = at[GONIO_TABLE_ELEVATION].choice == 1,
                          .quantity = (gonio_quantity)at[GONIO_TABLE_QUANTITY].choice,
                          .mirror_at = at[GONIO_TABLE_MIRROR_AT].choice};
     const char *wavelength = at[GONIO_TABLE_WAVELENGTH].text;

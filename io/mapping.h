@@ -17,6 +17,7 @@ enum {
     GONIO_TABLE_MIRROR_AT,
     GONIO_TABLE_WAVELENGTH,
     GONIO_TABLE_MATRIX,
+    GONIO_TABLE_ELEVATION,
     GONIO_TABLE_MAP
 };
 
@@ -60,6 +61,7 @@ typedef struct gonio_mapping {
     int n;
     char separator, decimal; // 0: as the text shows
     bool is_signed, radians;
+    bool elevation; // polar angles count from the surface
     gonio_quantity quantity;
     int mirror_at;
     const char *wavelength; // column; NULL: none

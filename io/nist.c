@@ -125,8 +125,8 @@ static gonio_status read_element(const gonio_source *source, const gonio_format_
 // One wavelength: f_r11 to f_r44; several: 351nm_f_r11 ...
 static void name_element(const gonio_samples *one, int wavelength, int element, char name[GONIO_CHANNEL_NAME_MAX]) {
     const bool several = one->channels > 1;
-    snprintf(name, GONIO_CHANNEL_NAME_MAX, "%.20s%sf_r%d%d", several ? one->channel_names[wavelength] : "", several ? "_" : "",
-             element / 4 + 1, element % 4 + 1);
+    snprintf(name, GONIO_CHANNEL_NAME_MAX, "%.20s%sf_r%d%d", several ? one->channel_names[wavelength] : "",
+             several ? "_" : "", element / 4 + 1, element % 4 + 1);
 }
 
 static gonio_status join(gonio_samples *const sets[16], gonio_samples **out, gonio_error *error) {
@@ -202,7 +202,8 @@ static gonio_status read_nist(const gonio_source *source, const gonio_format_val
 
 static const gonio_format_option options[] = {
     GONIO_TEXT_OPTIONS,
-    [MUELLER] = {"mueller", GONIO_FORMAT_TEXT, "ELEMENT|all", "f_r11", "Mueller element, f_r11 to f_r44, or all sixteen as channels"},
+    [MUELLER] = {"mueller", GONIO_FORMAT_TEXT, "ELEMENT|all", "f_r11",
+                 "Mueller element, f_r11 to f_r44, or all sixteen as channels"},
     {0}};
 
 const gonio_format gonio_format_nist = {.name = "nist",

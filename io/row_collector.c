@@ -279,7 +279,9 @@ static void tell(gonio_row_collector *collector) {
                           "%zu rows with %s, which stands for a missing value, are left out (the first at "
                           "line %lld)\n",
                           collector->missing.found[k].count,
-                          isnan(collector->missing.found[k].number) ? collector->missing.word : number,
+                          !isnan(collector->missing.found[k].number) ? number
+                          : collector->missing.word != NULL          ? collector->missing.word
+                                                                     : "an empty field",
                           collector->missing.found[k].line);
     }
     if (collector->by_mapping && collector->horizon > 0) {

@@ -38,7 +38,8 @@ static gonio_status take_head(const char *about, char **head, gonio_error *error
         status = own ? GONIO_OK : gonio_head_add(head, key, value, error);
     }
     const bool tell = status == GONIO_OK && *head != NULL && !gonio_head_find(*head, "origin", value, sizeof value);
-    return tell ? gonio_head_add(head, "origin", "values of a model that was fitted to the measurement", error) : status;
+    return tell ? gonio_head_add(head, "origin", "values of a model that was fitted to the measurement", error)
+                : status;
 }
 
 gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *pairs, size_t n, int threads,

@@ -32,8 +32,8 @@ typedef struct reader {
     gonio_row_collector *collector;
     int mirror_at; // GONIO_MIRROR_AT_0: phi_o is to be turned
     char **fields;
-    double *numbers;       // values, sigmas and zeros of a row
-    gonio_long_rows *tall; // NULL: a row is a sample
+    double *numbers;        // values, sigmas and zeros of a row
+    gonio_long_rows *tall;  // NULL: a row is a sample
     const long long *lines; // of the file, for each line of an unfolded matrix; NULL: they are the same
 } reader;
 
@@ -67,6 +67,13 @@ static gonio_status parse_angle(const reader *r, gonio_mapped_role role, double 
     const double limit = (r->mapping->radians ? GONIO_PI / 180 : 1) * (polar ? 90 : 36000);
     if (status != GONIO_OK) {
         return status;
+    }
+    if (polar && r->mapping->elevation && c->angle[role] >= 0) {
+        if (!(*value >= 0 && *value <= 2 * limit)) {
+            return gonio_text_fail(&r->text, error, "%s: expected 0 to %.9g from the surface, found %.9g", name,
+                                   2 * limit, *value);
+        }
+        *value = limit - *value; // beyond the normal it is on the other side
     }
     if (polar && *value < 0 && !r->mapping->is_signed) {
         return gonio_text_fail(&r->text, error, "%s: found %.9g; with --signed negative ones lie on the other side",
@@ -112,7 +119,12 @@ static gonio_status parse_values(const reader *r, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (int k = 0; k < c->channels && status == GONIO_OK; k++) {
         char *field = r->fields[c->value[k]];
+        sigmas[k] = zeros[k] = 0;
         status = to_point(r, field, error);
+        if (field[0] == 0 && r->collector->missing.automatic) {
+            r->numbers[k] = NAN; // left out, and counted
+            continue;
+        }
         status = status == GONIO_OK
                      ? gonio_row_collector_number(r->collector, field, c->names[k], &r->numbers[k], error)
                      : status;
@@ -298,8 +310,9 @@ bool gonio_mirror_is_open(const gonio_source *source, const gonio_samples *sampl
     const bool retro = strcasestr(slash != NULL ? slash : source->path, "retro") != NULL ||
                        memmem(source->data, source->size, "retro", 5) != NULL ||
                        memmem(source->data, source->size, "Retro", 5) != NULL;
-    snprintf(why, size, "%s: --mirror-at 0 where a theta_o of theta_i's own sign is the mirror direction, --mirror-at 180 where "
-                        "it is the light's side",
+    snprintf(why, size,
+             "%s: --mirror-at 0 where a theta_o of theta_i's own sign is the mirror direction, --mirror-at 180 where "
+             "it is the light's side",
              both ? "peaks stand on both sides of the normal, one of them a retro-reflector's"
                   : "a retro-reflector's peak looks like a mirror direction");
     return both || retro;
@@ -324,8 +337,10 @@ static void note_mirror(const reader *r, int shown, const double means[2], gonio
         snprintf(both, sizeof both, " (mean %.3g at 0, %.3g at 180)", means[0], means[1]);
     }
     if (!has_azimuth(r->columns)) {
-        gonio_text_append(notes, size, "the mirror direction is taken to stand at %d%s%s; --mirror-at says it, as it must of a retro-reflector\n",
-                          r->mirror_at == GONIO_MIRROR_AT_0 ? 0 : 180, shown >= 0 ? ", as the values show" : "", both);
+        gonio_text_append(
+            notes, size,
+            "the mirror direction is taken to stand at %d%s%s; --mirror-at says it, as it must of a retro-reflector\n",
+            r->mirror_at == GONIO_MIRROR_AT_0 ? 0 : 180, shown >= 0 ? ", as the values show" : "", both);
     } else if (shown == 0) {
         gonio_text_append(notes, size,
                           "the largest values stand opposite to the mirror direction, at azimuth 0%s: is it a table "
@@ -354,8 +369,8 @@ static gonio_status read_both(const gonio_source *source, const gonio_format_val
         gonio_samples_free(*out);
         *out = NULL;
         free(copy.data);
-        return gonio_fail_line(error, GONIO_E_INPUT, source->path, r->lines != NULL ? r->lines[r->layout->first_row] : r->layout->first_row,
-                               "%s", why);
+        return gonio_fail_line(error, GONIO_E_INPUT, source->path,
+                               r->lines != NULL ? r->lines[r->layout->first_row] : r->layout->first_row, "%s", why);
     }
     const int shown = status == GONIO_OK && open ? gonio_mirror_of_samples(*out, means) : -1;
     if (status == GONIO_OK && shown == 0 && !has_azimuth(r->columns)) {
@@ -445,6 +460,8 @@ static const gonio_format_option options[] = {
                                 "of a table with a row for each wavelength"},
     [GONIO_TABLE_MATRIX] = {"matrix", GONIO_FORMAT_TEXT, "ROWS,COLUMNS,BLOCKS", "auto",
                             "a value a cell: which coordinates rows, columns and the headings of blocks tell"},
+    [GONIO_TABLE_ELEVATION] = {"elevation", GONIO_FORMAT_FLAG, "no|yes", "no",
+                               "polar angles are measured from the surface: theta = 90 - angle"},
     [GONIO_TABLE_MAP] = {"map", GONIO_FORMAT_TEXT, "FILE", "auto",
                          "these options from a file (INPUT" GONIO_MAP_ENDING ")"},
     {0}};

@@ -36,19 +36,26 @@ typedef struct evidence {
 } evidence;
 
 static void weigh(const char *word, evidence *e) {
-    static const char *const polar[] = {"theta", "zenith", "polar", "angle", "aoi", "\xce\xb8", NULL};
-    static const char *const azimuth[] = {"phi", "azimuth", "azi", "\xcf\x86", "\xcf\x95", NULL};
+    static const char *const polar[] = {"theta",     "zenith", "polar",    "angle", "winkel",
+                                        "elevation", "aoi",    "\xce\xb8", NULL};
+    static const char *const azimuth[] = {"phi", "azimuth", "azimut", "azi", "\xcf\x86", "\xcf\x95", NULL};
     static const char *const in[] = {"i",   "in",   "inc",   "incident", "incidence", "incoming", "illumination",
                                      "ill", "illu", "light", "lamp",     "source",    "src",      "sun",
-                                     "l",   "aoi",  "solar", NULL};
-    static const char *const out[] = {"o",      "out",      "r",        "ref",         "refl",        "reflected",
-                                      "s",      "scatter",  "scat",     "scattered",   "sc",          "v",
-                                      "view",   "viewing",  "viewer",   "observer",    "observation", "obs",
-                                      "d",      "det",      "detector", "e",           "em",          "emission",
-                                      "exit",   "measure",  "measured", "measurement", "receiver",    "camera",
-                                      "sensor", "outgoing", "exitant",  "detection",   NULL};
+                                     "l",   "aoi",  "solar", "einfall",  NULL};
+    static const char *const out[] = {
+        "o",           "out",       "r",        "ref",         "refl",        "reflected", "s",      "scatter",
+        "scat",        "scattered", "sc",       "v",           "view",        "viewing",   "viewer", "observer",
+        "observation", "obs",       "d",        "det",         "detector",    "e",         "em",     "emission",
+        "exit",        "measure",   "measured", "measurement", "receiver",    "camera",    "sensor", "outgoing",
+        "exitant",     "detection", "ausfall",  "ausfalls",    "beobachtung", NULL};
     static const char *const relative[] = {"d", "delta", "rel", "relative", "diff", "dphi", "difference", NULL};
-    const char *rest;
+    const char *rest, *winkel = strstr(word, "swinkel"); // Einfallswinkel, Ausfallswinkel, Beobachtungswinkel
+    if (winkel != NULL && winkel[7] == 0 && winkel > word) {
+        e->polar = true;
+        e->in = e->in || strncmp(word, "einfall", 7) == 0;
+        e->out = e->out || strncmp(word, "ausfall", 7) == 0 || strncmp(word, "beobachtung", 11) == 0;
+        return;
+    }
     if ((rest = after_stem(word, polar)) != NULL) {
         e->polar = true;
         e->in = e->in || strncmp(word, "aoi", 3) == 0;
@@ -71,7 +78,7 @@ bool gonio_table_angle_of_name(const char *name, gonio_mapped_role *role) {
                        {"vaa", GONIO_MAPPED_PHI_O},   {"raa", GONIO_MAPPED_PHI},   {"incidence", GONIO_MAPPED_THETA_I}};
     char text[96], *rest;
     size_t n = 0;
-    for (const char *c = name; *c != 0 && strchr("[(", *c) == NULL && n + 1 < sizeof text; c++) {
+    for (const char *c = name; *c != 0 && strchr("[(,", *c) == NULL && n + 1 < sizeof text; c++) {
         text[n++] = (char)tolower((unsigned char)*c);
     }
     text[n] = 0;
@@ -91,7 +98,8 @@ bool gonio_table_angle_of_name(const char *name, gonio_mapped_role *role) {
     } else {
         *role = e.in ? GONIO_MAPPED_THETA_I : GONIO_MAPPED_THETA_O;
     }
-    return e.azimuth || (e.polar && (e.in != e.out));
+    // "Detector, deg": its unit makes it an angle.
+    return e.azimuth || ((e.polar || strcasestr(name, "deg") != NULL) && e.in != e.out);
 }
 
 // ---- columns by the mapping ----
@@ -251,8 +259,19 @@ static int channel_of_sigma(const finder *f, const char *name) {
     return -1;
 }
 
+// "uncertainty [%]": of the value, not f_r.
+static bool is_relative_sigma(const char *name) {
+    char plain[96];
+    snprintf(plain, sizeof plain, "%.*s", (int)strcspn(name, "[(%"), name);
+    return gonio_column_role_of(gonio_text_trim(plain)) == GONIO_COLUMN_SIGMA &&
+           gonio_column_role_of(name) == GONIO_COLUMN_FOREIGN;
+}
+
 static gonio_column_role role_of(const char *name) {
     gonio_mapped_role angle;
+    if (is_relative_sigma(name)) {
+        return GONIO_COLUMN_ASIDE;
+    }
     return gonio_table_angle_of_name(name, &angle) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(name);
 }
 

@@ -138,13 +138,22 @@ static void roles_by_place(gonio_table_guess *g) {
     because(g, "no names: the columns' order alone says which angle is which");
 }
 
+// Without what stands in brackets behind it.
+static bool is_sigma_name(const char *name) {
+    char plain[64];
+    snprintf(plain, sizeof plain, "%.*s", (int)strcspn(name, "[(%"), name);
+    return gonio_column_role_of(gonio_text_trim(plain)) == GONIO_COLUMN_SIGMA;
+}
+
 static void find_values(gonio_table_guess *g) {
     int values = 0;
     for (int k = 0; k < g->layout.columns; k++) {
         gonio_table_column_facts *c = &g->columns[k];
         gonio_mapped_role role;
-        const gonio_column_role kind =
-            gonio_table_angle_of_name(c->name, &role) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(c->name);
+        const gonio_column_role kind = gonio_table_angle_of_name(c->name, &role) ? GONIO_COLUMN_ASIDE
+                                       : strchr(c->name, '%') != NULL && is_sigma_name(c->name)
+                                           ? GONIO_COLUMN_ASIDE
+                                           : gonio_column_role_of(c->name);
         if (c->key[0] != 0 || c->numbers == 0) {
             continue;
         }
@@ -251,6 +260,11 @@ static void propose_angles(gonio_table_guess *g) {
     }
     if (low < 0) {
         set(g, GONIO_TABLE_SIGNED, "yes");
+    }
+    const int light = column_of(g, "theta_i");
+    if (light >= 0 && strncasecmp(g->columns[light].name, "elev", 4) == 0) {
+        set(g, GONIO_TABLE_ELEVATION, "yes");
+        because(g, "the name says elevation: polar angles from the surface, not from the normal");
     }
     if (radians || (high > 0.2 && high <= 1.5708 && high != floor(high))) {
         because(g, radians ? "the angles' names say radians" : "the polar angles end at 1.5708: radians");
@@ -440,9 +454,9 @@ static gonio_status look_at_values(const gonio_source *source, gonio_table_guess
 static const char *key_of_heading(const char *heading) {
     static const struct {
         const char *word, *key;
-    } words[] = {{"phi", "phi"},         {"azim", "phi"},        {"theta_i", "theta_i"},  {"incid", "theta_i"}, {"aoi", "theta_i"},
-                 {"einfall", "theta_i"}, {"theta i", "theta_i"}, {"lambda", "wavelength"}, {"wave", "wavelength"}, {" nm", "wavelength"},
-                 {"theta_o", "theta_o"}, {NULL, NULL}};
+    } words[] = {{"phi", "phi"},         {"azim", "phi"},        {"theta_i", "theta_i"}, {"incid", "theta_i"},
+                 {"aoi", "theta_i"},     {"einfall", "theta_i"}, {"theta i", "theta_i"}, {"lambda", "wavelength"},
+                 {"wave", "wavelength"}, {" nm", "wavelength"},  {"theta_o", "theta_o"}, {NULL, NULL}};
     int k = 0;
     while (words[k].word != NULL && strcasestr(heading, words[k].word) == NULL) {
         k++;
@@ -462,7 +476,8 @@ static bool propose_matrix(const gonio_source *source, gonio_table_guess *g) {
     const bool turned = blocks > 0 && block != NULL && strcmp(block, "theta_i") == 0;
     const char *row = rows[0] >= 200 && rows[1] > 360 ? "wavelength" : rows[1] > 90 ? "phi" : "theta_o";
     const char *column = strcmp(row, "theta_o") != 0 ? "theta_o" : columns[1] > 90 || turned ? "phi" : "theta_i";
-    snprintf(g->mapped, sizeof g->mapped, "%s,%s%s%s", row, column, block != NULL ? "," : "", block != NULL ? block : "");
+    snprintf(g->mapped, sizeof g->mapped, "%s,%s%s%s", row, column, block != NULL ? "," : "",
+             block != NULL ? block : "");
     set(g, GONIO_TABLE_MATRIX, g->mapped);
     because(g, "a number at the head of each row and column: a matrix, a value a cell");
     const bool light = strstr(g->mapped, "theta_i") != NULL;
@@ -472,7 +487,8 @@ static bool propose_matrix(const gonio_source *source, gonio_table_guess *g) {
         set(g, GONIO_TABLE_COLUMNS, g->constants);
         because(g, "theta_i is in neither; the text before the matrix tells it");
     } else if (!light) {
-        snprintf(g->open, sizeof g->open, "neither rows nor columns are theta_i: say it, as in --columns theta_i=30deg");
+        snprintf(g->open, sizeof g->open,
+                 "neither rows nor columns are theta_i: say it, as in --columns theta_i=30deg");
     } else if (blocks > 1 && block == NULL) {
         snprintf(g->open, sizeof g->open, "what does the number in '%.60s' tell? It is the third of --matrix", heading);
     }
@@ -498,7 +514,7 @@ static void put_command(gonio_table_guess *g) {
     for (int k = 0; g->options.settings[k].name != NULL; k++) {
         const gonio_format_setting *s = &g->options.settings[k];
         gonio_text_append(g->command, sizeof g->command, "%s--%s", k > 0 ? " " : "", s->name);
-        if (strcmp(s->name, "signed") != 0) {
+        if (strcmp(s->name, "signed") != 0 && strcmp(s->name, "elevation") != 0) {
             gonio_text_append(g->command, sizeof g->command, " ");
             put_word(g, s->value);
         }

@@ -41,7 +41,13 @@ char *gonio_table_lines_next(gonio_table_lines *lines) {
 bool gonio_table_is_blank(const char *line) { return line[0] == 0 || line[0] == '#' || line[0] == '%'; }
 
 static char *unquoted(char *field) {
-    const size_t length = strlen(field);
+    size_t length = strlen(field);
+    // Degrees by their sign: 30°.
+    if (length > 2 && memcmp(field + length - 2, "\xc2\xb0", 2) == 0 &&
+        strchr("0123456789.", field[length - 3]) != NULL) {
+        length -= 2;
+        field[length] = 0;
+    }
     if (length >= 2 && (field[0] == '"' || field[0] == '\'') && field[length - 1] == field[0]) {
         field[length - 1] = 0;
         return gonio_text_trim(field + 1);

@@ -16,8 +16,8 @@ typedef struct gonio_table_layout {
     long long last_row;    // of the last; lines of text behind it, that could be no row, are footers
     long long first_footer;
     size_t footers;
-    char *header;          // its line, cut up
-    char **names;          // of the columns, "" where there is none; borrowed from header
+    char *header; // its line, cut up
+    char **names; // of the columns, "" where there is none; borrowed from header
 } gonio_table_layout;
 
 // The lines of a text one by one, each copied and trimmed; data is kept. Free buffer.

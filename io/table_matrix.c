@@ -15,11 +15,11 @@ enum { KEYS_MAX = 3 };
 typedef struct matrix {
     const gonio_source *source;
     char separator, decimal;
-    const char *block_key; // NULL: headings tell nothing
+    const char *block_key;  // NULL: headings tell nothing
     char **fields, **names; // of a line; of the columns, in `header`
     char *header;
-    int n, pending;        // columns; fields of a header that is not settled yet, 0: none
-    double block;          // of the last heading
+    int n, pending; // columns; fields of a header that is not settled yet, 0: none
+    double block;   // of the last heading
     bool has_block;
     long long block_line, second_block; // of the last heading with a number; of the first one between two blocks
     size_t rows, footers;
@@ -46,7 +46,8 @@ static bool number_in(const char *line, const char *key, double *value) {
     bool found = false;
     for (const char *c = named ? from + strlen(key) : line; *c != 0;) {
         char *end;
-        const bool begins = isdigit((unsigned char)*c) || ((*c == '-' || *c == '+' || *c == '.') && isdigit((unsigned char)c[1]));
+        const bool begins =
+            isdigit((unsigned char)*c) || ((*c == '-' || *c == '+' || *c == '.') && isdigit((unsigned char)c[1]));
         const bool inside = c > line && (isalnum((unsigned char)c[-1]) || c[-1] == '_');
         if (begins && !inside) {
             *value = gonio_number_parse(c, &end);
@@ -209,7 +210,8 @@ static gonio_status check_blocks(const matrix *m, gonio_error *error) {
     }
     if (m->block_key == NULL && m->second_block > 0) {
         return gonio_fail_line(error, GONIO_E_INPUT, m->source->path, m->second_block,
-                               "'%.60s' begins another block; the third of --matrix says what its number is", m->heading);
+                               "'%.60s' begins another block; the third of --matrix says what its number is",
+                               m->heading);
     }
     return GONIO_OK;
 }
@@ -247,10 +249,11 @@ static gonio_status take_keys(char *text, char *keys[KEYS_MAX], int *n, gonio_ma
             role = mapping->items[k].role == (gonio_mapped_role)role ? GONIO_MAPPED_SIGMA : role; // told twice
         }
         if (role == GONIO_MAPPED_SIGMA || *n == KEYS_MAX || mapping->n + 1 >= GONIO_MAPPED_ITEMS) {
-            return gonio_fail(error, GONIO_E_USAGE,
-                              "matrix: expected what rows, columns and, with several blocks, headings tell, each once of "
-                              "theta_i, phi_i, theta_o, phi_o, phi, wavelength; found '%.40s'",
-                              one);
+            return gonio_fail(
+                error, GONIO_E_USAGE,
+                "matrix: expected what rows, columns and, with several blocks, headings tell, each once of "
+                "theta_i, phi_i, theta_o, phi_o, phi, wavelength; found '%.40s'",
+                one);
         }
         gonio_mapped_item *item = &mapping->items[mapping->n++];
         *item = (gonio_mapped_item){.role = (gonio_mapped_role)role, .constant = NAN};
@@ -271,8 +274,9 @@ gonio_status gonio_table_unfold(const gonio_source *source, const char *text, go
     flattener f = {0};
     *flat = (gonio_table_flat){0};
     f.stream = open_memstream(&f.text, &f.size);
-    gonio_status status = copy != NULL && f.stream != NULL ? take_keys(copy, keys, &n, mapping, error)
-                                                           : gonio_fail(error, GONIO_E_MEMORY, "no memory for a matrix");
+    gonio_status status = copy != NULL && f.stream != NULL
+                              ? take_keys(copy, keys, &n, mapping, error)
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for a matrix");
     if (status == GONIO_OK) {
         status = begin(source, mapping, n > 2 ? keys[2] : NULL, &m, error);
         status = status == GONIO_OK ? put_all(&m, keys, n, &f, error) : status;
@@ -306,7 +310,8 @@ static bool are_coordinates(const matrix *m, double range[2]) {
     double last = NAN, step = 0;
     for (int k = 0; k < m->n; k++) {
         double value;
-        if (!is_number(m, m->names[k], &value) || (k > 0 && !((value - last) * (step != 0 ? step : value - last) > 0))) {
+        if (!is_number(m, m->names[k], &value) ||
+            (k > 0 && !((value - last) * (step != 0 ? step : value - last) > 0))) {
             return false;
         }
         step = k > 0 ? value - last : 0;
@@ -339,14 +344,17 @@ bool gonio_table_is_matrix(const gonio_source *source, int *blocks, double colum
             step = 0;
             is = are_coordinates(&m, columns);
         }
-        is = is && is_number(&m, m.fields[0], &value) && (isnan(last) || (value - last) * (step != 0 ? step : value - last) > 0);
+        is = is && is_number(&m, m.fields[0], &value) &&
+             (isnan(last) || (value - last) * (step != 0 ? step : value - last) > 0);
         step = isnan(last) ? 0 : value - last;
         last = value;
         widen(rows, value);
     }
     // Without a corner's word the first row of plain numbers would pass for a header: a matrix is wider than that.
     is = is && m.rows >= 2 && (m.n >= 3 || *blocks > 1) && m.header != NULL;
-    is = is && !isdigit((unsigned char)m.header[strspn(m.header, "-+.")]) ? is : is && (columns[1] > 2 && columns[1] == floor(columns[1]));
+    is = is && !isdigit((unsigned char)m.header[strspn(m.header, "-+.")])
+             ? is
+             : is && (columns[1] > 2 && columns[1] == floor(columns[1]));
     snprintf(heading, 80, "%s", *blocks > 0 ? m.heading : "");
     *blocks = *blocks > 1 || *blocks == 1 ? *blocks : 0;
     free(lines.buffer);

@@ -19,6 +19,7 @@ gonio_status gonio_table_unfold(const gonio_source *source, const char *keys, go
 void gonio_table_flat_free(gonio_table_flat *flat);
 // Does the text seem to be such a matrix: a row of rising or falling numbers over rows that begin with such? *blocks:
 // under how many headings with a number, 0: none. Nothing is refused, and nothing said.
-bool gonio_table_is_matrix(const gonio_source *source, int *blocks, double columns[2], double rows[2], char heading[80]);
+bool gonio_table_is_matrix(const gonio_source *source, int *blocks, double columns[2], double rows[2],
+                           char heading[80]);
 
 #endif

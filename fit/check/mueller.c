@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Are sets of sixteen Mueller elements matrices of any sample at all?
 //
-// S. R. Cloude, "Conditions for the physical realisability of matrix operators in polarimetry" (Proc. SPIE 1166, 1989): a
-// Mueller matrix M is a sum of those of pure media, and none other, where its coherency matrix
-//   H = 1/4 sum_jk m_jk (sigma_j (x) conj(sigma_k)),  sigma: the unit matrix and Pauli's, in the order of Stokes' parameters
-// has no negative eigenvalue. Their sum is m_11. H is Hermitian, 4 x 4; the real symmetric 8 x 8 matrix [[Re, -Im], [Im,
-// Re]] has each of its eigenvalues twice.
+// S. R. Cloude, "Conditions for the physical realisability of matrix operators in polarimetry" (Proc. SPIE 1166, 1989):
+// a Mueller matrix M is a sum of those of pure media, and none other, where its coherency matrix
+//   H = 1/4 sum_jk m_jk (sigma_j (x) conj(sigma_k)),  sigma: the unit matrix and Pauli's, in the order of Stokes'
+//   parameters
+// has no negative eigenvalue. Their sum is m_11. H is Hermitian, 4 x 4; the real symmetric 8 x 8 matrix [[Re, -Im],
+// [Im, Re]] has each of its eigenvalues twice.
 #include <math.h>
 #include <string.h>
 
@@ -87,7 +88,8 @@ void gonio_check_mueller(const gonio_samples *samples, gonio_mueller_report *rep
     gonio_mueller_set set;
     *report = (gonio_mueller_report){.worst = INFINITY, .tolerance = TOLERANCE};
     for (int c = 0; c < samples->channels; c++) {
-        if (gonio_mueller_find((const char(*)[GONIO_CHANNEL_NAME_MAX])samples->channel_names, samples->channels, c, &set)) {
+        if (gonio_mueller_find((const char(*)[GONIO_CHANNEL_NAME_MAX])samples->channel_names, samples->channels, c,
+                               &set)) {
             for (size_t i = 0; i < samples->n; i++) {
                 judge(samples, &set, i, report);
             }

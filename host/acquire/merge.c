@@ -266,4 +266,3 @@ gonio_status gonio_sessions_merge(const char *const *paths, int n, bool force, g
     }
     return status;
 }
-

@@ -2,8 +2,8 @@
 // Rig files (INI, by libinih) and settings that override them -> an open rig.
 #include "host/acquire/rig_file.h"
 
-#include <math.h>
 #include <ini.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -229,8 +229,8 @@ static void copy_texts(const gonio_rig_facts *from, gonio_rig_facts *to) {
     }
 }
 
-// Positions are rounded to steps: an error of up to half of one, equally likely anywhere between, beside what was stated
-// of the repeatability. (The simulator's arms stand where they were sent.)
+// Positions are rounded to steps: an error of up to half of one, equally likely anywhere between, beside what was
+// stated of the repeatability. (The simulator's arms stand where they were sent.)
 static void add_half_step(gonio_rig *rig) {
     if (rig->stage->step_rad != NULL) {
         const double step_deg = gonio_degrees(rig->stage->step_rad(rig->stage_device));

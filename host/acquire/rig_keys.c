@@ -41,41 +41,42 @@ static bool parse_declared(const char *key, const char *text, char *value, size_
 static bool parse_polarisation(const char *text, void *value) {
     return parse_declared("light_polarisation", text, value, 16);
 }
-static bool parse_temperature(const char *text, void *value) { return parse_declared("temperature_c", text, value, 16); }
-static const gonio_key_form polarisation = {
-    "unpolarised, s, p, h, v, 45, 135, left or right", parse_polarisation, NULL};
+static bool parse_temperature(const char *text, void *value) {
+    return parse_declared("temperature_c", text, value, 16);
+}
+static const gonio_key_form polarisation = {"unpolarised, s, p, h, v, 45, 135, left or right", parse_polarisation,
+                                            NULL};
 static const gonio_key_form temperature = {"a temperature in degrees Celsius", parse_temperature, NULL};
 GONIO_KEY_NAMES(hands, "changer", "operator")
 GONIO_KEY_NAMES(shapes, "flat", "sphere")
 GONIO_KEY_NAMES(switches, "on", "off")
 #define KEY(where, text, kind, member) .section = where, GONIO_KEY_NAMED(rig_keys, member, text, kind)
 
-const gonio_key gonio_rig_keys[] = {{KEY("rig", "driver", TEXT, driver), .standard = "sim"},
-                                    {KEY("rig", "operator", TEXT, facts.operator_name)},
-                                    {KEY("rig", "notes", TEXT, facts.notes)},
-                                    {KEY("rig", "serials", TEXT, facts.serials)},
-                                    {KEY("rig", "alignment", TEXT, alignment)},
-                                    {KEY("sample", "id", TEXT, facts.sample_id)},
-                                    {KEY("rig", "light_polarisation", OWN, facts.light_polarisation),
-                                     .form = &polarisation},
-                                    {KEY("rig", "detector_polarisation", OWN, facts.detector_polarisation),
-                                     .form = &polarisation},
-                                    {KEY("rig", "temperature_c", OWN, facts.temperature_c), .form = &temperature},
-                                    {KEY("reference", "traceability", TEXT, facts.traceability)},
-                                    {KEY("sample", "spec", TEXT, sample)},
-                                    {KEY("scan", "dark_frames", INTEGER, scan.dark_frames), 4, 1000},
-                                    {KEY("scan", "motion_check", INTEGER, scan.motion_check), 0, 1},
-                                    {KEY("scan", "trap_frames", INTEGER, scan.trap_frames), 0, 64},
-                                    {KEY("scan", "reference_frames", INTEGER, scan.reference_frames), 2, 1000},
-                                    {KEY("scan", "settle_s", REAL, scan.settle_s), 0, 600},
-                                    {KEY("scan", "audit_poses", INTEGER, scan.audit_poses), 0, 1e6},
-                                    {KEY("scan", "exposure_max_s", REAL, scan.exposure_max_s), 0, 3600},
-                                    {KEY("camera", "window", OWN, scan.window_width), .form = &window},
-                                    {KEY("mount", "by", BOOLEAN, scan.hands), .names = hands},
-                                    {KEY("session", "sync", BOOLEAN, scan.unsynced), .names = switches},
-                                    {KEY("reference", "brdf", TEXT, facts.reference_brdf)},
-                                    {KEY("camera", "flat", TEXT, facts.flat_path)},
-                                    {0}};
+const gonio_key gonio_rig_keys[] = {
+    {KEY("rig", "driver", TEXT, driver), .standard = "sim"},
+    {KEY("rig", "operator", TEXT, facts.operator_name)},
+    {KEY("rig", "notes", TEXT, facts.notes)},
+    {KEY("rig", "serials", TEXT, facts.serials)},
+    {KEY("rig", "alignment", TEXT, alignment)},
+    {KEY("sample", "id", TEXT, facts.sample_id)},
+    {KEY("rig", "light_polarisation", OWN, facts.light_polarisation), .form = &polarisation},
+    {KEY("rig", "detector_polarisation", OWN, facts.detector_polarisation), .form = &polarisation},
+    {KEY("rig", "temperature_c", OWN, facts.temperature_c), .form = &temperature},
+    {KEY("reference", "traceability", TEXT, facts.traceability)},
+    {KEY("sample", "spec", TEXT, sample)},
+    {KEY("scan", "dark_frames", INTEGER, scan.dark_frames), 4, 1000},
+    {KEY("scan", "motion_check", INTEGER, scan.motion_check), 0, 1},
+    {KEY("scan", "trap_frames", INTEGER, scan.trap_frames), 0, 64},
+    {KEY("scan", "reference_frames", INTEGER, scan.reference_frames), 2, 1000},
+    {KEY("scan", "settle_s", REAL, scan.settle_s), 0, 600},
+    {KEY("scan", "audit_poses", INTEGER, scan.audit_poses), 0, 1e6},
+    {KEY("scan", "exposure_max_s", REAL, scan.exposure_max_s), 0, 3600},
+    {KEY("camera", "window", OWN, scan.window_width), .form = &window},
+    {KEY("mount", "by", BOOLEAN, scan.hands), .names = hands},
+    {KEY("session", "sync", BOOLEAN, scan.unsynced), .names = switches},
+    {KEY("reference", "brdf", TEXT, facts.reference_brdf)},
+    {KEY("camera", "flat", TEXT, facts.flat_path)},
+    {0}};
 
 const gonio_key gonio_rig_fact_keys[] = {
     {KEY("rig", "light_distance_mm", REAL, facts.light_distance_mm), 10, 1e5, "1000"},

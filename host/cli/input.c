@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "host/cli/input.h"
 
-#include <hdf5.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/channel.h"
 #include "base/keys.h"
 #include "gonio/session.h"
+#include "host/cli/hdf5_input.h"
 #include "io/map_file.h"
+#include "io/table.h"
 
 // A wavelength is given in nm; nobody measures below 20 nm or beyond 20 um, so a small number is in um.
 static double wavelength_nm(double given) { return given < 20 ? 1000 * given : given; }
@@ -174,6 +175,18 @@ void cli_input_tell(const char *path, const gonio_read_report *report) {
     }
 }
 
+// A table with Gonio's own header and another convention is read in silence otherwise.
+static void tell_mirror(const char *path, const gonio_samples *samples, const gonio_read_report *report) {
+    double means[2];
+    if (strcmp(report->format, "samples") == 0 && gonio_mirror_of_samples(samples, means) == 0) {
+        fprintf(stderr,
+                "gonio: %s: the largest values stand on the light's own side, at azimuth 0: a retro-reflector, or a "
+                "table whose "
+                "mirror direction is there (--columns auto --mirror-at 0)\n",
+                path);
+    }
+}
+
 bool cli_input_maps(const char *path, const cli_input *in) {
     const cli_common nothing = {0};
     const gonio_read_options options = options_of(in, &nothing);
@@ -210,15 +223,15 @@ gonio_status cli_input_read_reported(const char *path, const cli_input *in, cons
         status = cli_input_refuse(in, "a session", error);
         status = status == GONIO_OK ? gonio_session_read(path, out, error) : status;
     } else if (gonio_session_is_hdf5(path)) {
-        H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
         status = cli_input_refuse(in, "a session", error);
-        status = status == GONIO_OK ? gonio_session_read_hdf5(path, out, error) : status;
+        status = status == GONIO_OK ? cli_hdf5_read(path, out, error) : status;
         snprintf(report->format, sizeof report->format, "hdf5");
     } else {
         const gonio_read_options options = options_of(in, common);
         status = gonio_read(path, &options, out, report, error);
         if (status == GONIO_OK) {
             cli_input_tell(path, report);
+            tell_mirror(path, *out, report);
             status = in->save_map ? keep_map(path, &options, error) : GONIO_OK;
         }
         if (status != GONIO_OK) {
@@ -226,6 +239,9 @@ gonio_status cli_input_read_reported(const char *path, const cli_input *in, cons
             *out = NULL;
         }
     }
-    const bool choose = in->channel != NULL || (in->wavelength > 0 && status == GONIO_OK && (*out)->channels > 1);
+    // Of a Mueller matrix the reader has taken the wavelength already.
+    const bool chosen = strcmp(report->format, "nist") == 0;
+    const bool choose =
+        in->channel != NULL || (in->wavelength > 0 && !chosen && status == GONIO_OK && (*out)->channels > 1);
     return status == GONIO_OK && choose ? choose_channel(path, in, out, error) : status;
 }

@@ -153,9 +153,9 @@ void cli_print_mueller(const gonio_mueller_report *report) {
     } else {
         printf("%zu of no physical sample", r.unphysical);
     }
-    printf("; the smallest eigenvalue of a coherency matrix is %.3g of their sum (%s at %.5g,%.5g,%.5g,%.5g)\n", r.worst,
-           cli_text(r.worst_channel), gonio_degrees(p->theta_i), gonio_degrees(p->phi_i), gonio_degrees(p->theta_o),
-           gonio_degrees(p->phi_o));
+    printf("; the smallest eigenvalue of a coherency matrix is %.3g of their sum (%s at %.5g,%.5g,%.5g,%.5g)\n",
+           r.worst, cli_text(r.worst_channel), gonio_degrees(p->theta_i), gonio_degrees(p->phi_i),
+           gonio_degrees(p->theta_o), gonio_degrees(p->phi_o));
 }
 
 void cli_print_errors(const char *label, const gonio_errors *e) {

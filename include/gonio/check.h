@@ -50,13 +50,14 @@ gonio_status gonio_check_apply(const gonio_samples *samples, int transforms, dou
 typedef struct gonio_mueller_report {
     size_t matrices;   // sets of sixteen elements that were looked at, one a sample and matrix of channels
     size_t unphysical; // of no sample whatever
-    double tolerance;  // an eigenvalue below minus this, of their sum, is none; or 5 standard uncertainties, if that is more
+    double tolerance;  // an eigenvalue below minus this, of their sum, is none; or 5 standard uncertainties, if that is
+                       // more
     double worst;      // the smallest eigenvalue over their sum, and where
     gonio_pair worst_pair;
     char worst_channel[GONIO_CHANNEL_NAME_MAX]; // of the matrix' element 11
 } gonio_mueller_report;
-// Channels f_r11 to f_r44 (or any sixteen names that end so) are a Mueller matrix: is each physically realisable (Cloude
-// 1989)? No matrices: there are no such channels.
+// Channels f_r11 to f_r44 (or any sixteen names that end so) are a Mueller matrix: is each physically realisable
+// (Cloude 1989)? No matrices: there are no such channels.
 void gonio_check_mueller(const gonio_samples *samples, gonio_mueller_report *report);
 
 GONIO_END

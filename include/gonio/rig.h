@@ -74,7 +74,8 @@ typedef struct gonio_stage_ops {
     // to `turn`, and from there to the target.
     bool (*turns)(void *device, const double from_rad[GONIO_AXES], const double to_rad[GONIO_AXES],
                   double turn_rad[GONIO_AXES]);
-    // Optional: the largest of the axes' steps. A position is rounded to whole steps, so it is off by half of one at most.
+    // Optional: the largest of the axes' steps. A position is rounded to whole steps, so it is off by half of one at
+    // most.
     double (*step_rad)(void *device);
     bool real; // there are arms that swing: the time to settle after a move is truly waited for
 } gonio_stage_ops;

@@ -44,8 +44,8 @@ gonio_status gonio_samples_add(gonio_samples *samples, const gonio_pair *pair, c
                                const double *sigma_random, const double *sigma_systematic, gonio_error *error);
 // The group of a sample that is there; further ones take that of the sample before them.
 gonio_status gonio_samples_set_group(gonio_samples *samples, size_t index, uint16_t group, gonio_error *error);
-// Add a line to what is known of the measurement. Line breaks and control characters in it become blanks; an empty value
-// says nothing and adds nothing.
+// Add a line to what is known of the measurement. Line breaks and control characters in it become blanks; an empty
+// value says nothing and adds nothing.
 gonio_status gonio_samples_tell(gonio_samples *samples, const char *key, const char *value, gonio_error *error);
 // The first line of that key in such lines (NULL: none); false, and value "", where there is none. Cut where size is
 // less.

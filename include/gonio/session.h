@@ -231,8 +231,8 @@ gonio_status gonio_session_export(gonio_session *session, const char *path, goni
 // GONIO_E_INPUT says where it is not what it should be.
 gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_progress_fn progress, void *context,
                                   gonio_error *error);
-// The samples of such a file, as gonio_session_read gives a session's; its journal is verified, its frames are not read.
-// The caller frees them.
+// The samples of such a file, as gonio_session_read gives a session's; its journal is verified, its frames are not
+// read. The caller frees them.
 gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, gonio_error *error);
 bool gonio_session_is_hdf5(const char *path); // a file that begins as HDF5 files do
 

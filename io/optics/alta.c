@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Data files of ALTA, the library of Inria and CNRS for the analysis of BRDFs (its pages "Data file formats" and
-// "params"): header lines #KEY VALUE, of which DIM N P, PARAM_IN and PARAM_OUT say what stands in a row of N coordinates
-// and P values; then rows of text between blanks, or, behind #BEGIN_STREAM, float64 of the byte order that #ENDIAN names.
-// Angles are in radians, the azimuth 0 of difference coordinates is the light's own side. #VS 1 or 2 adds columns of
-// vertical segments, within which a fit of ALTA's has to stay: no uncertainties, and not read.
+// "params"): header lines #KEY VALUE, of which DIM N P, PARAM_IN and PARAM_OUT say what stands in a row of N
+// coordinates and P values; then rows of text between blanks, or, behind #BEGIN_STREAM, float64 of the byte order that
+// #ENDIAN names. Angles are in radians, the azimuth 0 of difference coordinates is the light's own side. #VS 1 or 2
+// adds columns of vertical segments, within which a fit of ALTA's has to stay: no uncertainties, and not read.
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -28,7 +28,9 @@ typedef struct alta {
 
 static double elevation(double x, double y) { return hypot(x, y); }
 
-static gonio_vec3 polar(double theta, double phi) { return (gonio_vec3){sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)}; }
+static gonio_vec3 polar(double theta, double phi) {
+    return (gonio_vec3){sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
+}
 
 // Difference vector -> view, about the half vector; the light is its mirror image there.
 static void from_half(double theta_h, double phi_h, double theta_d, double phi_d, gonio_vec3 *wi, gonio_vec3 *wo) {
@@ -67,17 +69,21 @@ static void cartesian(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
     *wi = (gonio_vec3){x[3], x[4], x[5]};
 }
 
-// Those that tell both directions, where coordinates lack as ALTA itself fills them in; the others are slices or averages, whose pairs of directions nobody knows.
+// Those that tell both directions, where coordinates lack as ALTA itself fills them in; the others are slices or
+// averages, whose pairs of directions nobody knows.
 static const struct parametrisation {
     const char *name;
     int coordinates;
     bool turns; // the light's azimuth is told
     void (*vectors)(const double *x, gonio_vec3 *wi, gonio_vec3 *wo);
 } parametrisations[] = {
-    {"RUSIN_TH_PH_TD_PD", 4, true, half_4},        {"RUSIN_TH_TD_PD", 3, false, half_3},
-    {"RUSIN_TH_TD", 2, false, half_2},             {"COS_TH_TD", 2, false, cosines},
+    {"RUSIN_TH_PH_TD_PD", 4, true, half_4},
+    {"RUSIN_TH_TD_PD", 3, false, half_3},
+    {"RUSIN_TH_TD", 2, false, half_2},
+    {"COS_TH_TD", 2, false, cosines},
     {"COS_TH", 1, false, halves},
-    {"SPHERICAL_TL_PL_TV_PV", 4, true, spherical}, {"ISOTROPIC_TV_TL_DPHI", 3, false, isotropic},
+    {"SPHERICAL_TL_PL_TV_PV", 4, true, spherical},
+    {"ISOTROPIC_TV_TL_DPHI", 3, false, isotropic},
     {"ISOTROPIC_TL_TV_PROJ_DPHI", 3, false, projected},
     {"ISOTROPIC_TV_PROJ_DPHI", 2, false, normal_light},
     {"CARTESIAN", 6, true, cartesian},
@@ -119,7 +125,8 @@ static gonio_status read_dimensions(alta *a, const char *value, gonio_error *err
     const double n = gonio_number_parse(value, &end), p = gonio_number_parse(end, &last);
     if (end == value || last == end || *last != 0 || !(n >= 1 && n <= 6 && n == floor(n)) ||
         !(p >= 1 && p <= 64 && p == floor(p))) {
-        return gonio_text_fail(&a->text, error, "DIM: expected 1 to 6 coordinates and 1 to 64 values, found '%.40s'", value);
+        return gonio_text_fail(&a->text, error, "DIM: expected 1 to 6 coordinates and 1 to 64 values, found '%.40s'",
+                               value);
     }
     a->coordinates = (int)n;
     a->values = (int)p;
@@ -211,14 +218,17 @@ static gonio_status read_line(alta *a, const char *line, gonio_error *error) {
 static gonio_status check_header(alta *a, bool quantity, gonio_error *error) {
     if (a->coordinates == 0 || a->in == NULL || !quantity) {
         return gonio_text_fail(&a->text, error, "the rows begin and there is no #%s",
-                               a->coordinates == 0 ? "DIM" : a->in == NULL ? "PARAM_IN" : "PARAM_OUT");
+                               a->coordinates == 0 ? "DIM"
+                               : a->in == NULL     ? "PARAM_IN"
+                                                   : "PARAM_OUT");
     }
     if (a->coordinates != a->in->coordinates) {
         return gonio_text_fail(&a->text, error, "DIM states %d coordinates, %s has %d", a->coordinates, a->in->name,
                                a->in->coordinates);
     }
-    return !a->xyz || a->values == 3 ? GONIO_OK
-                                     : gonio_text_fail(&a->text, error, "XYZ_COLOR of %d values; 3 were expected", a->values);
+    return !a->xyz || a->values == 3
+               ? GONIO_OK
+               : gonio_text_fail(&a->text, error, "XYZ_COLOR of %d values; 3 were expected", a->values);
 }
 
 // Up to the first row, of which *line is left, or the stream.
@@ -238,8 +248,9 @@ static gonio_status read_header(alta *a, const gonio_source *source, char **line
     }
     status = status == GONIO_OK ? check_header(a, quantity, error) : status;
     if (status == GONIO_OK && a->binary != (a->stream > 0)) {
-        status = gonio_text_fail(&a->text, error, a->binary ? "FORMAT binary without #BEGIN_STREAM"
-                                                            : "#BEGIN_STREAM without #FORMAT binary");
+        status =
+            gonio_text_fail(&a->text, error,
+                            a->binary ? "FORMAT binary without #BEGIN_STREAM" : "#BEGIN_STREAM without #FORMAT binary");
     }
     return status;
 }
@@ -295,14 +306,14 @@ static gonio_status read_text(alta *a, char *line, gonio_error *error) {
     for (; status == GONIO_OK && line != NULL; line = gonio_text_content(&a->text)) {
         const int n = gonio_text_split(line, ' ', fields, COLUMNS_MAX);
         // Segments stand behind the first value alone or behind all, as the writer had it.
-        const bool right = n == columns || (a->segments > 0 && (n == columns + a->segments || n == columns + a->segments * a->values));
+        const bool right =
+            n == columns || (a->segments > 0 && (n == columns + a->segments || n == columns + a->segments * a->values));
         status = right ? GONIO_OK
                        : gonio_text_fail(&a->text, error, "expected %d coordinates and %d values%s, found %d numbers",
                                          a->coordinates, a->values, a->segments > 0 ? " and their segments" : "", n);
         for (int k = 0; status == GONIO_OK && k < columns; k++) {
-            status = k < a->coordinates
-                         ? gonio_text_number(&a->text, fields[k], "coordinate", &row[k], error)
-                         : gonio_row_collector_number(&a->collector, fields[k], "value", &row[k], error);
+            status = k < a->coordinates ? gonio_text_number(&a->text, fields[k], "coordinate", &row[k], error)
+                                        : gonio_row_collector_number(&a->collector, fields[k], "value", &row[k], error);
         }
         status = status == GONIO_OK ? add_row(a, row, error) : status;
     }
@@ -323,14 +334,16 @@ static gonio_status read_stream(alta *a, const gonio_source *source, gonio_error
     const size_t there = source->size - a->stream;
     if (!(a->count >= 1 && a->count == floor(a->count)) || a->count > (double)(there / (8 * wide))) {
         return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)source->size,
-                               "SAMPLE_COUNT %g of %zu numbers a row; %zu bytes follow #BEGIN_STREAM", a->count, wide, there);
+                               "SAMPLE_COUNT %g of %zu numbers a row; %zu bytes follow #BEGIN_STREAM", a->count, wide,
+                               there);
     }
     const size_t end = a->stream + (size_t)a->count * wide * 8;
     const char *mark = source->data + end;
     mark += *mark == '\r';
     mark += *mark == '\n';
     if (strncmp(mark, "#END_STREAM", 11) != 0) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)end, "expected #END_STREAM behind the stream");
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)end,
+                               "expected #END_STREAM behind the stream");
     }
     gonio_status status = GONIO_OK;
     double row[COLUMNS_MAX];
@@ -377,25 +390,31 @@ static gonio_status read_rows(alta *a, const gonio_source *source, char *line, g
 }
 
 // What the reader itself reads; the rest of the header are commands and notes.
-static const gonio_declaration declarations[] = {
-    {"DIM", NULL, GONIO_DECLARED_NOTHING},          {"PARAM_IN", NULL, GONIO_DECLARED_NOTHING},
-    {"PARAM_OUT", NULL, GONIO_DECLARED_NOTHING},    {"VS", NULL, GONIO_DECLARED_NOTHING},
-    {"FORMAT", NULL, GONIO_DECLARED_NOTHING},       {"VERSION", NULL, GONIO_DECLARED_NOTHING},
-    {"PRECISION", NULL, GONIO_DECLARED_NOTHING},    {"SAMPLE_COUNT", NULL, GONIO_DECLARED_NOTHING},
-    {"ENDIAN", NULL, GONIO_DECLARED_NOTHING},       {"BEGIN_STREAM", NULL, GONIO_DECLARED_NOTHING},
-    {"ALTA", NULL, GONIO_DECLARED_NOTHING},         {"CMD", NULL, GONIO_DECLARED_NOTHING},
-    {"radian", NULL, GONIO_DECLARED_NOTHING},       {"angle_units", "radian|radians|rad", GONIO_DECLARED_NOTHING},
-    {0}};
+static const gonio_declaration declarations[] = {{"DIM", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"PARAM_IN", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"PARAM_OUT", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"VS", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"FORMAT", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"VERSION", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"PRECISION", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"SAMPLE_COUNT", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"ENDIAN", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"BEGIN_STREAM", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"ALTA", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"CMD", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"radian", NULL, GONIO_DECLARED_NOTHING},
+                                                 {"angle_units", "radian|radians|rad", GONIO_DECLARED_NOTHING},
+                                                 {0}};
 
 static gonio_status read_alta(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     alta a = {.text = gonio_text_begin(source->path, source->data, source->size), .count = -1};
     // Bytes of a stream declare nothing.
     const char *stream = strstr(source->data, "#BEGIN_STREAM");
-    const gonio_source head = {source->path, source->data, stream != NULL ? (size_t)(stream - source->data) : source->size};
+    const gonio_source head = {source->path, source->data,
+                               stream != NULL ? (size_t)(stream - source->data) : source->size};
     char *line = NULL;
-    gonio_status status =
-        gonio_row_collector_begin(&a.collector, &a.text, &head, values, declarations, "alta", error);
+    gonio_status status = gonio_row_collector_begin(&a.collector, &a.text, &head, values, declarations, "alta", error);
     status = status == GONIO_OK ? read_header(&a, source, &line, error) : status;
     if (a.binary) {
         a.collector.report.open_end = source->data[source->size - 1] != '\n';

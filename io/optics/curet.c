@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The BRDFs of CUReT, the Columbia-Utrecht reflectance and texture database (K. J. Dana, B. van Ginneken, S. K. Nayar and
-// J. J. Koenderink, 1999; its page "BRDF measurement database"): abrdf.dat, and rbrdf.dat, gbrdf.dat, bbrdf.dat for
+// The BRDFs of CUReT, the Columbia-Utrecht reflectance and texture database (K. J. Dana, B. van Ginneken, S. K. Nayar
+// and J. J. Koenderink, 1999; its page "BRDF measurement database"): abrdf.dat, and rbrdf.dat, gbrdf.dat, bbrdf.dat for
 // colours, hold a row a sample, its number and 205 values of f_r in 1/sr. Which directions these belong to stands in a
-// table of its own, a row a measurement: its number, theta_v, phi_v, theta_i, phi_i in radians. That table is --directions,
-// by default table.txt beside the file.
+// table of its own, a row a measurement: its number, theta_v, phi_v, theta_i, phi_i in radians. That table is
+// --directions, by default table.txt beside the file.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,7 +35,8 @@ static bool recognise(const gonio_source *source) {
 
 // ---- the directions ----
 
-static gonio_status read_direction(const gonio_text *text, char *line, int index, gonio_pair *pair, gonio_error *error) {
+static gonio_status read_direction(const gonio_text *text, char *line, int index, gonio_pair *pair,
+                                   gonio_error *error) {
     static const char *const names[ANGLES] = {"theta_v", "phi_v", "theta_i", "phi_i"};
     char *fields[ANGLES + 1];
     double number, a[ANGLES];
@@ -53,7 +54,8 @@ static gonio_status read_direction(const gonio_text *text, char *line, int index
     status = status == GONIO_OK ? gonio_polar_rad(text, names[0], a[0], &pair->theta_o, error) : status;
     status = status == GONIO_OK ? gonio_polar_rad(text, names[2], a[2], &pair->theta_i, error) : status;
     if (status == GONIO_OK && !(fabs(a[1]) <= 2 * GONIO_PI && fabs(a[3]) <= 2 * GONIO_PI)) {
-        status = gonio_text_fail(text, error, "expected azimuths of -2 pi to 2 pi radians, found %g and %g", a[1], a[3]);
+        status =
+            gonio_text_fail(text, error, "expected azimuths of -2 pi to 2 pi radians, found %g and %g", a[1], a[3]);
     }
     if (status == GONIO_OK) {
         pair->phi_o = gonio_angle_canonical(remainder(a[1], 2 * GONIO_PI));
@@ -75,9 +77,10 @@ static gonio_status read_directions(const gonio_source *source, const char *give
     if (status != GONIO_OK) {
         free(path);
         return status == GONIO_E_INPUT && given[0] == 0 && error != NULL
-                   ? gonio_fail_line(error, GONIO_E_INPUT, source->path, -1,
-                                     "its directions stand in a table of their own; name it with --directions, or put it "
-                                     "beside the file as " STANDARD)
+                   ? gonio_fail_line(
+                         error, GONIO_E_INPUT, source->path, -1,
+                         "its directions stand in a table of their own; name it with --directions, or put it "
+                         "beside the file as " STANDARD)
                    : status;
     }
     int n = 0;
@@ -85,7 +88,8 @@ static gonio_status read_directions(const gonio_source *source, const char *give
         status = read_direction(&text, line, n, &pairs[n], error);
     }
     if (status == GONIO_OK && (n < MEASUREMENTS || gonio_text_content(&text) != NULL)) {
-        status = gonio_text_fail(&text, error, "expected %d measurements, found %s", MEASUREMENTS, n < MEASUREMENTS ? "fewer" : "more");
+        status = gonio_text_fail(&text, error, "expected %d measurements, found %s", MEASUREMENTS,
+                                 n < MEASUREMENTS ? "fewer" : "more");
     }
     gonio_text_free(&text);
     free(path);
@@ -114,9 +118,10 @@ static gonio_status read_row(gonio_text *text, size_t wanted, gonio_row_collecto
     for (char *line; status == GONIO_OK && (line = gonio_text_content(text)) != NULL; rows++) {
         double number;
         const int n = gonio_text_split(line, ' ', fields, MEASUREMENTS + 1);
-        status = n == MEASUREMENTS + 1 ? gonio_text_number(text, fields[0], "sample", &number, error)
-                                       : gonio_text_fail(text, error, "expected a sample's number and %d values, found %d numbers",
-                                                         MEASUREMENTS, n);
+        status = n == MEASUREMENTS + 1
+                     ? gonio_text_number(text, fields[0], "sample", &number, error)
+                     : gonio_text_fail(text, error, "expected a sample's number and %d values, found %d numbers",
+                                       MEASUREMENTS, n);
         if (status == GONIO_OK && wanted == 0 && rows > 0) {
             return gonio_fail_line(error, GONIO_E_INPUT, text->path, text->line,
                                    "the file holds several samples; --sample chooses one by its number");
@@ -150,7 +155,8 @@ static gonio_status read_curet(const gonio_source *source, const gonio_format_va
 
 static const gonio_format_option options[] = {
     GONIO_TEXT_OPTIONS,
-    [DIRECTIONS] = {"directions", GONIO_FORMAT_TEXT, "FILE", "", "the table of directions (" STANDARD " beside the file)"},
+    [DIRECTIONS] = {"directions", GONIO_FORMAT_TEXT, "FILE", "",
+                    "the table of directions (" STANDARD " beside the file)"},
     [SAMPLE] = {"sample", GONIO_FORMAT_COUNT, "N", "0", "which sample of several"},
     {0}};
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// TracePro's exported surface properties ("Surface Property Import/Export Format" of its help): header lines, a table of
-// specular terms, then behind a line Table_BSDF_Data rows of temperature (K), wavelength (um), polar angle and azimuth of
-// incidence (degrees), length and azimuth (degrees) of the vector beta - beta_0, BRDF and BTDF (1/sr). beta is the
-// outgoing direction's projection on the surface, beta_0 that of the mirror direction; azimuth 0 is taken to point from
-// the normal outwards, in the plane of incidence. A symmetric table (Scatter 4) holds at every azimuth and is read at five.
+// TracePro's exported surface properties ("Surface Property Import/Export Format" of its help): header lines, a table
+// of specular terms, then behind a line Table_BSDF_Data rows of temperature (K), wavelength (um), polar angle and
+// azimuth of incidence (degrees), length and azimuth (degrees) of the vector beta - beta_0, BRDF and BTDF (1/sr). beta
+// is the outgoing direction's projection on the surface, beta_0 that of the mirror direction; azimuth 0 is taken to
+// point from the normal outwards, in the plane of incidence. A symmetric table (Scatter 4) holds at every azimuth and
+// is read at five.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,8 +21,8 @@ typedef struct tracepro {
     gonio_text text;
     gonio_row_collector collector;
     gonio_long_rows rows;
-    int scatter;   // the type of its data
-    double kelvin; // of all rows; NaN: none yet
+    int scatter;                       // the type of its data
+    double kelvin;                     // of all rows; NaN: none yet
     size_t transmitted, below, turned; // rows with a BTDF; nodes below the horizon; rows of another azimuth
     char name[200], made[100];
 } tracepro;
@@ -33,7 +34,8 @@ static bool recognise(const gonio_source *source) {
 
 static const char *value_of(const char *line, const char *key) {
     const size_t n = strlen(key);
-    return strncmp(line, key, n) == 0 && (line[n] == ' ' || line[n] == '\t') ? line + n + strspn(line + n, " \t") : NULL;
+    return strncmp(line, key, n) == 0 && (line[n] == ' ' || line[n] == '\t') ? line + n + strspn(line + n, " \t")
+                                                                             : NULL;
 }
 
 static gonio_status read_scatter(tracepro *t, const char *value, gonio_error *error) {
@@ -59,17 +61,20 @@ static gonio_status read_header(tracepro *t, gonio_error *error) {
             for (int k = 0; k < COLUMNS && status == GONIO_OK; k++) {
                 status = k < n && n == COLUMNS && strcmp(fields[k], names[k]) == 0
                              ? GONIO_OK
-                             : gonio_text_fail(&t->text, error, "expected the columns Temperature to BTDF, of which %s is %d.",
-                                               names[k], k + 1);
+                             : gonio_text_fail(&t->text, error,
+                                               "expected the columns Temperature to BTDF, of which %s is %d.", names[k],
+                                               k + 1);
             }
             return status == GONIO_OK && t->scatter == 0
-                       ? gonio_text_fail(&t->text, error, "the table begins and no line Scatter says of which type it is")
+                       ? gonio_text_fail(&t->text, error,
+                                         "the table begins and no line Scatter says of which type it is")
                        : status;
         }
         if ((value = value_of(line, "Scatter")) != NULL) {
             status = read_scatter(t, value, error);
         } else if ((value = value_of(line, "Interaction")) != NULL && strcmp(value, "0") != 0) {
-            status = gonio_text_fail(&t->text, error, "Interaction: expected 0, found '%.20s' (a retro-reflector)", value);
+            status =
+                gonio_text_fail(&t->text, error, "Interaction: expected 0, found '%.20s' (a retro-reflector)", value);
         } else if ((value = value_of(line, "Name")) != NULL) {
             snprintf(t->name, sizeof t->name, "%s", value);
         } else if ((value = value_of(line, "Data generated at")) != NULL) {
@@ -100,16 +105,17 @@ static gonio_status add_node(tracepro *t, const double *v, double azimuth_deg, g
 }
 
 static gonio_status check_row(tracepro *t, const double *v, gonio_error *error) {
-    if (!(v[1] > 0.02 && v[1] < 1000) || !(v[2] >= 0 && v[2] < 90) || !(fabs(v[3]) <= 360) || !(v[4] >= 0 && v[4] <= 2) ||
-        !(fabs(v[5]) <= 360)) {
-        return gonio_text_fail(&t->text, error,
-                               "expected a wavelength in um, an incidence of 0 to 90 deg, a length of 0 to 2 and azimuths "
-                               "of -360 to 360 deg, found %g, %g, %g, %g and %g",
-                               v[1], v[2], v[4], v[3], v[5]);
+    if (!(v[1] > 0.02 && v[1] < 1000) || !(v[2] >= 0 && v[2] < 90) || !(fabs(v[3]) <= 360) ||
+        !(v[4] >= 0 && v[4] <= 2) || !(fabs(v[5]) <= 360)) {
+        return gonio_text_fail(
+            &t->text, error,
+            "expected a wavelength in um, an incidence of 0 to 90 deg, a length of 0 to 2 and azimuths "
+            "of -360 to 360 deg, found %g, %g, %g, %g and %g",
+            v[1], v[2], v[4], v[3], v[5]);
     }
     if (!isnan(t->kelvin) && v[0] != t->kelvin) {
-        return gonio_text_fail(&t->text, error, "a table for %g K behind one for %g K; keep one temperature in the file", v[0],
-                               t->kelvin);
+        return gonio_text_fail(
+            &t->text, error, "a table for %g K behind one for %g K; keep one temperature in the file", v[0], t->kelvin);
     }
     t->kelvin = v[0];
     return GONIO_OK;

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # libFuzzer targets for everything that reads what users give or devices answer; bounded by FUZZ_SECONDS a target.
 FUZZ_SECONDS ?= 20
-FUZZ_TARGETS ?= read model spec plan rig session modbus usbtmc devices
-FUZZ_BINS := $(addprefix $(B)/tests/fuzz/fuzz_,read model spec plan rig session modbus usbtmc devices)
+FUZZ_TARGETS ?= read model spec plan rig session hdf5 modbus usbtmc devices
+FUZZ_BINS := $(addprefix $(B)/tests/fuzz/fuzz_,read model spec plan rig session hdf5 modbus usbtmc devices)
 
 .PHONY: fuzz fuzz-build
 fuzz: deps ## fuzz what is read and answered for FUZZ_SECONDS (20) each, with clang's libFuzzer; FUZZ_TARGETS chooses

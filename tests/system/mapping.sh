@@ -106,4 +106,73 @@ check "look of what lacks an angle: says so" grep -q '^open .*theta_i is in no c
 exits "no picture of that" 2 "$GONIO" look bare.txt --picture bare.svg
 printf 'hello\nworld\n' >prose.txt
 exits "look of prose" 3 "$GONIO" look prose.txt
+# ---- matrices, footers, quotes, retro-reflectors ----
+python3 - <<'PY'
+import math
+f = lambda ti, to, p: .1 + .8 * math.exp(-(math.degrees(math.acos(max(-1, min(1, math.cos(math.radians(ti)) * math.cos(math.radians(to)) -
+    math.sin(math.radians(ti)) * math.sin(math.radians(to)) * math.cos(math.radians(p)))))) / 8) ** 2)
+tis, tos, phis = [10, 30, 50, 70], range(0, 81, 10), [0, 45, 90, 135, 180]
+rows = [(ti, to, p, round(f(ti, to, p), 5)) for p in phis for to in tos for ti in tis]
+def put(name, text): open(name, 'w', encoding='utf-8').write(text)
+put('long.text', 'theta_i;theta_o;phi;BRDF\n' + ''.join('%g;%g;%g;%g\n' % r for r in rows))
+cell = {r[:3]: r[3] for r in rows}
+def block(p, corner, sep, dec='.'):
+    return (corner + sep.join(map(str, tis)) + '\n' + ''.join(str(to) + sep + sep.join(str(cell[ti, to, p]).replace('.', dec) for ti in tis) + '\n' for to in tos))
+put('blocks.text', 'Our lab\n' + '\n'.join('phi = %d deg\n' % p + block(p, 'to/ti ', ' ') for p in phis))
+put('comma.text', '\n'.join('# Azimut %d\n' % p + block(p, 'x;', ';', ',') for p in phis))
+put('bare.text', '\n'.join('phi %d\n' % p + block(p, '', ' ') for p in phis))
+put('once.text', 'corner,' + ','.join(map(str, tis)) + '\n' + ''.join('phi: %d\n' % p + block(p, 'c,', ',').split('\n', 1)[1] for p in phis))
+put('waves.text', 'incidence 30 deg\nnm;0;10;20;30;40\n' + ''.join('%d;' % w + ';'.join(str(cell[30, to, 180]) for to in (0, 10, 20, 30, 40)) + '\n' for w in (400, 500, 600)))
+put('footer.text', open('long.text').read() + '\nEnd of data\nMean; 0.1\n')
+put('quoted.text', '"Incidence, deg","Detector, deg","Azimuth, deg","BRDF, 1/sr"\n' + ''.join('"%s","%s","%s","%s"\n' % tuple(str(v).replace('.', ',') for v in r) for r in rows))
+put('degrees.text', 'theta_i;theta_o;phi;BRDF\n' + ''.join('%g\u00b0;%g\u00b0;%g\u00b0;%g\n' % r for r in rows))
+put('elevation.text', 'elevation_i;elevation_o;phi;BRDF\n' + ''.join('%g;%g;%g;%g\n' % (90 - r[0], 90 - r[1], r[2], r[3]) for r in rows))
+put('empty.text', 'theta_i;theta_o;phi;BRDF\n' + ''.join('%g;%g;%g;%s\n' % (*r[:3], '' if i % 9 == 4 else r[3]) for i, r in enumerate(rows)))
+put('german.text', 'Einfallswinkel;Ausfallswinkel;Azimut;BRDF\n' + ''.join('%g;%g;%g;%g\n' % r for r in rows).replace('.', ','))
+put('percent.text', 'theta_i;theta_o;phi;BRDF;uncertainty [%]\n' + ''.join('%g;%g;%g;%g;2\n' % r for r in rows))
+put('sheet.text', 'theta_i;theta_o;BRDF\n' + ''.join('%d;%d;%g\n' % (ti, to, .1 + 5 * math.exp(-((to - ti) / 3) ** 2) + math.exp(-((to + ti) / 5) ** 2)) for ti in (20, 30, 45) for to in range(-80, 81, 2)))
+PY
+"$GONIO" convert long.text long.csv --columns auto 2>/dev/null
+# same NAME FILE OPTIONS...: the same samples as the table of rows, in whatever order, whatever the values are called.
+bare() { tail -n +2 "$1" | sort; }
+same() {
+    name=$1 file=$2
+    shift 2
+    rm -f out.csv
+    "$GONIO" convert $file out.csv "$@" >said 2>&1
+    bare out.csv >left 2>/dev/null
+    bare long.csv >right
+    check "$name" cmp left right
+}
+same "blocks under headings" blocks.text --matrix theta_o,theta_i,phi
+same "headings in comments, decimal commas" comma.text --matrix theta_o,theta_i,phi
+same "no corner" bare.text --matrix theta_o,theta_i,phi
+same "the columns' heads stand once" once.text --matrix theta_o,theta_i,phi
+same "footers" footer.text --columns auto
+check "are counted" grep -q "2 lines of text behind the table are not read" said
+same "separators between quotes" quoted.text --columns auto
+same "degrees by their sign" degrees.text --columns auto
+same "angles from the surface" elevation.text --columns auto --elevation
+same "German names" german.text --columns auto
+same "a relative uncertainty is no channel" percent.text --columns auto
+check "and named" grep -q "not read: uncertainty" said
+"$GONIO" convert empty.text out.csv --columns auto >said 2>&1
+check "an empty value is a missing one" grep -q "20 rows with an empty field" said
+for file in blocks comma bare once waves quoted degrees elevation german empty percent; do
+    options=$("$GONIO" look $file.text 2>/dev/null | sed -n 's/^propose *gonio fit [^ ]* \(.*\) -o MODEL.gonio$/\1/p')
+    check "look proposes for $file: $options" sh -c '[ -n "$3" ] && eval "\"$1\" convert $2.text proposed.csv $3"' - "$GONIO" $file "$options"
+done
+exits "wavelengths in rows" 0 "$GONIO" convert waves.text out.csv --matrix wavelength,theta_o --columns theta_i=30deg
+check "are channels" grep -q 400nm,500nm,600nm out.csv
+exits "a second block without a key" 3 "$GONIO" convert blocks.text out.csv --matrix theta_o,theta_i
+says "is named" "begins another block"
+exits "rows and columns are two things" 2 "$GONIO" convert blocks.text out.csv --matrix theta_o,theta_o
+printf 'phi 1\nx;10;20\n30;1;bad\n' >t.text
+exits "a bad cell" 3 "$GONIO" convert t.text out.csv --matrix theta_o,theta_i,phi
+says "has its line" "t.text:3"
+exits "two peaks leave the mirror open" 3 "$GONIO" fit sheet.text --columns auto --signed
+says "and ask" "--mirror-at 180"
+check "look asks as well" tells 0 "peaks stand on both sides" "$GONIO" look sheet.text
+exits "with --mirror-at it is read" 0 "$GONIO" convert sheet.text out.csv --columns auto --signed --mirror-at 180
+
 finish

@@ -71,6 +71,19 @@ exits "a certificate in percent" 3 "$GONIO" calibrate reference c.csv
 printf 'nm,reflectance,U (k=2)\n350,0.9,0.01\n800,0.9,0.01\n' >c.csv
 exits "a certificate's expanded uncertainty" 3 "$GONIO" calibrate reference c.csv
 
+# ---- what the measurement was ----
+for format in samples cornell nist retro; do
+    eval "body=\$$format"
+    [ $format = retro ] && first='#SAMPLE x\n' || first=
+    printf "$first# light_half_angle_deg = 0.5\n# Operator: me\n# sample = white, 3 mm\n$body" >t.text
+    check "$format keeps its head" tells 0 '"operator":"me"' "$GONIO" info --json t.text
+    convert
+    check "$format: in a samples file" grep -q '^# light_half_angle_deg = 0.5$' out.csv
+    printf "$first# temperature_c = warm\n$body" >t.text
+    exits "$format: a figure that is none" 3 "$GONIO" convert t.text out.csv --to samples
+    says "$format: is named" "temperature_c"
+done
+
 # ---- columns ----
 for name in wavelength Wavelength lambda wavelength_nm 'wavelength (nm)' 'lambda [nm]' wl; do
     heeded "a row for each wavelength: $name" "$header,$name,brdf\n1,0,2,0,450,1\n1,0,2,0,550,2\n1,0,3,0,450,3\n1,0,3,0,550,4\n" \

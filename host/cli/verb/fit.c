@@ -20,14 +20,13 @@ static bool on_progress(void *context, double fraction, const char *what, double
 }
 
 static json_t *to_json(const fit_arguments *a, const char *input, const gonio_fit_report *r) {
-    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o,s:o}", "method", r->method, "level",
-                     r->level, "coordinates", gonio_coordinates_name(r->coordinates), "domain",
+    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o,s:o}", "method", r->method,
+                     "level", r->level, "coordinates", gonio_coordinates_name(r->coordinates), "domain",
                      gonio_domain_name(r->domain), "samples", (json_int_t)r->samples, "channels", r->channels,
                      "control_points", (json_int_t)r->control_points, "bytes", (json_int_t)r->bytes, "fit_seconds",
                      cli_json_real(r->fit_seconds), "train", cli_json_errors(&r->train), "held_out",
                      cli_json_errors(&r->held_out), "options", r->options, "note", r->note, "input", input, "model",
-                     a->output, "sampled", cli_json_coverage(&a->coverage), "mueller",
-                     cli_json_mueller(&a->mueller));
+                     a->output, "sampled", cli_json_coverage(&a->coverage), "mueller", cli_json_mueller(&a->mueller));
 }
 
 static void print(const fit_arguments *a, const gonio_fit_report *r) {

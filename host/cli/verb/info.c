@@ -288,9 +288,9 @@ static gonio_status file_info(const info_request *r, json_t **out, gonio_error *
     if (status == GONIO_OK) {
         gonio_mueller_report mueller;
         gonio_check_mueller(s, &mueller);
-        *out = json_pack("{s:s,s:o,s:s,s:I,s:b,s:b,s:i,s:o,s:o,s:o,s:o,s:o}", "kind", "file", "path", cli_json_text(r->path),
-                         "format", report.format, "samples", (json_int_t)s->n, "isotropic", (int)s->isotropic, "sigma",
-                         s->sigma_random != NULL, "channels", s->channels, "names",
+        *out = json_pack("{s:s,s:o,s:s,s:I,s:b,s:b,s:i,s:o,s:o,s:o,s:o,s:o}", "kind", "file", "path",
+                         cli_json_text(r->path), "format", report.format, "samples", (json_int_t)s->n, "isotropic",
+                         (int)s->isotropic, "sigma", s->sigma_random != NULL, "channels", s->channels, "names",
                          names_json((const char(*)[32])s->channel_names, s->channels), "sha256",
                          hash[0] != 0 ? json_string(hash) : json_null(), "head", head_json(s->head), "sampled",
                          cli_json_coverage(&coverage), "mueller", cli_json_mueller(&mueller));

@@ -46,8 +46,8 @@ static json_t *to_json(const char *path, const gonio_samples *s, const channel_r
     gonio_mueller_report mueller;
     gonio_check_mueller(s, &mueller);
     return json_pack("{s:s,s:b,s:b,s:o,s:o,s:o}", "input", path, "isotropic", (int)s->isotropic, "sigma",
-                     s->sigma_random != NULL, "channels", channels, "sampled", cli_json_coverage(coverage),
-                     "mueller", cli_json_mueller(&mueller));
+                     s->sigma_random != NULL, "channels", channels, "sampled", cli_json_coverage(coverage), "mueller",
+                     cli_json_mueller(&mueller));
 }
 
 static void print(const gonio_samples *s, const channel_range *ranges, const gonio_coverage *coverage) {
