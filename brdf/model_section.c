@@ -86,36 +86,42 @@ static gonio_status about_part(const gonio_model *model, gonio_file_part *part, 
     return GONIO_OK;
 }
 
-gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
-                                    gonio_error *error) {
+static gonio_model_file_head make_head(const gonio_model *model, const gonio_file_part *names,
+                                       const gonio_file_part *about, const gonio_file_part *parts, int n) {
     gonio_model_file_head h = {.version = GONIO_MODEL_FILE_VERSION,
                                .order = GONIO_MODEL_FILE_ORDER,
                                .channels = (uint32_t)model->channels,
                                .flags = model->isotropic ? GONIO_MODEL_FILE_ISOTROPIC : 0};
     memcpy(h.magic, GONIO_MODEL_FILE_MAGIC, sizeof h.magic);
     strncpy(h.kind, model->ops->kind, sizeof h.kind - 1);
-    const gonio_file_part names = {model->channel_names, 32 * (size_t)model->channels};
-    gonio_file_part about = {0};
-    gonio_status status = about_part(model, &about, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    h.section = sizeof h + aligned(names.length) + aligned(about.length);
+    h.section = sizeof h + aligned(names->length) + aligned(about->length);
     h.length = h.section;
     for (int i = 0; i < n; i++) {
         h.length += aligned(parts[i].length);
     }
     // A part that ends inside a block of 64 is summed with zeros up to the block's end, as it is written.
     gonio_checksum sum = gonio_model_file_checksum(&h);
-    gonio_checksum_add(&sum, names.data, names.length);
-    if (about.length > 0) {
-        gonio_checksum_add(&sum, about.data, about.length);
+    gonio_checksum_add(&sum, names->data, names->length);
+    if (about->length > 0) {
+        gonio_checksum_add(&sum, about->data, about->length);
     }
     for (int i = 0; i < n; i++) {
         gonio_checksum_add(&sum, parts[i].data, parts[i].length);
     }
     sum.length = h.length;
     h.checksum = gonio_checksum_end(&sum);
+    return h;
+}
+
+gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
+                                    gonio_error *error) {
+    const gonio_file_part names = {model->channel_names, 32 * (size_t)model->channels};
+    gonio_file_part about = {0};
+    gonio_status status = about_part(model, &about, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const gonio_model_file_head h = make_head(model, &names, &about, parts, n);
     gonio_output *output;
     status = gonio_output_open(path, &output, error);
     if (status != GONIO_OK) {

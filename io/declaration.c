@@ -224,6 +224,9 @@ static gonio_status keep(const char *comment, size_t length, const char *rest, c
                          gonio_declared *declared, gonio_error *error) {
     char key[GONIO_HEAD_KEY_MAX];
     size_t n = 0;
+    if (!gonio_text_is_printable(rest)) {
+        return GONIO_OK; // without its control characters it would be another text
+    }
     if (d != NULL) {
         snprintf(key, sizeof key, "%s", d->key);
     } else {
@@ -259,6 +262,15 @@ static gonio_status check_figure(const gonio_source *source, long long line, con
                                                 "%s: expected a number of 0 or more, found '%.60s'", d->key, text);
 }
 
+static void take_synonym(char key[NAME], const char *value) {
+    for (size_t k = 0; k < sizeof synonyms / sizeof *synonyms; k++) {
+        // "values: 1200" counts them.
+        if (strcmp(key, synonyms[k][0]) == 0 && (key[0] != 'v' || !isdigit((unsigned char)value[0]))) {
+            snprintf(key, NAME, "%s", synonyms[k][1]);
+        }
+    }
+}
+
 static gonio_status heed(const gonio_source *source, long long line, const char *comment, const gonio_declaration *own,
                          gonio_declared *declared, gonio_error *error) {
     const size_t mark = strcspn(comment, "=:"), capital = capital_key(comment);
@@ -268,24 +280,16 @@ static gonio_status heed(const gonio_source *source, long long line, const char 
     char key[NAME], value[NAME];
     plain(comment, length, key, sizeof key);
     plain(rest, strlen(rest), value, sizeof value);
-    for (size_t k = 0; k < sizeof synonyms / sizeof *synonyms; k++) {
-        // "values: 1200" counts them.
-        if (strcmp(key, synonyms[k][0]) == 0 && (key[0] != 'v' || !isdigit((unsigned char)value[0]))) {
-            snprintf(key, sizeof key, "%s", synonyms[k][1]);
-        }
-    }
+    take_synonym(key, value);
     bool known = false;
     const gonio_declaration *d = look_up(own, key, value, &known);
     d = d != NULL || known ? d : look_up(gonio_declarations_common, key, value, &known);
     if (d != NULL) {
         apply(d, rest, declared);
-        gonio_status status = GONIO_OK;
-        if (d->effect == GONIO_DECLARED_FIGURE) {
-            status = check_figure(source, line, d, rest, error);
-        }
-        return status == GONIO_OK && (d->effect == GONIO_DECLARED_FIGURE || d->effect == GONIO_DECLARED_KNOWN)
-                   ? keep(comment, length, rest, d, declared, error)
-                   : status;
+        const bool kept = d->effect == GONIO_DECLARED_FIGURE || d->effect == GONIO_DECLARED_KNOWN;
+        const gonio_status status =
+            d->effect == GONIO_DECLARED_FIGURE ? check_figure(source, line, d, rest, error) : GONIO_OK;
+        return status == GONIO_OK && kept ? keep(comment, length, rest, d, declared, error) : status;
     }
     if (known) {
         return refuse(source, line, comment, "the value", error);

@@ -363,19 +363,28 @@ static gonio_status find_any(const gonio_source *source, char **fields, gonio_ta
     return status;
 }
 
-// Lines at the end that neither begin with a number nor have as many fields as a row.
+// Could the line be a row, or what is left of one?
+static bool is_near_row(char *line, char **fields, const gonio_table_layout *l) {
+    double value;
+    const int n = gonio_table_split(line, l->separator, l->columns, fields, GONIO_TABLE_COLUMNS_MAX);
+    return n == l->columns || n > GONIO_TABLE_COLUMNS_MAX || gonio_table_number(fields[0], l->decimal, &value);
+}
+
+// Footers are lines at the end that could be no row; right behind the table, without an empty line, they hold no digit.
 static void find_last(const gonio_source *source, char **fields, gonio_table_layout *l) {
     gonio_table_lines lines = gonio_table_lines_begin(source);
+    bool apart = false;
     l->last_row = l->first_row;
     for (char *line; (line = gonio_table_lines_next(&lines)) != NULL;) {
-        double value;
         if (lines.number <= l->first_row || gonio_table_is_blank(line)) {
+            apart = apart || line[0] == 0;
             continue;
         }
-        const int n = gonio_table_split(line, l->separator, l->columns, fields, GONIO_TABLE_COLUMNS_MAX);
-        if (n == l->columns || n > GONIO_TABLE_COLUMNS_MAX || gonio_table_number(fields[0], l->decimal, &value)) {
+        const bool digits = strpbrk(line, "0123456789") != NULL;
+        if (is_near_row(line, fields, l) || (digits && !apart && l->footers == 0)) {
             l->last_row = lines.number;
             l->footers = 0;
+            apart = false;
         } else {
             l->first_footer = l->footers == 0 ? lines.number : l->first_footer;
             l->footers++;
@@ -394,6 +403,10 @@ static bool has_names(const gonio_mapping *m) {
 
 static gonio_status find(const gonio_source *source, const gonio_mapping *m, char **fields, gonio_table_layout *l,
                          gonio_error *error) {
+    if (m->separator == ',' && m->decimal == ',' && memchr(source->data, '"', source->size) == NULL) {
+        return gonio_fail(error, GONIO_E_USAGE,
+                          "a comma is either the separator or the decimal sign, unless numbers stand between quotes");
+    }
     if (!find_signs(source, m, fields, l)) {
         return gonio_fail_line(error, GONIO_E_INPUT, source->path, 1,
                                "no table in it: no rows of two numbers or more%s",

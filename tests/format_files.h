@@ -141,7 +141,7 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
              "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>") "{{1}{2}{3}{4}{5 6 7 8 9 10 11 "
                                                            "12}{0.5}{0.25}{0.125}}\n" RADIANCE_END},
         {"alta", "alta",
-         "a note of nobody's\n#ALTA HEADER\n#DIM 3 3\n#PARAM_IN  RUSIN_TH_TD_PD\n#PARAM_OUT RGB_COLOR\n#VS 1 0 "
+         "# a note of nobody's\n#ALTA HEADER\n#DIM 3 3\n#PARAM_IN  RUSIN_TH_TD_PD\n#PARAM_OUT RGB_COLOR\n#VS 1 0 "
          "0\n#ALTA END HEADER\n"
          "0.1 0.2 0.3 1 2 3 0.5\n# b\n0.2\t0\t0\t4\t5\t6\t0.5\t\n1.5 1.2 0 7 8 9 0.5\n"},
         {"tracepro", "tracepro",

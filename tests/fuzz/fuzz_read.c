@@ -44,6 +44,25 @@ static void check_samples(const gonio_samples *s) {
     free(text);
 }
 
+// With the second file that some formats read.
+static void with_directions(const uint8_t *data, size_t size) {
+    static char directions[] = "/tmp/gonio-fuzz-XXXXXX";
+    if (removed[0] == 0) {
+        char *text = format_directions();
+        const int fd = mkstemp(directions);
+        require(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text) && close(fd) == 0);
+        free(text);
+        atexit(remove_directions);
+        snprintf(removed, sizeof removed, "%s", directions);
+    }
+    const gonio_read_options options = {.settings = {{"directions", directions}, {"negatives", "keep"}}};
+    gonio_samples *samples;
+    if (gonio_read(memory_file(data, size), &options, &samples, NULL, NULL) == GONIO_OK) {
+        check_samples(samples);
+        gonio_samples_free(samples);
+    }
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     // Which of the options there is depends on the format.
     gonio_read_options options = {.seed = 1, .settings = {{"negatives", "keep"}}};
@@ -61,22 +80,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     } else {
         require(samples == NULL && error.message[0] != 0);
     }
-    // With the second file that some formats read.
-    static char directions[] = "/tmp/gonio-fuzz-XXXXXX";
-    if (strchr(directions, 'X') != NULL) {
-        char *text = format_directions();
-        const int fd = mkstemp(directions);
-        require(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text) && close(fd) == 0);
-        free(text);
-        atexit(remove_directions);
-        snprintf(removed, sizeof removed, "%s", directions);
-    }
-    const gonio_read_options second = {.settings = {{"directions", directions}, {"negatives", "keep"}}};
-    status = gonio_read(memory_file(data, size), &second, &samples, NULL, &error);
-    if (status == GONIO_OK) {
-        check_samples(samples);
-        gonio_samples_free(samples);
-    }
+    with_directions(data, size);
     // The same as a table of somebody's own.
     static const char *const columns[] = {"auto", "theta_i=1,theta_o=2,value=3", "theta_i=30deg,theta_o=#1"};
     for (size_t k = 0; k < sizeof columns / sizeof *columns; k++) {
@@ -89,6 +93,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         } else {
             require(samples == NULL && error.message[0] != 0);
         }
+    }
+    const gonio_read_options matrix = {
+        .settings = {{"negatives", "keep"}, {"signed", "yes"}, {"quantity", "brf"}, {"matrix", "theta_o,theta_i,phi"}}};
+    if (gonio_read(memory_file(data, size), &matrix, &samples, NULL, &error) == GONIO_OK) {
+        check_samples(samples);
+        gonio_samples_free(samples);
     }
     gonio_model *model;
     if (gonio_read_table(memory_file(data, size), &model, &error) == GONIO_OK) {

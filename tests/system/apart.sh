@@ -70,6 +70,7 @@ eval d/m.gonio d/plan.csv -o d/m.gonio
 check d/data.csv --apply mirror -o d/data.csv
 look d/data.csv --picture d/data.csv
 convert d/lab.txt d/lab.txt.gonio-map --to samples
+convert d/lab.txt d/plan.csv --directions d/plan.csv --to samples
 look d/data.csv --picture s/day.session/x.svg
 samples s/day.session -o s/day.session/session.db
 samples s/day.session -o s/day.session/x.csv

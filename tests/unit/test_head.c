@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "base/head.h"
+#include "fit/options.h"
 #include "gonio/check.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
