@@ -11,6 +11,16 @@ static double value(const gonio_lobe_geometry *g, const double *p) {
     return p[0] / GONIO_PI + p[1] * lobe;
 }
 
+static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
+    const double n = p[2], half = exp2(-n / 2), fall = 0.5 * log1p(g->tan2);
+    const double lobe = (n + 2) * (n + 4) / (8 * GONIO_PI * (n + half)) * exp(-n * fall);
+    const double scale = 1 / (n + 2) + 1 / (n + 4) - (1 - 0.5 * log(2) * half) / (n + half);
+    d[0] = 1 / GONIO_PI;
+    d[1] = lobe;
+    d[2] = p[1] * lobe * (scale - fall);
+    return p[0] / GONIO_PI + p[1] * lobe;
+}
+
 const gonio_formula gonio_formula_blinn_phong = {
     .name = "blinn-phong",
     .summary = "a power of the half vector's cosine, normalised at normal incidence",
@@ -18,4 +28,6 @@ const gonio_formula gonio_formula_blinn_phong = {
     .n = 3,
     .parameters = {GONIO_RHO_D, GONIO_RHO_S, {"n", 0, 1e9, NAN, "exponent"}},
     .value = value,
+    .slope = slope,
+    .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
 };

@@ -12,8 +12,25 @@ double gonio_lobe_cook_torrance(const gonio_lobe_geometry *g, double m, double f
     return d * shadow * gonio_fresnel_schlick(g->cos_d, f0) / (4 * g->wi.z * g->wo.z);
 }
 
+double gonio_lobe_cook_torrance_slope(const gonio_lobe_geometry *g, double m, double f0, double d[2]) {
+    const double bare = gonio_lobe_cook_torrance(g, m, 1), grazing = gonio_fresnel_grazing(g->cos_d);
+    const double lobe = bare * (f0 + (1 - f0) * grazing);
+    d[0] = lobe * (2 * g->tan2 / (m * m) - 2) / m;
+    d[1] = bare * (1 - grazing);
+    return lobe;
+}
+
 static double value(const gonio_lobe_geometry *g, const double *p) {
     return p[0] / GONIO_PI + p[1] * gonio_lobe_cook_torrance(g, p[2], p[3]);
+}
+
+static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
+    const double lobe = gonio_lobe_cook_torrance_slope(g, p[2], p[3], d + 2);
+    d[0] = 1 / GONIO_PI;
+    d[1] = lobe;
+    d[2] *= p[1];
+    d[3] *= p[1];
+    return p[0] / GONIO_PI + p[1] * lobe;
 }
 
 const gonio_formula gonio_formula_cook_torrance = {
@@ -24,4 +41,6 @@ const gonio_formula gonio_formula_cook_torrance = {
     .parameters = {GONIO_RHO_D, GONIO_RHO_S, GONIO_ALPHA("m"), GONIO_F0},
     .alias = {"alpha", 2, 2, 1},
     .value = value,
+    .slope = slope,
+    .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
 };

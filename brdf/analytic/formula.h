@@ -2,11 +2,13 @@
 // Analytic BRDFs: what a formula is, and the geometry that all of them are written in.
 //
 // A formula joins with one file and one line: brdf/analytic/NAME.c opens with the formula and its source and ends with
-// its registration, `const gonio_formula gonio_formula_NAME`; the line is X(NAME) in formulae.def. SPECs, their error messages, `gonio kinds`, docs/kinds.md, the model files of kind "analytic" and the
-// tests of every formula loop over that list.
+// its registration, `const gonio_formula gonio_formula_NAME`; the line is X(NAME) in formulae.def. SPECs, their error
+// messages, `gonio kinds`, docs/kinds.md, the model files of kind "analytic" and the tests of every formula loop over
+// that list.
 //
 // A formula takes a gonio_lobe_geometry, so a fitter that varies only the parameters computes the geometry once a
-// sample. It is in double, and finite for every pair of directions and all parameters within their bounds.
+// sample. It is in double, and finite for every pair of directions and all parameters within their bounds. It knows its
+// derivatives by its parameters, and in which of them it is linear: that is what fit/analytic needs to fit it.
 //
 // Grazing. Ward's, Cook-Torrance's and Oren-Nayar's formulae divide by cosines that reach 0 at the horizon. Every
 // cosine is raised to GONIO_LOBE_COSINE_MIN (89.99994 deg) first: below that angle nothing changes, beyond it the value
@@ -21,7 +23,9 @@
 
 #define GONIO_LOBE_COSINE_MIN 1e-6
 #define GONIO_FORMULA_PARAMETERS_MAX 16
-#define GONIO_FORMULA_NAME_MAX 16 // bytes in a model file, the terminating 0 among them
+#define GONIO_FORMULA_NAME_MAX 24 // bytes, the terminating 0 among them
+// Bytes in a model file, the terminating 0 among them: longer names are cut there, and differ before.
+#define GONIO_FORMULA_FILE_NAME_MAX 16
 
 // What the formulae need of a pair of unit vectors.
 typedef struct gonio_lobe_geometry {
@@ -38,11 +42,22 @@ gonio_lobe_geometry gonio_lobe_geometry_of(gonio_vec3 wi, gonio_vec3 wo);
 // grazing.
 double gonio_fresnel_schlick(double cos_d, double f0);
 
+// 1 - gonio_fresnel_schlick's share of f0: F = f0 + (1 - f0) of it.
+double gonio_fresnel_grazing(double cos_d);
+
 static inline double gonio_square(double x) { return x * x; }
+// x_i x_o + y_i y_o: the product of the sines and the cosine of the azimuths' difference.
+static inline double gonio_lobe_planar(const gonio_lobe_geometry *g) { return g->wi.x * g->wo.x + g->wi.y * g->wo.y; }
 
 // Lobes that fits use by themselves, 1/sr, of unit strength (no albedo); each stands in the file of its formula.
 double gonio_lobe_cook_torrance(const gonio_lobe_geometry *g, double m, double f0);
 double gonio_lobe_ggx(const gonio_lobe_geometry *g, double alpha_x, double alpha_y, double f0);
+// The same with its derivatives by m and f0, or alpha_x, alpha_y and f0.
+double gonio_lobe_cook_torrance_slope(const gonio_lobe_geometry *g, double m, double f0, double d[2]);
+double gonio_lobe_ggx_slope(const gonio_lobe_geometry *g, double alpha_x, double alpha_y, double f0, double d[3]);
+// Ward's Gaussian of slopes, exp(-(tan_x / alpha_x)^2 - (tan_y / alpha_y)^2) / (4 pi alpha_x alpha_y), with its
+// derivatives by both.
+double gonio_lobe_gaussian(const gonio_lobe_geometry *g, double alpha_x, double alpha_y, double d[2]);
 
 typedef struct gonio_formula_parameter {
     const char *name;
@@ -67,13 +82,26 @@ typedef struct gonio_formula {
     gonio_formula_alias alias; // name NULL: none
     // f_r (1/sr) for parameters p[n] of one channel.
     double (*value)(const gonio_lobe_geometry *g, const double *p);
+    // The same, and its derivative by each parameter in d[n].
+    double (*slope)(const gonio_lobe_geometry *g, const double *p, double *d);
+    // Bits of the parameters that f_r is linear in, all others given: strengths and albedos. Unless the formula is
+    // absolute, f_r is 0 where all of them are, and their upper bounds are those of a SPEC alone: a fit of data in any
+    // unit may exceed them.
+    unsigned linear;
+    bool absolute;                      // the formula gives more than what its linear parameters scale
     bool (*isotropic)(const double *p); // NULL: always
     bool not_reciprocal;                // f_r(wi, wo) need not equal f_r(wo, wi)
 } gonio_formula;
 
+// How far strengths of fitted models may go: data of 2^100 have them, and no product of one and a lobe overflows.
+#define GONIO_STRENGTH_MAX 0x1p400
+#define GONIO_LINEAR(k) (1U << (k))
+
 // The formulae, ended by a NULL pointer; static storage.
 const gonio_formula *const *gonio_formulae(void);
 const gonio_formula *gonio_formula_find(const char *name); // NULL: no such formula
+// By the bytes of a model file.
+const gonio_formula *gonio_formula_of_file(const char name[GONIO_FORMULA_FILE_NAME_MAX]);
 
 // ---- parameters that several formulae have ----
 

@@ -24,3 +24,15 @@ const gonio_formula *gonio_formula_find(const char *name) {
     }
     return NULL;
 }
+
+const gonio_formula *gonio_formula_of_file(const char name[GONIO_FORMULA_FILE_NAME_MAX]) {
+    if (name[GONIO_FORMULA_FILE_NAME_MAX - 1] != 0) {
+        return NULL;
+    }
+    for (const gonio_formula *const *f = formulae; *f != NULL; f++) {
+        if (strncmp((*f)->name, name, GONIO_FORMULA_FILE_NAME_MAX - 1) == 0) {
+            return *f;
+        }
+    }
+    return NULL;
+}

@@ -18,4 +18,6 @@ gonio_lobe_geometry gonio_lobe_geometry_of(gonio_vec3 wi, gonio_vec3 wo) {
     return g;
 }
 
-double gonio_fresnel_schlick(double cos_d, double f0) { return f0 + (1 - f0) * pow(1 - cos_d, 5); }
+double gonio_fresnel_grazing(double cos_d) { return pow(1 - cos_d, 5); }
+
+double gonio_fresnel_schlick(double cos_d, double f0) { return f0 + (1 - f0) * gonio_fresnel_grazing(cos_d); }

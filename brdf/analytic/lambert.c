@@ -7,6 +7,11 @@ static double value(const gonio_lobe_geometry *g, const double *p) {
     return p[0] / GONIO_PI;
 }
 
+static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
+    d[0] = 1 / GONIO_PI;
+    return value(g, p);
+}
+
 const gonio_formula gonio_formula_lambert = {
     .name = "lambert",
     .summary = "perfectly diffuse",
@@ -14,4 +19,6 @@ const gonio_formula gonio_formula_lambert = {
     .n = 1,
     .parameters = {{"rho", 0, 1, NAN, "albedo"}},
     .value = value,
+    .slope = slope,
+    .linear = GONIO_LINEAR(0),
 };

@@ -12,6 +12,15 @@ static double value(const gonio_lobe_geometry *g, const double *p) {
     return p[0] / GONIO_PI * (a + b * fmax(dot, 0) / fmax(g->wi.z, g->wo.z));
 }
 
+static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
+    const double s2 = p[1] * p[1], f = value(g, p);
+    const double a = -p[1] * 0.33 / gonio_square(s2 + 0.33), b = 0.9 * p[1] * 0.09 / gonio_square(s2 + 0.09);
+    const double reach = fmax(gonio_lobe_planar(g), 0) / fmax(g->wi.z, g->wo.z);
+    d[0] = value(g, (const double[]){1, p[1]});
+    d[1] = p[0] / GONIO_PI * (a + b * reach);
+    return f;
+}
+
 const gonio_formula gonio_formula_oren_nayar = {
     .name = "oren-nayar",
     .summary = "rough diffuse facets",
@@ -20,4 +29,6 @@ const gonio_formula gonio_formula_oren_nayar = {
     .parameters = {{"rho", 0, 1, NAN, "albedo"}, {"sigma", 0, GONIO_PI / 2, NAN, "facets' slope, rad"}},
     .alias = {"sigma_deg", 1, 1, GONIO_PI / 180},
     .value = value,
+    .slope = slope,
+    .linear = GONIO_LINEAR(0),
 };

@@ -4,10 +4,27 @@
 // elliptical for alpha_x != alpha_y: (tan_x / alpha_x)^2 + (tan_y / alpha_y)^2 in the exponent, alpha_x alpha_y below.
 #include "brdf/analytic/formula.h"
 
+double gonio_lobe_gaussian(const gonio_lobe_geometry *g, double alpha_x, double alpha_y, double d[2]) {
+    const double x = gonio_square(g->tan_x / alpha_x), y = gonio_square(g->tan_y / alpha_y);
+    const double lobe = exp(-(x + y)) / (4 * GONIO_PI * alpha_x * alpha_y);
+    d[0] = lobe * (2 * x - 1) / alpha_x;
+    d[1] = lobe * (2 * y - 1) / alpha_y;
+    return lobe;
+}
+
 static double value(const gonio_lobe_geometry *g, const double *p) {
     const double alpha_x = p[2], alpha_y = p[3];
     const double exponent = gonio_square(g->tan_x / alpha_x) + gonio_square(g->tan_y / alpha_y);
     const double lobe = exp(-exponent) / (4 * GONIO_PI * alpha_x * alpha_y * sqrt(g->wi.z * g->wo.z));
+    return p[0] / GONIO_PI + p[1] * lobe;
+}
+
+static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
+    const double share = 1 / sqrt(g->wi.z * g->wo.z), lobe = gonio_lobe_gaussian(g, p[2], p[3], d + 2) * share;
+    d[0] = 1 / GONIO_PI;
+    d[1] = lobe;
+    d[2] *= p[1] * share;
+    d[3] *= p[1] * share;
     return p[0] / GONIO_PI + p[1] * lobe;
 }
 
@@ -21,5 +38,7 @@ const gonio_formula gonio_formula_ward = {
     .parameters = {GONIO_RHO_D, GONIO_RHO_S, GONIO_ALPHA("alpha_x"), GONIO_ALPHA("alpha_y")},
     .alias = {"alpha", 2, 3, 1},
     .value = value,
+    .slope = slope,
+    .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
     .isotropic = isotropic,
 };

@@ -15,6 +15,7 @@ typedef struct analytic_model {
     char (*names)[32];
     size_t count;
     double *parameters;
+    double *sigmas; // of each parameter; NULL: unknown
 } analytic_model;
 
 static double value_of(const analytic_model *m, const gonio_lobe_geometry *g, int channel) {
@@ -42,48 +43,53 @@ static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
 static void release(gonio_model *model) {
     analytic_model *m = (analytic_model *)model;
     free(m->parameters);
+    free(m->sigmas);
     free(m->names);
     free(m);
 }
 
-// ---- the model file's section: the description, then every parameter (docs/formats.md) ----
+// ---- the model file's section: the description, every parameter, perhaps their sigmas (docs/formats.md) ----
 
 typedef struct description {
-    uint32_t n_terms, reserved;
+    uint32_t n_terms, has_sigmas;
     struct {
-        char formula[GONIO_FORMULA_NAME_MAX]; // zero-filled
+        char formula[GONIO_FORMULA_FILE_NAME_MAX]; // zero-filled
     } terms[GONIO_ANALYTIC_TERMS_MAX];
 } description;
 _Static_assert(sizeof(description) == 8 + 16 * GONIO_ANALYTIC_TERMS_MAX, "the description is written as it stands");
 
 static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
     const analytic_model *m = (const analytic_model *)model;
-    description about = {.n_terms = (uint32_t)m->n_terms};
+    description about = {.n_terms = (uint32_t)m->n_terms, .has_sigmas = m->sigmas != NULL};
     for (int t = 0; t < m->n_terms; t++) {
-        snprintf(about.terms[t].formula, sizeof about.terms[t].formula, "%s", m->terms[t].formula->name);
+        strncpy(about.terms[t].formula, m->terms[t].formula->name, sizeof about.terms[t].formula - 1);
     }
-    const gonio_file_part parts[2] = {{&about, sizeof about}, {m->parameters, m->count * sizeof *m->parameters}};
-    return gonio_model_file_write(model, path, parts, 2, error);
+    const gonio_file_part parts[3] = {{&about, sizeof about},
+                                      {m->parameters, m->count * sizeof *m->parameters},
+                                      {m->sigmas, m->count * sizeof *m->parameters}};
+    return gonio_model_file_write(model, path, parts, m->sigmas != NULL ? 3 : 2, error);
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0, count = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
-    if (about == NULL || about->n_terms < 1 || about->n_terms > GONIO_ANALYTIC_TERMS_MAX) {
+    if (about == NULL || about->n_terms < 1 || about->n_terms > GONIO_ANALYTIC_TERMS_MAX || about->has_sigmas > 1) {
         return gonio_mapped_fail(mapped, 0, "expected 1 to 8 terms of an analytic model", error);
     }
     gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX];
     for (uint32_t t = 0; t < about->n_terms; t++) {
-        const char *name = about->terms[t].formula;
-        terms[t].formula = memchr(name, 0, sizeof about->terms[t].formula) != NULL ? gonio_formula_find(name) : NULL;
+        terms[t].formula = gonio_formula_of_file(about->terms[t].formula);
         if (terms[t].formula == NULL) {
             return gonio_mapped_fail(mapped, 0, "an unknown kind of analytic BRDF", error);
         }
         count += (size_t)mapped->channels * (size_t)terms[t].formula->n;
     }
     const size_t begin = at;
-    const double *parameters = gonio_mapped_take(mapped, &at, count * sizeof *parameters);
-    if (parameters == NULL) {
+    const double *parameters = gonio_mapped_take(mapped, &at, count * sizeof *parameters), *sigmas = NULL;
+    if (parameters != NULL && about->has_sigmas != 0) {
+        sigmas = gonio_mapped_take(mapped, &at, count * sizeof *sigmas);
+    }
+    if (parameters == NULL || (about->has_sigmas != 0 && sigmas == NULL)) {
         return gonio_mapped_fail(mapped, begin, "fewer parameters than its terms and channels need", error);
     }
     for (uint32_t t = 0; t < about->n_terms; t++) {
@@ -92,6 +98,11 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     }
     if (gonio_analytic_new(terms, (int)about->n_terms, mapped->channels, mapped->names, out, error) != GONIO_OK) {
         return gonio_mapped_fail(mapped, begin, "a parameter is outside its bounds", error);
+    }
+    if (sigmas != NULL && gonio_analytic_set_sigmas(*out, sigmas, error) != GONIO_OK) {
+        gonio_model_free(*out);
+        *out = NULL;
+        return gonio_mapped_fail(mapped, begin, "a parameter's sigma is negative, or there is no memory for it", error);
     }
     gonio_mapped_release(mapped); // everything was copied
     *mapped = (gonio_mapped){0};
@@ -112,7 +123,8 @@ static gonio_status check_term(const gonio_analytic_term *term, int channels, go
         for (int k = 0; k < formula->n; k++) {
             const gonio_formula_parameter *p = &formula->parameters[k];
             const double value = term->parameters[c * formula->n + k];
-            if (!(value >= p->minimum && value <= p->maximum)) {
+            const bool strength = !formula->absolute && (formula->linear & GONIO_LINEAR(k)) != 0;
+            if (!(value >= p->minimum && value <= (strength ? GONIO_STRENGTH_MAX : p->maximum))) {
                 return gonio_fail(error, GONIO_E_RANGE, "%s: %s=%g; expected %g to %g (%s)", formula->name, p->name,
                                   value, p->minimum, p->maximum, p->text);
             }
@@ -203,6 +215,24 @@ double *gonio_analytic_parameters(gonio_model *model, size_t *count) {
     analytic_model *m = model->ops == &ops ? (analytic_model *)model : NULL;
     *count = m != NULL ? m->count : 0;
     return m != NULL ? m->parameters : NULL;
+}
+
+gonio_status gonio_analytic_set_sigmas(gonio_model *model, const double *sigmas, gonio_error *error) {
+    analytic_model *m = (analytic_model *)model;
+    for (size_t k = 0; k < m->count; k++) {
+        if (!(sigmas[k] >= 0)) {
+            return gonio_fail(error, GONIO_E_RANGE, "a sigma of %g; expected 0 or more, or infinity", sigmas[k]);
+        }
+    }
+    if (m->sigmas == NULL && (m->sigmas = malloc(m->count * sizeof *sigmas)) == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for an analytic model");
+    }
+    memcpy(m->sigmas, sigmas, m->count * sizeof *sigmas);
+    return GONIO_OK;
+}
+
+const double *gonio_analytic_sigmas(const gonio_model *model) {
+    return model->ops == &ops ? ((const analytic_model *)model)->sigmas : NULL;
 }
 
 const gonio_kind gonio_kind_analytic = {

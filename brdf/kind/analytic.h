@@ -25,5 +25,9 @@ gonio_status gonio_analytic_from_spec(const char *spec, gonio_model **out, gonio
 int gonio_analytic_terms(const gonio_model *model, const gonio_analytic_term **terms);
 // All parameters as one vector, term by term, channel by channel; change them only while nobody evaluates. Borrowed.
 double *gonio_analytic_parameters(gonio_model *model, size_t *count);
+// Standard uncertainties of the parameters, in their order; infinite where the data did not decide. They are kept and
+// saved with the model; NULL where it has none.
+gonio_status gonio_analytic_set_sigmas(gonio_model *model, const double *sigmas, gonio_error *error);
+const double *gonio_analytic_sigmas(const gonio_model *model);
 
 #endif

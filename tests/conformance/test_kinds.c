@@ -474,6 +474,9 @@ static void formulae_keep_what_they_declare(void **state) {
         assert_true(strlen(formula->name) > 0 && strlen(formula->name) < GONIO_FORMULA_NAME_MAX);
         assert_true(strlen(formula->summary) > 0 && strlen(formula->source) > 0);
         assert_ptr_equal(gonio_formula_find(formula->name), formula);
+        char cut[GONIO_FORMULA_FILE_NAME_MAX] = "";
+        strncpy(cut, formula->name, sizeof cut - 1);
+        assert_ptr_equal(gonio_formula_of_file(cut), formula);
         assert_true(formula->n >= 1 && formula->n <= GONIO_FORMULA_PARAMETERS_MAX);
         double values[GONIO_FORMULA_PARAMETERS_MAX];
         for (int round = 0; round < 200; round++) {
