@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The names of domains, symmetries and storages.
+// The names of domains, symmetries, storages, losses and shapes.
 #include "fit/names.h"
 
 #include "brdf/spline/sparse.h"
@@ -19,6 +19,16 @@ const char *const *gonio_symmetry_names(void) {
 
 const char *const *gonio_storage_names(void) {
     static const char *const names[] = {GONIO_STORAGE_TABLE(NAME)[GONIO_STORAGES] = NULL};
+    return names;
+}
+
+const char *const *gonio_loss_names(void) {
+    static const char *const names[] = {GONIO_LOSS_TABLE(NAME)[GONIO_LOSSES] = NULL};
+    return names;
+}
+
+const char *const *gonio_shapes_names(void) {
+    static const char *const names[] = {[GONIO_SHAPES_SHARED] = "shared", [GONIO_SHAPES_CHANNEL] = "channel", NULL};
     return names;
 }
 

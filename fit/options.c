@@ -41,6 +41,14 @@ const gonio_key gonio_fit_keys[] = {
     {ROW(max_bytes, SIZE), .late = true, .argument = "BYTES", .help = "the largest model"},
     {ROW(max_ns, REAL), .low = 0, .high = INFINITY, .late = true, .argument = "X", .help = "the slowest evaluation"},
     {ROW(max_seconds, REAL), .low = 0, .high = INFINITY, .late = true, .argument = "X", .help = "the longest fit"},
+    {ROW(loss, CHOICE), .names = gonio_loss_names, .automatic = -1, .late = true, .argument = "NAME",
+     .help = "what the residuals of formulae measure"},
+    {ROW(lobes, INTEGER), .automatic = -1, .low = 1, .high = 5, .late = true, .argument = "N",
+     .help = "lobes of a formula"},
+    {ROW(shapes, CHOICE), .names = gonio_shapes_names, .automatic = -1, .late = true, .argument = "NAME",
+     .help = "widths for all channels, or each channel's own"},
+    {ROW(order, INTEGER), .automatic = -1, .low = 0, .high = GONIO_ORDER_MAX, .late = true, .argument = "N",
+     .help = "of a linear basis"},
     {0}};
 _Static_assert(sizeof gonio_fit_keys / sizeof *gonio_fit_keys == GONIO_FIT_KEYS + 1, "the number of the options");
 
@@ -53,6 +61,10 @@ void gonio_fit_options_default(gonio_fit_options *options) {
                                    .diffuse_level = -1,
                                    .drop_percent = -1,
                                    .lambda = -1,
+                                   .loss = GONIO_LOSS_AUTO,
+                                   .lobes = GONIO_LOBES_AUTO,
+                                   .shapes = GONIO_SHAPES_AUTO,
+                                   .order = GONIO_ORDER_AUTO,
                                    .symmetry = GONIO_SYMMETRY_AUTO};
 }
 

@@ -41,6 +41,30 @@ enum {
 #undef GONIO_SYMMETRY_ENUM
 const char *const *gonio_symmetry_names(void); // of the bits, from the lowest on, NULL-terminated; static storage
 
+// What the residuals of a fit of formulae measure. X(identifier, number, name, what it is).
+#define GONIO_LOSS_TABLE(X)                                                                                            \
+    X(LINEAR, 0, "linear", "differences of f_r")                                                                       \
+    X(RELATIVE, 1, "relative", "differences over the measured value and its noise")                                    \
+    X(LOG, 2, "log", "differences of ln(f_r + eps), eps from the data's noise")
+
+#define GONIO_LOSS_ENUM(id, number, name, summary) GONIO_LOSS_##id = number,
+typedef enum gonio_loss {
+    GONIO_LOSS_AUTO = -1, // in options: the method's
+    GONIO_LOSS_TABLE(GONIO_LOSS_ENUM)
+} gonio_loss;
+#undef GONIO_LOSS_ENUM
+#define GONIO_LOSS_COUNT(id, number, name, summary) +1
+#define GONIO_LOSSES (0 GONIO_LOSS_TABLE(GONIO_LOSS_COUNT)) // how many there are
+
+const char *const *gonio_loss_names(void); // in the enum's order, NULL-terminated; static storage
+
+// Whose the shapes of formulae are; strengths are each channel's own always.
+typedef enum gonio_shapes { GONIO_SHAPES_AUTO = -1, GONIO_SHAPES_SHARED, GONIO_SHAPES_CHANNEL } gonio_shapes;
+const char *const *gonio_shapes_names(void); // in the enum's order, NULL-terminated; static storage
+
+#define GONIO_LOBES_AUTO (-1)
+#define GONIO_ORDER_AUTO (-1)
+#define GONIO_ORDER_MAX 20
 #define GONIO_LEVEL_AUTO (-1)
 #define GONIO_LEVEL_MAX 9
 
@@ -73,6 +97,10 @@ typedef struct gonio_fit_options {
     double max_error;           // 0: no limit
     size_t max_bytes;           // 0: no limit
     double max_ns, max_seconds; // 0: no limit
+    gonio_loss loss;            // formulae, linear bases
+    int lobes;                  // formulae: GONIO_LOBES_AUTO, or how many
+    gonio_shapes shapes;        // formulae
+    int order;                  // linear bases: 0..GONIO_ORDER_MAX, or GONIO_ORDER_AUTO
 } gonio_fit_options;
 
 // What was done; the JSON of `gonio fit` is made from it.

@@ -33,7 +33,7 @@ static const kind_maker kind_forms[] = {
     {"cbmba", "half", true, "cbmba", "half", .domain = GONIO_LOG},
     {"cbmba", "byte", true, "cbmba", "byte", .coordinates = GONIO_HALF_VECTOR},
     {"cbmba", "hash", true, "cbmba", "hash", .domain = GONIO_LINEAR},
-    {"lobe-spline", "lobes alone", .method = "cook-torrance"},
+    {"lobe-spline", "lobes alone", .domain = GONIO_LOG, .lobes = 2},
     {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
     {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
     {"lobe-spline", "profile", true, .domain = GONIO_LOG, .coordinates = GONIO_HALF_VECTOR,
@@ -135,7 +135,7 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
         snprintf(names[k], sizeof names[k], "%zunm", 400 + 10 * k);
     }
     p.base.strength = maker->lobes > 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.1) : NULL;
-    p.lattice = kind_lattice(dims, level, channels);
+    p.lattice = (has & KIND_SPLINE) != 0 ? kind_lattice(dims, level, channels) : p.lattice;
     p.range = (has & KIND_RANGE) != 0 ? kind_numbers(2 * c, -2) : NULL;
     for (size_t k = 0; p.range != NULL && k < c; k++) {
         p.range[2 * k + 1] = 2;
@@ -166,11 +166,9 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     gonio_fit_options_default(&options);
     options.method = maker->method;
     options.hold_out = 0;
-    if (strcmp(maker->kind, "lobe-spline") != 0) { // lobes alone have neither level nor domain
-        options.level = isotropic ? 3 : 1;
-        options.domain = maker->domain;
-        options.coordinates = maker->coordinates;
-    }
+    options.level = isotropic ? 3 : 1;
+    options.domain = maker->domain;
+    options.coordinates = maker->coordinates;
     if (maker->storage != NULL) {
         options.diffuse_level = 1;
         options.drop_percent = 50;

@@ -78,11 +78,11 @@ static void check_range(const gonio_model *model, const gonio_samples *samples, 
 
 static void test_sparse_sets_stay_in_range(void **state) {
     (void)state;
-    static const char *const methods[] = {"auto", "lsq", "ggx", "cook-torrance"};
+    static const char *const methods[] = {"auto", "lsq"};
     for (size_t m = 0; m < MATERIALS; m++) {
         for (uint64_t seed = 1; seed <= 2; seed++) {
             gonio_samples *samples = simulate_samples(materials[m], 110, 1, seed);
-            for (int k = 0; k < (seed == 1 ? 4 : 1); k++) {
+            for (int k = 0; k < (seed == 1 ? 2 : 1); k++) {
                 gonio_model *model = fitted(samples, methods[k], NULL);
                 check_range(model, samples, 40000, seed);
                 gonio_model_free(model);

@@ -8,7 +8,7 @@ json() { python3 -c "import json,sys; d=json.load(open('$work/out')); sys.exit(0
 exits "a set" 0 "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/s.csv" --plan nusselt:150,theta_max=75
 exits "tradeoff" 0 "$GONIO" tradeoff "$work/s.csv" -o "$work/t" --json
 check "a row has every key" json "all(k in r for r in d['rows'] for k in 'method level options fit_seconds eval_ns bytes train held_out pareto'.split())"
-check "every method has a row" json "{'mba','lsq','auto','ggx','cook-torrance'} <= {r['method'] for r in d['rows']} and not d['failed']"
+check "every method has a row" json "{'mba','lsq','auto','ggx','cook-torrance','lafortune','he'} <= {r['method'] for r in d['rows']} and not d['failed']"
 check "mba has 8 levels in 5 coordinates and 2 domains" json "sum(r['method']=='mba' for r in d['rows'])==80"
 check "each of them in every coordinates" json "all(sum(r['method']=='mba' and r['options'].split()[0]==c for r in d['rows'])==16 for c in 'nusselt half-vector reflected half-vector-narrow half-vector-wide'.split())"
 check "the most accurate row is on the front" json "any(r['pareto'] for r in d['rows'] if r['held_out']['rms_log']==min(q['held_out']['rms_log'] for q in d['rows']))"

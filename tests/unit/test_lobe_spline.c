@@ -98,46 +98,15 @@ static void test_transforms_invert(void **state) {
     }
 }
 
-// The lobe that made the samples is found again.
-static void test_finds_the_lobe_that_made_the_samples(void **state) {
-    (void)state;
-    gonio_samples *samples = sampled("ggx:rho_d=0.2,rho_s=0.8,alpha=0.18,f0=0.05", 300, 0, 1);
-    const gonio_fit_options o = quick("ggx");
-    gonio_fit_report report;
-    gonio_model *model = fitted(samples, &o, &report);
-    assert_true(report.train.rms_log < 2e-3);
-    const gonio_lobe_spline_parts *parts = gonio_lobe_spline_about(model);
-    assert_non_null(parts);
-    // One of the two lobes carries the peak.
-    const double a = parts->base.alpha[0], b = parts->base.alpha[1];
-    assert_true(fmin(fabs(a - 0.18), fabs(b - 0.18)) < 0.01);
-    gonio_model_free(model);
-    gonio_samples_free(samples);
-}
-
-static void test_outliers_do_not_pull_the_lobe(void **state) {
-    (void)state;
-    gonio_samples *samples = sampled("cook-torrance:rho_d=0.3,rho_s=0.5,alpha=0.2,f0=0.1", 300, 0, 2);
-    for (size_t i = 0; i < samples->n; i += 20) {
-        samples->values[i] *= 50;
-    }
-    const gonio_fit_options o = quick("cook-torrance");
-    gonio_fit_report report;
-    gonio_model *model = fitted(samples, &o, &report);
-    assert_true(report.train.median_rel < 0.05);
-    gonio_model_free(model);
-    gonio_samples_free(samples);
-}
-
 static void test_files_give_the_same_bits(void **state) {
     (void)state;
-    static const char *const methods[] = {"auto", "ggx", "lsq"};
+    static const char *const methods[] = {"auto", "lsq"};
     gonio_samples *samples = sampled("ward:rho_d=0.3/0.1/0.2,rho_s=0.2,alpha=0.2", 200, 0.02, 3);
     char path[] = "/tmp/gonio-lobe-XXXXXX";
     const int fd = mkstemp(path);
     assert_true(fd >= 0);
     close(fd);
-    for (int m = 0; m < 3; m++) {
+    for (int m = 0; m < 2; m++) {
         const gonio_fit_options o = quick(methods[m]);
         gonio_model *model = fitted(samples, &o, NULL), *back;
         assert_int_equal(gonio_model_save(model, path, NULL), GONIO_OK);
@@ -152,7 +121,7 @@ static void test_files_give_the_same_bits(void **state) {
             gonio_model_eval(back, wi, wo, b);
             assert_memory_equal(a, b, sizeof a);
             assert_true(gonio_model_sigma(model, wi, wo, a) == gonio_model_sigma(back, wi, wo, b));
-            assert_true(m == 1 || memcmp(a, b, sizeof a) == 0);
+            assert_memory_equal(a, b, sizeof a);
         }
         gonio_model_free(back);
         gonio_model_free(model);
@@ -352,8 +321,6 @@ static void test_real_paint(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_transforms_invert),
-        cmocka_unit_test(test_finds_the_lobe_that_made_the_samples),
-        cmocka_unit_test(test_outliers_do_not_pull_the_lobe),
         cmocka_unit_test(test_files_give_the_same_bits),
         cmocka_unit_test(test_damaged_files_are_refused),
         cmocka_unit_test(test_sigma_covers_the_error),
