@@ -8,6 +8,7 @@
 
 #include "brdf/analytic/formula.h"
 #include "brdf/kind/analytic.h"
+#include "brdf/kind/linear.h"
 #include "brdf/kind/lobe_spline.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
@@ -19,9 +20,10 @@ typedef struct kind_maker {
     const char *kind;
     const char *form; // for messages
     bool isotropic_only;
-    const char *method, *storage; // of a fitted one
-    const gonio_formula *formula; // of one analytic term
-    int lobes, parts;             // of a constructed lobe-spline: how many lobes, KIND_ bits
+    const char *method, *storage;    // of a fitted one
+    const gonio_formula *formula;    // of one analytic term
+    const gonio_linear_basis *basis; // of one with coefficients
+    int lobes, parts;                // of a constructed lobe-spline: how many lobes, KIND_ bits
     gonio_domain domain;
     gonio_coordinates coordinates;
 } kind_maker;
@@ -33,6 +35,8 @@ static const kind_maker kind_forms[] = {
     {"cbmba", "half", true, "cbmba", "half", .domain = GONIO_LOG},
     {"cbmba", "byte", true, "cbmba", "byte", .coordinates = GONIO_HALF_VECTOR},
     {"cbmba", "hash", true, "cbmba", "hash", .domain = GONIO_LINEAR},
+    {"koenderink", "order 8", true, .basis = &gonio_basis_koenderink},
+    {"harmonics", "usual orders", .basis = &gonio_basis_harmonics},
     {"lobe-spline", "lobes alone", .domain = GONIO_LOG, .lobes = 2},
     {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
     {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
@@ -74,6 +78,13 @@ static inline gonio_model *kind_make_analytic(const kind_maker *maker, bool isot
             // Both slopes of an isotropic lobe are the same number; elsewhere the channels differ.
             values[c * formula->n + k] = kind_parameter(formula, k, isotropic, c);
         }
+        for (int k = 0; k < formula->n && isotropic && formula->isotropic != NULL; k++) {
+            // What says by itself how far the lobe is from round keeps the value that a SPEC leaves out.
+            const double left_out = formula->parameters[k].initial;
+            if (!formula->isotropic(values + c * formula->n) && !isnan(left_out)) {
+                values[c * formula->n + k] = left_out;
+            }
+        }
     }
     const gonio_analytic_term term = {formula, values};
     gonio_model *model = NULL;
@@ -82,6 +93,28 @@ static inline gonio_model *kind_make_analytic(const kind_maker *maker, bool isot
         simulate_die(&error);
     }
     free(values);
+    return model;
+}
+
+// Coefficients that fall as those of smooth functions do.
+static inline gonio_model *kind_make_linear(const kind_maker *maker, bool isotropic, int channels) {
+    const int order = maker->basis->order_usual[isotropic];
+    const size_t terms = (size_t)maker->basis->terms(order, isotropic), count = terms * (size_t)channels;
+    double *coefficients = malloc(count * sizeof *coefficients);
+    char names[GONIO_CHANNELS_MAX][32] = {{0}};
+    for (size_t k = 0; coefficients != NULL && k < count; k++) {
+        coefficients[k] = sin(1 + (double)k) / (1 + (double)(k % terms) * (double)(k % terms));
+    }
+    for (int c = 0; c < channels; c++) {
+        snprintf(names[c], sizeof names[c], "%dnm", 400 + 10 * c);
+    }
+    gonio_model *model = NULL;
+    gonio_error error = {0};
+    if (coefficients == NULL || gonio_linear_new(maker->basis, order, isotropic, channels, coefficients,
+                                                 (const char(*)[32])names, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    free(coefficients);
     return model;
 }
 
@@ -185,6 +218,7 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
 // it.
 static inline gonio_model *kind_make(const kind_maker *maker, bool isotropic, int channels) {
     return maker->formula != NULL  ? kind_make_analytic(maker, isotropic, channels)
+           : maker->basis != NULL  ? kind_make_linear(maker, isotropic, channels)
            : maker->method != NULL ? kind_make_fitted(maker, isotropic, channels)
                                    : kind_make_lobes(maker, isotropic, channels);
 }

@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "brdf/analytic/formula.h"
 #include "fit/options.h"
 #include "fit/tradeoff.h"
 #include "tests/simulate.h"
@@ -64,8 +65,9 @@ static gonio_model *fitted(const gonio_samples *samples, const gonio_fit_options
 
 // ---- what was asked for ----
 
-// Of a saved lattice, cbmba or lobe-spline model (docs/formats.md): the section begins at the byte that stands at 48 of
-// the head, and there, from byte 8 on, the numbers of the coordinates and of the transform.
+// Of a saved lattice, cbmba or lobe-spline model, those of methods with coordinates (docs/formats.md): the section
+// begins at the byte that stands at 48 of the head, and there, from byte 8 on, the numbers of the coordinates and of
+// the transform.
 static void read_saved(char kind[16], uint32_t *coordinates, uint32_t *transform) {
     unsigned char head[64];
     uint64_t section;
@@ -96,6 +98,9 @@ static void check_said(const gonio_method *method, const gonio_fit_options *o, c
     assert_in_range(report->domain, 0, GONIO_DOMAINS - 1);
     if (o->level != GONIO_LEVEL_AUTO) {
         assert_int_equal(report->level, o->level);
+    }
+    if (!HAS(method, coordinates)) {
+        return;
     }
     assert_int_equal(gonio_model_save(model, path, NULL), GONIO_OK);
     read_saved(kind, &coordinates, &transform);
@@ -271,6 +276,10 @@ static void test_scaling_by_powers_of_two_is_exact(void **state) {
     gonio_samples *samples = simulate_samples(ISOTROPIC, SAMPLES, 2, 5);
     for (int i = 0; gonio_method_at(i) != NULL; i++) {
         const gonio_fit_options o = quick(gonio_method_at(i));
+        const gonio_formula *formula = gonio_formula_find(o.method);
+        if (formula != NULL && formula->absolute) {
+            continue; // the gloss of a dielectric is no matter of units
+        }
         double plain[DIRECTIONS], scaled[DIRECTIONS];
         fit_values(samples, &o, plain);
         for (size_t k = 0; k < sizeof exponents / sizeof *exponents; k++) {
