@@ -5,9 +5,10 @@
 // 0 <= l <= m <= n, n - l and n - m even: order 8 has 55 terms, order 20 has 506. r maps the hemisphere to the unit
 // disc with equal areas, where Zernike's R_n^l are orthogonal; the sum is reciprocal, and isotropic, by construction.
 //
-// R_n^l as Kameya's A.3 has it is a sum of factorials with alternating signs: near r = 1 it loses all digits from order
-// 40 or so on, and 3 of them at order 8 (tests/unit/test_linear.c shows where). Kintner's recurrence ("On the
-// mathematical properties of the Zernike polynomials", 1976) loses none:
+// R_n^l as Kameya's A.3 has it is a sum of factorials with alternating signs, whose terms outgrow the sum tenfold every
+// four orders: near r = 1 it misses by 3e-10 at order 20 in double and by 10 % in float,
+// and 13! is no 32-bit integer (tests/unit/test_linear.c). Kintner's recurrence ("On the mathematical properties of the
+// Zernike polynomials", 1976) loses nothing:
 //   k1 R_n = (k2 r^2 + k3) R_{n-2} + k4 R_{n-4}, k1 = (n + l)(n - l)(n - 2)/2, k2 = 2 n (n - 1)(n - 2),
 //   k3 = -l^2 (n - 1) - n (n - 1)(n - 2), k4 = -n (n + l - 2)(n - l - 2)/2.
 // R_n^l / r^l follows the same one. With u = (x, y) / sqrt(1 + z), |u| = r, the powers r_i^l r_o^l cos(l dphi) are the
