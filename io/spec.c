@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// "FORMULA:..." -> an analytic model; "file:PATH" -> a model file or a measured table; either may be followed by keys
-// of the sample's body, which the simulator takes and which mean nothing to a BRDF.
+// "FORMULA:..." -> an analytic model; "sgd:NAME" and the like -> a published fit; "file:PATH" -> a model file or a
+// measured table; each may be followed by keys of the sample's body, which the simulator takes and which mean nothing
+// to a BRDF.
 #include "io/spec.h"
 
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 #include "base/number.h"
 #include "brdf/kind/analytic.h"
 #include "gonio/io.h"
+#include "io/published.h"
 
 char *gonio_spec_take_body(char *text, const char **key) {
     static const char *const keys[] = {"shape", "radius_mm", "plate_mm"};
@@ -43,6 +45,9 @@ static gonio_status parse(char *text, gonio_model **out, gonio_error *error) {
         if (status != GONIO_OK) {
             return status;
         }
+    }
+    if (gonio_published_is(text)) {
+        return gonio_published_open(text, out, error);
     }
     if (strncmp(text, "file:", 5) != 0 && strcmp(text, "file") != 0) {
         return gonio_analytic_from_spec(text, out, error);

@@ -16,14 +16,16 @@ typedef struct masking {
 
 static masking mask(double cosine, const double *p) {
     const double over = fmax(acos(fmin(cosine, 1)) - p[THETA_0], 0);
-    const double power = over > 0 ? exp(p[K] * log(over)) : 0, e = exp(fmin(p[C] * power, 500));
+    // c over^k by logarithms: published rates go to 1e109, their powers to 900.
+    const double far = over > 0 ? p[K] * log(over) : -INFINITY, power = exp(fmin(far, 600));
+    const double product = p[C] > 0 ? exp(fmin(log(p[C]) + far, 600)) : 0, e = exp(fmin(product, 600));
     const double value = 1 + p[LAMBDA] * (1 - e);
     if (!(value > 0 && value < 1)) {
         return (masking){.value = fmin(fmax(value, 0), 1)};
     }
-    const double rate = -p[LAMBDA] * e; // by c power
-    return (masking){value, 1 - e, rate * power, over > 0 ? rate * p[C] * power * log(over) : 0,
-                     over > 0 ? -rate * p[C] * p[K] * power / over : 0};
+    const double rate = -p[LAMBDA] * e; // by the product
+    return (masking){value, 1 - e, rate * (p[C] > 0 ? product / p[C] : power),
+                     over > 0 ? rate * product * log(over) : 0, over > 0 ? -rate * product * p[K] / over : 0};
 }
 
 static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
@@ -66,9 +68,9 @@ const gonio_formula gonio_formula_sgd = {
                    {"f0", -100, 100, 1, "of the Fresnel term"},
                    {"f1", -100, 100, 0, "of the Fresnel term"},
                    {"scale", 1e-6, 1e6, NAN, "K, 1 / (alpha Gamma(1 - p, alpha))"},
-                   {"lambda", 0, 1e6, 0, "depth of the masking"},
-                   {"c", 0, 1e6, 0, "its rate"},
-                   {"k", 0, 500, 1, "its power"},
+                   {"lambda", 0, 1e8, 0, "depth of the masking"},
+                   {"c", 0, 1e200, 0, "its rate"},
+                   {"k", 0, 1e4, 1, "its power"},
                    {"theta_0", -GONIO_PI / 2, GONIO_PI / 2, 0, "where it begins, rad"}},
     .value = value,
     .slope = slope,

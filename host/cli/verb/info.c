@@ -6,6 +6,7 @@
 
 #include "base/head.h"
 #include "brdf/kind.h"
+#include "brdf/kind/analytic.h"
 #include "gonio/io.h"
 #include "host/cli/input.h"
 #include "host/session/info.h"
@@ -215,6 +216,8 @@ static void print_members(const json_t *info) {
             print_sampled(value);
         } else if (strcmp(key, "head") == 0) {
             print_head(value);
+        } else if (json_is_array(value) && json_is_object(json_array_get(value, 0))) {
+            print_part(key, value);
         } else if (!json_is_null(value)) {
             print_scalar(key, value);
         }
@@ -229,6 +232,33 @@ static const gonio_kind *kind_of(const gonio_model *model) {
         k++;
     }
     return *k;
+}
+
+// A row a term and channel: its parameters, and their sigmas where the model has them.
+static json_t *terms_of(const gonio_model *model) {
+    const gonio_analytic_term *terms;
+    const int n = gonio_analytic_terms(model, &terms);
+    const double *sigmas = gonio_analytic_sigmas(model);
+    json_t *rows = json_array();
+    for (int t = 0; t < n; t++) {
+        const gonio_formula *formula = terms[t].formula;
+        for (int c = 0; c < model->channels; c++) {
+            json_t *row = json_pack("{s:s,s:s}", "formula", formula->name, "channel", model->channel_names[c]);
+            for (int k = 0; k < formula->n; k++) {
+                char name[48];
+                json_object_set_new(row, formula->parameters[k].name,
+                                    cli_json_real(terms[t].parameters[c * formula->n + k]));
+                snprintf(name, sizeof name, "sigma_%s", formula->parameters[k].name);
+                const double sigma = sigmas != NULL ? sigmas[c * formula->n + k] : 0;
+                if (sigma > 0) { // null: the data did not decide
+                    json_object_set_new(row, name, cli_json_real(sigma));
+                }
+            }
+            json_array_append_new(rows, row);
+        }
+        sigmas = sigmas != NULL ? sigmas + (ptrdiff_t)model->channels * formula->n : NULL;
+    }
+    return rows;
 }
 
 static bool is_model(const char *path) { return strncmp(path, "spec:", 5) == 0 || gonio_model_file_is(path); }
@@ -261,6 +291,11 @@ static gonio_status model_info(const info_request *r, json_t **out, gonio_error 
     json_object_set_new(*out, "head", head_json(model->about));
     json_object_set_new(*out, "sampled",
                         gonio_coverage_take(model->about, &coverage) ? cli_json_coverage(&coverage) : json_null());
+    json_t *terms = terms_of(model);
+    if (*out != NULL && json_array_size(terms) > 0) {
+        json_object_set(*out, "terms", terms);
+    }
+    json_decref(terms);
     gonio_model_free(model);
     return status;
 }
