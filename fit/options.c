@@ -87,6 +87,15 @@ bool gonio_method_has(const gonio_method *method, const gonio_key *key) {
     return key - gonio_fit_keys < GONIO_FIT_KEYS_COMMON || option_of(method, key) != NULL;
 }
 
+bool gonio_method_has_member(const char *name, size_t offset) {
+    const gonio_method *method = gonio_method_find(&name);
+    const gonio_key *key = gonio_fit_keys;
+    while (key->name != NULL && key->offset != offset) {
+        key++;
+    }
+    return method != NULL && key->name != NULL && gonio_method_has(method, key);
+}
+
 gonio_status gonio_method_refuse(const gonio_method *method, const gonio_key *key, gonio_error *error) {
     char option[64], list[400] = "";
     for (const gonio_key *k = gonio_fit_keys; k->name != NULL; k++) {

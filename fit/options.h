@@ -14,6 +14,8 @@ enum { GONIO_FIT_KEYS_COMMON = 5, GONIO_FIT_KEYS = 24 };
 // The method that the options ask for (the thesis' form is mba's); NULL: there is none of that name.
 const gonio_method *gonio_fit_method_of(const gonio_fit_options *options);
 bool gonio_method_has(const gonio_method *method, const gonio_key *key);
+// The same by name and by the member of gonio_fit_options.
+bool gonio_method_has_member(const char *method, size_t offset);
 // GONIO_E_USAGE for an option that the method does not have, with those that it has.
 gonio_status gonio_method_refuse(const gonio_method *method, const gonio_key *key, gonio_error *error);
 // GONIO_E_USAGE where a value is impossible, or is not the default of an option that the method does not have.

@@ -27,11 +27,48 @@ static double value_of(const analytic_model *m, const gonio_lobe_geometry *g, in
     return sum;
 }
 
+// Do all channels have the same shapes, so that they differ by strengths alone?
+static bool is_shared(const gonio_analytic_term *term, int channels) {
+    const gonio_formula *formula = term->formula;
+    bool same = !formula->absolute;
+    for (int k = 0; k < formula->n && same; k++) {
+        const bool shape = (formula->linear & GONIO_LINEAR(k)) == 0;
+        for (int c = 1; c < channels && shape && same; c++) {
+            same = term->parameters[c * formula->n + k] == term->parameters[k];
+        }
+    }
+    return same;
+}
+
+// One lobe for all channels: f_r is the sum of strengths times its derivatives by them.
+static void add_shared(const gonio_analytic_term *term, const gonio_lobe_geometry *g, int channels, double *values) {
+    const gonio_formula *formula = term->formula;
+    double d[GONIO_FORMULA_PARAMETERS_MAX];
+    formula->slope(g, term->parameters, d);
+    for (int k = 0; k < formula->n; k++) {
+        for (int c = 0; c < channels && (formula->linear & GONIO_LINEAR(k)) != 0; c++) {
+            values[c] += term->parameters[c * formula->n + k] * d[k];
+        }
+    }
+}
+
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const analytic_model *m = (const analytic_model *)model;
     const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
-    for (int c = 0; c < model->channels; c++) {
-        values[c] = value_of(m, &g, c);
+    if (model->channels == 1) {
+        values[0] = value_of(m, &g, 0);
+        return;
+    }
+    memset(values, 0, (size_t)model->channels * sizeof *values);
+    for (int t = 0; t < m->n_terms; t++) {
+        const gonio_analytic_term *term = &m->terms[t];
+        if (is_shared(term, model->channels)) {
+            add_shared(term, &g, model->channels, values);
+            continue;
+        }
+        for (int c = 0; c < model->channels; c++) {
+            values[c] += term->formula->value(&g, term->parameters + (ptrdiff_t)c * term->formula->n);
+        }
     }
 }
 

@@ -14,6 +14,7 @@
 #define DAMPING_MOST 1e13 // steps of 1e-13 of the way change nothing more
 #define STEP_LEAST 1e-11  // of the range, or of a strength
 #define GAIN_LEAST 1e-13  // of the cost
+#define NOTHING 1e-12     // of the brightest sample: strengths below are none
 #define STEEP 1e-4        // cosine of the angle between the residuals and a column of the Jacobian
 
 static void hold(gonio_arrow *a, const gonio_analytic_problem *problem, const gonio_analytic_point *point) {
@@ -40,7 +41,9 @@ static double move(const gonio_analytic_problem *problem, const gonio_analytic_p
     }
     for (int m = 0; m < a->channels * a->strengths; m++) {
         const double x = from->strengths[m];
-        to->strengths[m] = fmin(fmax(x + a->step[a->shapes + m], 0), layout->limit);
+        // A lobe without strength has no derivative by its shape: it goes towards 0 a tenth at a time, and may turn
+        // back.
+        to->strengths[m] = fmin(fmax(x + a->step[a->shapes + m], x > NOTHING ? 0.1 * x : 0), layout->limit);
         longest =
             fmax(longest, to->strengths[m] != x ? fabs(to->strengths[m] - x) / fmax(fabs(x), to->strengths[m]) : 0);
     }

@@ -74,8 +74,7 @@ gonio_status gonio_analytic_point_init(gonio_analytic_point *point, const gonio_
 void gonio_analytic_point_release(gonio_analytic_point *point);
 // The units of point->shapes.
 void gonio_analytic_units(const gonio_analytic_problem *problem, gonio_analytic_point *point);
-// The best strengths between 0 and the limit for them: of the loss, or of its linear relative where it is the
-// logarithm.
+// The best strengths between 0 and the limit for them.
 void gonio_analytic_solve_strengths(const gonio_analytic_problem *problem, gonio_analytic_point *point);
 void gonio_analytic_cost(const gonio_analytic_problem *problem, gonio_analytic_point *point);
 // f of a channel at a sample, and its derivative by every shape (NULL: not wanted).

@@ -5,6 +5,9 @@
 // with columns of unit length: all unknowns are free at first, those that leave their bounds are held there, and one
 // whose gradient points back is freed again. The solution is refined once with the residuals themselves, since a normal
 // matrix squares the condition. A column that the others make up within rounding gets no strength.
+//
+// Residuals of logarithms are not linear in the strengths: there it is Gauss and Newton's method, begun with weights of
+// 1/y, which neither the peak nor the dark directions rule.
 #include <math.h>
 #include <string.h>
 
@@ -117,11 +120,11 @@ static void solve_bounded(const normal *m, double limit, double *x) {
     }
 }
 
-// Weight of a squared residual that is linear in f: the loss's own, or 1/y^2 for the logarithm.
+// Weight of a squared residual that is linear in f: the loss's own, or 1/y for the logarithm.
 static double weight_of(const gonio_analytic_data *data, int channel, size_t i) {
-    const double y = data->y[(size_t)channel * data->n + i];
-    const double scale = data->loss.loss == GONIO_LOSS_LINEAR ? 1 : fabs(y) + data->eps[channel];
-    return data->weight[i] / (scale * scale);
+    const double y = fabs(data->y[(size_t)channel * data->n + i]) + data->eps[channel];
+    const double scale = data->loss.loss == GONIO_LOSS_LINEAR ? 1 : data->loss.loss == GONIO_LOSS_LOG ? y : y * y;
+    return data->weight[i] / scale;
 }
 
 // The normal equations of y - f at the strengths x (NULL: 0).
@@ -153,23 +156,90 @@ static void fill(const gonio_analytic_problem *problem, const gonio_analytic_poi
     }
 }
 
-void gonio_analytic_solve_strengths(const gonio_analytic_problem *problem, gonio_analytic_point *point) {
+static void solve_linear(const gonio_analytic_problem *problem, const gonio_analytic_point *point, int channel,
+                         double *x) {
     const int n = problem->layout->strengths;
     const double limit = problem->layout->limit;
-    for (int c = 0; c < problem->data->channels; c++) {
-        double *x = point->strengths + c * n, correction[MAX] = {0};
-        bool is_free[MAX];
-        normal m;
-        fill(problem, point, c, NULL, &m);
-        solve_bounded(&m, limit, x);
-        fill(problem, point, c, x, &m);
-        for (int k = 0; k < n; k++) {
-            is_free[k] = x[k] > 0 && x[k] < limit;
+    double correction[MAX] = {0};
+    bool is_free[MAX] = {false};
+    normal m;
+    fill(problem, point, channel, NULL, &m);
+    solve_bounded(&m, limit, x);
+    fill(problem, point, channel, x, &m);
+    for (int k = 0; k < n; k++) {
+        is_free[k] = x[k] > 0 && x[k] < limit;
+    }
+    solve_free(&m, is_free, correction);
+    for (int k = 0; k < n; k++) {
+        const double refined = x[k] + (is_free[k] ? correction[k] : 0);
+        x[k] = isfinite(refined) ? fmin(fmax(refined, 0), limit) : 0;
+    }
+}
+
+// ---- logarithms ----
+
+// The cost of a channel at the strengths in point, and the normal equations of the strengths that would make the
+// linearised residuals 0 (m NULL: not wanted).
+static double linearise(const gonio_analytic_problem *problem, const gonio_analytic_point *point, int channel,
+                        normal *m) {
+    const gonio_analytic_data *data = problem->data;
+    const int n = problem->layout->strengths;
+    double sum = 0;
+    if (m != NULL) {
+        *m = (normal){.n = n};
+    }
+    for (size_t i = 0; i < data->n; i++) {
+        const double *unit = point->units + i * (size_t)n * STRIDE;
+        double slope;
+        const double f = gonio_analytic_value_at(problem, point, channel, i, NULL);
+        const double r = gonio_analytic_residual(data, channel, i, f, &slope);
+        sum += r * r / 2;
+        const double offset = point->offsets != NULL ? point->offsets[i * STRIDE] : 0;
+        for (int k = 0; k < n && m != NULL; k++) {
+            const double u = slope * unit[k * STRIDE];
+            m->b[k] += u * (slope * (f - offset) - r);
+            for (int j = 0; j <= k; j++) {
+                m->a[k][j] += u * slope * unit[j * STRIDE];
+                m->a[j][k] = m->a[k][j];
+            }
         }
-        solve_free(&m, is_free, correction);
-        for (int k = 0; k < n; k++) {
-            const double refined = x[k] + (is_free[k] ? correction[k] : 0);
-            x[k] = isfinite(refined) ? fmin(fmax(refined, 0), limit) : 0;
+    }
+    return isfinite(sum) ? sum : INFINITY;
+}
+
+// Enough for a start: steps that gain less than GAIN of the cost are left to the descent.
+enum { NEWTON = 5, HALVINGS = 2 };
+#define GAIN 1e-3
+
+static void solve_log(const gonio_analytic_problem *problem, const gonio_analytic_point *point, int channel,
+                      double *x) {
+    const int n = problem->layout->strengths;
+    bool better = true;
+    for (int step = 0; step < NEWTON && better; step++) {
+        normal m;
+        double from[MAX], to[MAX];
+        const double cost = linearise(problem, point, channel, &m);
+        memcpy(from, x, (size_t)n * sizeof *x);
+        solve_bounded(&m, problem->layout->limit, to);
+        better = false;
+        for (int half = 0; half <= HALVINGS && !better; half++) {
+            for (int k = 0; k < n; k++) {
+                x[k] = from[k] + ldexp(to[k] - from[k], -half);
+            }
+            better = linearise(problem, point, channel, NULL) < cost * (1 - GAIN);
+        }
+        if (!better) {
+            memcpy(x, from, (size_t)n * sizeof *x);
+        }
+    }
+}
+
+void gonio_analytic_solve_strengths(const gonio_analytic_problem *problem, gonio_analytic_point *point) {
+    for (int c = 0; c < problem->data->channels; c++) {
+        double *x = point->strengths + c * problem->layout->strengths;
+        solve_linear(problem, point, c, x);
+        if (problem->data->loss.loss == GONIO_LOSS_LOG) {
+            solve_log(problem, point, c, x);
         }
     }
 }

@@ -30,8 +30,12 @@ static json_t *to_json(const fit_arguments *a, const char *input, const gonio_fi
 }
 
 static void print(const fit_arguments *a, const gonio_fit_report *r) {
-    printf("%s level %d, %s, %s %s\n", r->method, r->level, gonio_coordinates_name(r->coordinates),
-           gonio_domain_name(r->domain), r->options);
+    if (gonio_method_has_member(r->method, offsetof(gonio_fit_options, coordinates))) {
+        printf("%s level %d, %s, %s %s\n", r->method, r->level, gonio_coordinates_name(r->coordinates),
+               gonio_domain_name(r->domain), r->options);
+    } else {
+        printf("%s %s\n", r->method, r->options);
+    }
     printf("%zu samples, %d channels -> %zu control points a channel, %zu bytes, %.3g s\n", r->samples, r->channels,
            r->control_points, r->bytes, r->fit_seconds);
     cli_print_coverage(&a->coverage);

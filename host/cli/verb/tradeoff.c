@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "fit/options.h"
 #include "fit/tradeoff.h"
 #include "gonio/output.h"
 #include "host/cli/apart.h"
@@ -21,6 +22,10 @@ typedef struct table {
 
 // What was asked for and what the method made of it, for people: "half-vector log lambda=1e-5".
 static void describe(const gonio_tradeoff_row *row, char *text, size_t size) {
+    if (!gonio_method_has_member(row->form.method, offsetof(gonio_fit_options, coordinates))) {
+        snprintf(text, size, "%s", row->report.options); // formulae and bases have neither coordinates nor domain
+        return;
+    }
     snprintf(text, size, "%s %s%s%s", gonio_coordinates_name(row->report.coordinates),
              gonio_domain_name(row->report.domain), row->report.options[0] != '\0' ? " " : "", row->report.options);
 }
@@ -99,17 +104,51 @@ static bool keep_going(void *context, double fraction, const char *what, double 
     return !cli_interrupted();
 }
 
-static gonio_status measure(const gonio_samples *samples, gonio_fit_options *options, table *t, gonio_error *error) {
-    const size_t n = gonio_tradeoff_forms(NULL, 0);
+// Is the method in a list with commas between the names? NULL: every one is.
+static bool listed(const char *list, const char *method) {
+    const size_t length = strlen(method);
+    for (const char *at = list; at != NULL && *at != 0; at += strcspn(at, ","), at += *at == ',') {
+        if (strcspn(at, ",") == length && strncmp(at, method, length) == 0) {
+            return true;
+        }
+    }
+    return list == NULL;
+}
+
+// The first name of the list that is no method's, NULL where all are.
+static const char *unknown(const char *list, char *name, size_t size) {
+    for (const char *at = list; at != NULL && *at != 0; at += strcspn(at, ","), at += *at == ',') {
+        snprintf(name, size, "%.*s", (int)strcspn(at, ","), at);
+        const char *found = name;
+        if (gonio_method_find(&found) == NULL) {
+            return name;
+        }
+    }
+    return list != NULL && list[0] == 0 ? "" : NULL;
+}
+
+static size_t keep_listed(gonio_tradeoff_form *forms, size_t n, const char *list) {
+    size_t kept = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (listed(list, forms[i].method)) {
+            forms[kept++] = forms[i];
+        }
+    }
+    return kept;
+}
+
+static gonio_status measure(const gonio_samples *samples, gonio_fit_options *options, const char *methods, table *t,
+                            gonio_error *error) {
+    size_t n = gonio_tradeoff_forms(NULL, 0);
     gonio_tradeoff_form *forms = malloc(n * sizeof *forms);
     t->rows = calloc(n, sizeof *t->rows);
     gonio_status status =
         forms != NULL && t->rows != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu rows", n);
+    if (status == GONIO_OK) {
+        n = keep_listed(forms, gonio_tradeoff_forms(forms, n), methods);
+    }
     cli_progress progress;
     cli_progress_start(&progress, "tradeoff", (double)n);
-    if (status == GONIO_OK) {
-        gonio_tradeoff_forms(forms, n);
-    }
     options->progress = keep_going;
     for (; t->n < n && status == GONIO_OK; t->n++) {
         cli_progress_update(&progress, (double)t->n, forms[t->n].method, NAN);
@@ -148,18 +187,18 @@ static json_t *to_json(const table *t, const char *input) {
 
 static void print(const table *t, const char *folder) {
     cli_print_coverage(&t->coverage);
-    printf("%-14s %5s %9s %9s %9s %10s %10s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel", "rms_log",
+    printf("%-19s %5s %9s %9s %9s %10s %10s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel", "rms_log",
            "form (held-out errors; * none better in error, bytes and ns)");
     for (size_t i = 0; i < t->n; i++) {
         const gonio_tradeoff_row *r = &t->rows[i];
         if (r->status != GONIO_OK) {
-            printf("%-14s %5d  failed: %s\n", r->form.method, r->form.level, cli_text(r->error.message));
+            printf("%-19s %5d  failed: %s\n", r->form.method, r->form.level, cli_text(r->error.message));
             continue;
         }
         const gonio_errors *e = r->report.held_out.samples > 0 ? &r->report.held_out : &r->report.train;
         char text[512];
         describe(r, text, sizeof text);
-        printf("%-14s %5d %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, r->report.level,
+        printf("%-19s %5d %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, r->report.level,
                r->report.fit_seconds, r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log,
                r->pareto ? '*' : ' ', text);
     }
@@ -177,9 +216,11 @@ static int run(int argc, char **argv) {
     cli_input in = {0};
     gonio_fit_options fit;
     gonio_fit_options_default(&fit);
-    const char *folder = NULL, *input;
+    const char *folder = NULL, *methods = NULL, *input;
+    char name[64];
     const cli_option options[] = {
         {"output", 'o', CLI_TEXT, &folder, NULL, "DIR", "folder for tradeoff.csv and the plots"},
+        {"methods", 0, CLI_TEXT, &methods, NULL, "LIST", "only these, with commas between them (all)"},
         {"hold-out", 0, CLI_DOUBLE, &fit.hold_out, NULL, "FRACTION", "of the geometries (0.2); 0: none"},
         {"folds", 0, CLI_INT, &fit.folds, NULL, "K", "K-fold errors instead of one hold-out"},
         CLI_INPUT_OPTIONS(in),
@@ -192,6 +233,10 @@ static int run(int argc, char **argv) {
     }
     if (folder == NULL) {
         return cli_usage(&common, "tradeoff: where to? -o DIR");
+    }
+    const char *what = unknown(methods, name, sizeof name);
+    if (what != NULL) {
+        return cli_usage(&common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", what);
     }
     if (!cli_apart_folder(&common, folder, files)) {
         return 2;
@@ -206,7 +251,7 @@ static int run(int argc, char **argv) {
     if (status == GONIO_OK) {
         status = gonio_coverage_of(samples, &t.coverage, &error);
         status = status == GONIO_OK ? prepare(folder, &error) : status;
-        status = status == GONIO_OK ? measure(samples, &fit, &t, &error) : status;
+        status = status == GONIO_OK ? measure(samples, &fit, methods, &t, &error) : status;
         status = status == GONIO_OK ? write_all(&t, folder, &error) : status;
         gonio_samples_free(samples);
     }
