@@ -151,6 +151,50 @@ static void append(char *text, size_t size, const char *before, const char *more
     snprintf(text + used, size - used, "%s%s", before, more);
 }
 
+// Has every method of this kind the option, with this note? Kinds of three methods and more are named as one.
+static bool whole_kind(const char *kind, const gonio_key *key, const char *note) {
+    int n = 0;
+    for (int i = 0; gonio_method_at(i) != NULL; i++) {
+        const gonio_method *method = gonio_method_at(i);
+        if (strcmp(method->kind, kind) == 0) {
+            const gonio_method_option *o = option_of(method, key);
+            n++;
+            if (o == NULL || strcmp(o->note != NULL ? o->note : "", note) != 0) {
+                return false;
+            }
+        }
+    }
+    return n > 2;
+}
+
+// The methods that have the option with this note: "mba, lsq", "analytic methods: log".
+static void append_methods(char *text, size_t size, const gonio_key *key, const char *note, const char *before) {
+    const char *named = "";
+    for (int i = 0; gonio_method_at(i) != NULL; i++) {
+        const gonio_method *method = gonio_method_at(i);
+        const gonio_method_option *o = option_of(method, key);
+        if (o == NULL || strcmp(o->note != NULL ? o->note : "", note) != 0 || strcmp(method->kind, named) == 0) {
+            continue;
+        }
+        const bool whole = whole_kind(method->kind, key, note);
+        named = whole ? method->kind : named;
+        append(text, size, before, whole ? method->kind : method->name);
+        append(text, size, whole ? " methods" : "", "");
+        before = ", ";
+    }
+    append(text, size, note[0] != 0 ? ": " : "", note);
+}
+
+static bool noted_before(const gonio_key *key, int method, const char *note) {
+    for (int i = 0; i < method; i++) {
+        const gonio_method_option *o = option_of(gonio_method_at(i), key);
+        if (o != NULL && strcmp(o->note != NULL ? o->note : "", note) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 void gonio_fit_option_help(const gonio_key *key, char *text, size_t size) {
     text[0] = 0;
     if (key->names != NULL) {
@@ -162,11 +206,11 @@ void gonio_fit_option_help(const gonio_key *key, char *text, size_t size) {
     const char *before = " [";
     for (int i = 0; key - gonio_fit_keys >= GONIO_FIT_KEYS_COMMON && gonio_method_at(i) != NULL; i++) {
         const gonio_method_option *o = option_of(gonio_method_at(i), key);
-        if (o != NULL) {
-            append(text, size, before, gonio_method_at(i)->name);
-            append(text, size, o->note != NULL ? ": " : "", o->note != NULL ? o->note : "");
-            before = ", ";
+        const char *note = o != NULL && o->note != NULL ? o->note : "";
+        if (o != NULL && !noted_before(key, i, note)) {
+            append_methods(text, size, key, note, before);
+            before = "; ";
         }
     }
-    append(text, size, before[0] == ',' ? "]" : "", "");
+    append(text, size, before[0] == ';' ? "]" : "", "");
 }

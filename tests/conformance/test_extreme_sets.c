@@ -117,52 +117,53 @@ static void check_answers(const gonio_method *method, const extreme *e, const go
     }
 }
 
+static struct { int fits, refusals, stuck; } counts;
+
+static void fit_one(const gonio_method *method, const extreme *e, const gonio_samples *samples) {
+    gonio_fit_options o;
+    gonio_fit_report report;
+    gonio_error error = {0};
+    gonio_model *model;
+    gonio_fit_options_default(&o);
+    o.method = method->name;
+    o.hold_out = 0;
+    o.threads = 1;
+    for (const gonio_method_option *has = method->options; has->offset != 0; has++) {
+        o.level = has->offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
+        o.diffuse_level = has->offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
+    }
+    const gonio_status status = gonio_fit(samples, &o, &model, &report, &error);
+    if (status == GONIO_OK) {
+        check_answers(method, e, model, samples);
+        if (!isfinite(report.train.rmse) || !isfinite(report.train.rms_log)) {
+            fail_msg("%s on %s: errors of %g, %g", method->name, e->name, report.train.rmse, report.train.rms_log);
+        }
+        assert_null(strstr(report.options, "nan"));
+        counts.stuck += strstr(report.note, "did not converge") != NULL;
+        gonio_model_free(model);
+        counts.fits++;
+        return;
+    }
+    const bool said =
+        status == GONIO_E_INPUT || status == GONIO_E_CONVERGENCE || (status == GONIO_E_UNSUPPORTED && !e->isotropic);
+    if (!said || error.message[0] == 0) {
+        fail_msg("%s on %s: status %d, '%s'", method->name, e->name, (int)status, error.message);
+    }
+    counts.refusals++;
+}
+
 static void every_method_survives_every_set(void **state) {
     (void)state;
-    int fits = 0, refusals = 0, stuck = 0;
     for (size_t k = 0; k < EXTREMES; k++) {
-        const extreme *e = &extremes[k];
-        gonio_samples *samples = make(e);
+        gonio_samples *samples = make(&extremes[k]);
         for (int i = 0; gonio_method_at(i) != NULL; i++) {
-            const gonio_method *method = gonio_method_at(i);
-            gonio_fit_options o;
-            gonio_fit_report report;
-            gonio_error error = {0};
-            gonio_model *model;
-            gonio_fit_options_default(&o);
-            o.method = method->name;
-            o.hold_out = 0;
-            o.threads = 1;
-            for (const gonio_method_option *has = method->options; has->offset != 0; has++) {
-                o.level = has->offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
-                o.diffuse_level = has->offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
-            }
-            const gonio_status status = gonio_fit(samples, &o, &model, &report, &error);
-            if (status == GONIO_OK) {
-                check_answers(method, e, model, samples);
-                if (!isfinite(report.train.rmse) || !isfinite(report.train.rms_log)) {
-                    fail_msg("%s on %s: errors of %g, %g", method->name, e->name, report.train.rmse,
-                             report.train.rms_log);
-                }
-                assert_true(strlen(report.options) == 0 || strstr(report.options, "nan") == NULL);
-                stuck += strstr(report.note, "did not converge") != NULL;
-                gonio_model_free(model);
-                fits++;
-                continue;
-            }
-            const bool said = (status == GONIO_E_INPUT || status == GONIO_E_CONVERGENCE ||
-                               (status == GONIO_E_UNSUPPORTED && !e->isotropic)) &&
-                              error.message[0] != 0;
-            if (!said) {
-                fail_msg("%s on %s: status %d, '%s'", method->name, e->name, (int)status, error.message);
-            }
-            refusals++;
+            fit_one(gonio_method_at(i), &extremes[k], samples);
         }
         gonio_samples_free(samples);
     }
-    print_message("# %zu sets: %d fits, of which %d say that they did not converge, %d refusals\n", EXTREMES, fits,
-                  stuck, refusals);
-    assert_true(fits > 0);
+    print_message("# %zu sets: %d fits, of which %d say that they did not converge, %d refusals\n", EXTREMES,
+                  counts.fits, counts.stuck, counts.refusals);
+    assert_true(counts.fits > 0);
 }
 
 int main(void) {

@@ -107,7 +107,11 @@ static void print_page(void) {
     print_kinds();
     puts(
         "\n# Analytic formulae\n\nA SPEC names them, as in `ward:rho_d=0.3,rho_s=0.2,alpha=0.15`; a value a channel is "
-        "`rho_d=0.3/0.2/0.1`, and\n`+` adds terms. Made a model file by `gonio convert spec:SPEC OUT.gonio`.");
+        "`rho_d=0.3/0.2/0.1`, and\n`+` adds terms. Made a model file by `gonio convert spec:SPEC "
+        "OUT.gonio`.\n\nPublished fits of "
+        "measured materials have names, `sgd:NAME` (Bagher et al. 2012), `ngan-ward:NAME`,\n`ngan-blinn-phong:NAME`, "
+        "`ngan-cook-torrance:NAME` and `ngan-lafortune:NAME` (Ngan et al. 2005): three channels,\nread from the tables "
+        "in `$GONIO_DATA/fits`.");
     for (const gonio_formula *const *f = gonio_formulae(); *f != NULL; f++) {
         print_formula(*f);
     }

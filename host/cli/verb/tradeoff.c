@@ -212,6 +212,34 @@ static gonio_status prepare(const char *folder, gonio_error *error) {
     return GONIO_OK;
 }
 
+typedef struct request {
+    const char *input, *folder, *methods;
+} request;
+
+static int work(const request *what, const cli_input *in, gonio_fit_options *fit, const cli_common *common) {
+    gonio_error error = {.line = -1, .byte = -1};
+    gonio_samples *samples;
+    table t = {0};
+    gonio_status status = cli_input_read(what->input, in, common, &samples, &error);
+    if (status == GONIO_OK) {
+        status = gonio_coverage_of(samples, &t.coverage, &error);
+        status = status == GONIO_OK ? prepare(what->folder, &error) : status;
+        status = status == GONIO_OK ? measure(samples, fit, what->methods, &t, &error) : status;
+        status = status == GONIO_OK ? write_all(&t, what->folder, &error) : status;
+        gonio_samples_free(samples);
+    }
+    int exit_status = 0;
+    if (status != GONIO_OK) {
+        exit_status = cli_fail(common, &error);
+    } else if (common->json) {
+        exit_status = cli_json(to_json(&t, what->input));
+    } else {
+        print(&t, what->folder);
+    }
+    free(t.rows);
+    return exit_status;
+}
+
 static int run(int argc, char **argv) {
     cli_input in = {0};
     gonio_fit_options fit;
@@ -234,9 +262,9 @@ static int run(int argc, char **argv) {
     if (folder == NULL) {
         return cli_usage(&common, "tradeoff: where to? -o DIR");
     }
-    const char *what = unknown(methods, name, sizeof name);
-    if (what != NULL) {
-        return cli_usage(&common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", what);
+    const char *none = unknown(methods, name, sizeof name);
+    if (none != NULL) {
+        return cli_usage(&common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", none);
     }
     if (!cli_apart_folder(&common, folder, files)) {
         return 2;
@@ -244,27 +272,8 @@ static int run(int argc, char **argv) {
     cli_catch_interrupts();
     fit.seed = common.seed;
     fit.threads = common.threads;
-    gonio_error error = {.line = -1, .byte = -1};
-    gonio_samples *samples;
-    table t = {0};
-    gonio_status status = cli_input_read(input, &in, &common, &samples, &error);
-    if (status == GONIO_OK) {
-        status = gonio_coverage_of(samples, &t.coverage, &error);
-        status = status == GONIO_OK ? prepare(folder, &error) : status;
-        status = status == GONIO_OK ? measure(samples, &fit, methods, &t, &error) : status;
-        status = status == GONIO_OK ? write_all(&t, folder, &error) : status;
-        gonio_samples_free(samples);
-    }
-    int exit_status = 0;
-    if (status != GONIO_OK) {
-        exit_status = cli_fail(&common, &error);
-    } else if (common.json) {
-        exit_status = cli_json(to_json(&t, input));
-    } else {
-        print(&t, folder);
-    }
-    free(t.rows);
-    return exit_status;
+    const request what = {input, folder, methods};
+    return work(&what, &in, &fit, &common);
 }
 
 const cli_verb cmd_tradeoff = {"tradeoff", "INPUT -o DIR [options]",
