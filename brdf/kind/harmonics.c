@@ -111,9 +111,11 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     return gonio_linear_read(&gonio_basis_harmonics, mapped, out, error);
 }
 
-static const gonio_model_ops ops = GONIO_LINEAR_OPS("harmonics");
+static const gonio_model_ops ops = GONIO_LINEAR_OPS("harmonics", gonio_linear_sigma);
+static const gonio_model_ops plain = GONIO_LINEAR_OPS("harmonics", NULL);
 
 const gonio_linear_basis gonio_basis_harmonics = {.kind = &gonio_kind_harmonics,
+                                                  .plain = &plain,
                                                   .order_min = 1,
                                                   .order_max = {ORDER_MAX_4D, ORDER_MAX},
                                                   .order_usual = {4, 8},

@@ -76,10 +76,15 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     return gonio_linear_read(&gonio_basis_koenderink, mapped, out, error);
 }
 
-static const gonio_model_ops ops = GONIO_LINEAR_OPS("koenderink");
+static const gonio_model_ops ops = GONIO_LINEAR_OPS("koenderink", gonio_linear_sigma);
+static const gonio_model_ops plain = GONIO_LINEAR_OPS("koenderink", NULL);
 
-const gonio_linear_basis gonio_basis_koenderink = {
-    .kind = &gonio_kind_koenderink, .order_max = {0, ORDER_MAX}, .order_usual = {0, 8}, .terms = terms, .row = row};
+const gonio_linear_basis gonio_basis_koenderink = {.kind = &gonio_kind_koenderink,
+                                                   .plain = &plain,
+                                                   .order_max = {0, ORDER_MAX},
+                                                   .order_usual = {0, 8},
+                                                   .terms = terms,
+                                                   .row = row};
 
 const gonio_kind gonio_kind_koenderink = {
     .name = "koenderink",

@@ -10,7 +10,8 @@
 
 typedef struct gonio_linear_basis {
     const gonio_kind *kind;
-    int order_min, order_max[2]; // [isotropic]; max 0: there is no such form
+    const gonio_model_ops *plain; // the kind's without sigma
+    int order_min, order_max[2];  // [isotropic]; max 0: there is no such form
     int order_usual[2];
     int (*terms)(int order, bool isotropic); // at most GONIO_LINEAR_TERMS_MAX
     // row[terms]; the first one is a constant.
@@ -20,10 +21,17 @@ typedef struct gonio_linear_basis {
 extern const gonio_kind gonio_kind_koenderink, gonio_kind_harmonics;
 extern const gonio_linear_basis gonio_basis_koenderink, gonio_basis_harmonics;
 
-// coefficients[channels][terms] are copied, and so are the names. The caller frees the model.
+// The uncertainty of such a model: sigma of channel c at a row x is factors[c] |matrix x|.
+typedef struct gonio_linear_spread {
+    const float *matrix;   // [terms][terms]
+    const double *factors; // [channels]
+} gonio_linear_spread;
+
+// coefficients[channels][terms] are copied, and so are the names and the spread (NULL: none). The caller frees the
+// model.
 gonio_status gonio_linear_new(const gonio_linear_basis *basis, int order, bool isotropic, int channels,
-                              const double *coefficients, const char (*names)[32], gonio_model **out,
-                              gonio_error *error);
+                              const double *coefficients, const gonio_linear_spread *spread, const char (*names)[32],
+                              gonio_model **out, gonio_error *error);
 // The coefficients [channels][terms], borrowed; NULL for a model of another basis.
 const double *gonio_linear_coefficients(const gonio_model *model, const gonio_linear_basis *basis);
 
@@ -35,10 +43,13 @@ double gonio_linear_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_
 gonio_status gonio_linear_save(const gonio_model *model, const char *path, gonio_error *error);
 void gonio_linear_free(gonio_model *model);
 
-#define GONIO_LINEAR_OPS(name)                                                                                         \
+void gonio_linear_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+
+// sigma_of NULL: of models without uncertainty.
+#define GONIO_LINEAR_OPS(name, sigma_of)                                                                               \
     {                                                                                                                  \
-        .kind = name, .eval = gonio_linear_eval, .eval_channel = gonio_linear_eval_channel, .save = gonio_linear_save, \
-        .free = gonio_linear_free                                                                                      \
+        .kind = name, .eval = gonio_linear_eval, .eval_channel = gonio_linear_eval_channel, .sigma = sigma_of,         \
+        .save = gonio_linear_save, .free = gonio_linear_free                                                           \
     }
 
 #endif

@@ -6,6 +6,9 @@
 // z_i and no fit. The ridge draws towards the weighted mean of the samples, not towards 0: the basis' first function is
 // a constant. Columns are orthogonal over the hemisphere, not over scattered samples, so a projection would not do.
 //
+// The uncertainty is the posterior's: s^2 x'(X'WX + lambda)^-1 x, s^2 the mean square of what leaving one out misses,
+// so that it holds what the basis cannot say; of the channels' lambdas the least.
+//
 // w_i is 1, or 1 over the square of a sample's mean over channels and its noise, so that dark directions count. Rows
 // are made block by block, twice: nothing grows with the samples but the samples.
 #include "fit/linear/ridge.h"
@@ -38,12 +41,14 @@ typedef struct ridge {
     double *fitted;  // [BLOCK x channels]
     double *shrunk;  // [terms x channels]
     double *miss;    // [GRID][channels]: sums of squares of what leaving one out misses
+    double *factors; // [channels]: of the uncertainty
     double grid[GRID];
+    int tried; // of the grid; 1: the lambda was given
 } ridge;
 
 static void release(ridge *r) {
     double *const all[] = {r->weight, r->mean, r->vectors, r->values, r->right, r->rows,
-                           r->turned, r->y,    r->fitted,  r->shrunk, r->miss};
+                           r->turned, r->y,    r->fitted,  r->shrunk, r->miss,  r->factors};
     for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
         free(all[k]);
     }
@@ -56,7 +61,7 @@ static bool allocate(ridge *r) {
         size_t count;
     } all[] = {{&r->weight, r->data->n}, {&r->mean, c},         {&r->vectors, p * p},    {&r->values, p},
                {&r->right, p * c},       {&r->rows, p * BLOCK}, {&r->turned, p * BLOCK}, {&r->y, BLOCK * c},
-               {&r->fitted, BLOCK * c},  {&r->shrunk, p * c},   {&r->miss, GRID * c}};
+               {&r->fitted, BLOCK * c},  {&r->shrunk, p * c},   {&r->miss, GRID * c},    {&r->factors, c}};
     bool enough = true;
     for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
         *all[k].to = calloc(all[k].count, sizeof(double));
@@ -110,6 +115,15 @@ static size_t take(ridge *r, size_t first) {
     return count;
 }
 
+// From rounding to the largest eigenvalue, four to a factor of 100; or the one that was given.
+static void set_grid(ridge *r, double fixed) {
+    const double largest = fmax(r->values[r->terms - 1], 1e-300);
+    r->tried = fixed >= 0 ? 1 : GRID;
+    for (int g = 0; g < GRID; g++) {
+        r->grid[g] = fmax(largest * (fixed >= 0 ? fixed : pow(10, -14 + 0.5 * g)), 1e-300);
+    }
+}
+
 static gonio_status decompose(ridge *r, gonio_error *error) {
     const size_t p = r->terms, c = r->channels;
     const gonio_matrix a = gonio_matrix_of(r->vectors, p, p);
@@ -124,10 +138,6 @@ static gonio_status decompose(ridge *r, gonio_error *error) {
         return gonio_fail(error, GONIO_E_CONVERGENCE, "the normal matrix of %zu terms has no eigenvalues", p);
     }
     gonio_multiply(1, gonio_matrix_transposed(a), gonio_matrix_of(r->shrunk, p, c), 0, gonio_matrix_of(r->right, p, c));
-    // From rounding to the largest eigenvalue, four to a factor of 100.
-    for (int g = 0; g < GRID; g++) {
-        r->grid[g] = fmax(r->values[p - 1], 1e-300) * pow(10, -14 + 0.5 * g);
-    }
     return GONIO_OK;
 }
 
@@ -145,7 +155,7 @@ static void leave_one_out(ridge *r) {
         const size_t count = take(r, first);
         const gonio_matrix z = gonio_matrix_of(r->turned, p, count);
         gonio_multiply(1, gonio_matrix_transposed(v), gonio_matrix_of(r->rows, p, count), 0, z);
-        for (int g = 0; g < GRID; g++) {
+        for (int g = 0; g < r->tried; g++) {
             for (size_t k = 0; k < c; k++) {
                 shrink(r, r->grid[g], k);
             }
@@ -165,30 +175,50 @@ static void leave_one_out(ridge *r) {
     }
 }
 
-// The lambda of a channel: the largest whose misses are within rounding of the least.
-static double choose(const ridge *r, size_t channel, double fixed) {
-    if (fixed >= 0) {
-        return fmax(fixed * r->values[r->terms - 1], 1e-300);
-    }
-    int best = GRID - 1;
-    for (int g = GRID - 1; g >= 0; g--) {
+// The lambda of a channel, by its place in the grid: the largest whose misses are within rounding of the least.
+static int choose(const ridge *r, size_t channel) {
+    int best = r->tried - 1;
+    for (int g = r->tried - 1; g >= 0; g--) {
         if (r->miss[(size_t)g * r->channels + channel] < r->miss[(size_t)best * r->channels + channel] * (1 - 1e-9)) {
             best = g;
         }
     }
-    return r->grid[best];
+    return best;
 }
 
-static gonio_status solve(ridge *r, const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
-                          gonio_fit_report *report, gonio_error *error) {
+// (V / sqrt(s + lambda))', in float.
+static float *spread_of(const ridge *r, double lambda) {
+    const size_t p = r->terms;
+    float *matrix = malloc(p * p * sizeof *matrix);
+    for (size_t j = 0; j < p && matrix != NULL; j++) {
+        const double scale = 1 / sqrt(fmax(r->values[j], 0) + lambda);
+        for (size_t k = 0; k < p; k++) {
+            matrix[j * p + k] = (float)fmin(fmax(r->vectors[j * p + k] * scale, -1e30), 1e30);
+        }
+    }
+    return matrix;
+}
+
+static void describe(const ridge *r, double least, double most, gonio_fit_report *report) {
+    const double largest = fmax(r->values[r->terms - 1], 1e-300);
+    const size_t used = (size_t)snprintf(report->options, sizeof report->options, "order=%d terms=%zu lambda=%.2g",
+                                         r->order, r->terms, least / largest);
+    if (most > least) {
+        snprintf(report->options + used, sizeof report->options - used, "..%.2g", most / largest);
+    }
+}
+
+static gonio_status solve(ridge *r, const gonio_samples *samples, gonio_model **out, gonio_fit_report *report,
+                          gonio_error *error) {
     const size_t p = r->terms, c = r->channels;
     const gonio_vec3 up = {0, 0, 1};
     double least = INFINITY, most = 0;
     for (size_t k = 0; k < c; k++) {
-        const double lambda = choose(r, k, options->lambda);
-        least = fmin(least, lambda / fmax(r->values[p - 1], 1e-300));
-        most = fmax(most, lambda / fmax(r->values[p - 1], 1e-300));
-        shrink(r, lambda, k);
+        const int g = choose(r, k);
+        least = fmin(least, r->grid[g]);
+        most = fmax(most, r->grid[g]);
+        shrink(r, r->grid[g], k);
+        r->factors[k] = sqrt(r->miss[(size_t)g * c + k] / (double)r->data->n) * r->unit;
     }
     gonio_multiply(1, gonio_matrix_of(r->vectors, p, p), gonio_matrix_of(r->shrunk, p, c), 0,
                    gonio_matrix_of(r->right, p, c));
@@ -199,13 +229,15 @@ static gonio_status solve(ridge *r, const gonio_samples *samples, const gonio_fi
             r->right[k * p + j] *= r->unit;
         }
     }
-    const size_t used =
-        (size_t)snprintf(report->options, sizeof report->options, "order=%d terms=%zu lambda=%.2g", r->order, p, least);
-    if (most > least) {
-        snprintf(report->options + used, sizeof report->options - used, "..%.2g", most);
-    }
-    return gonio_linear_new(r->basis, r->order, r->isotropic, samples->channels, r->right,
-                            (const char(*)[32])samples->channel_names, out, error);
+    describe(r, least, most, report);
+    float *matrix = spread_of(r, least);
+    const gonio_linear_spread spread = {matrix, r->factors};
+    const gonio_status status =
+        matrix != NULL ? gonio_linear_new(r->basis, r->order, r->isotropic, samples->channels, r->right, &spread,
+                                          (const char(*)[32])samples->channel_names, out, error)
+                       : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty of %zu terms", p);
+    free(matrix);
+    return status;
 }
 
 static gonio_status fit_data(ridge *r, const gonio_samples *samples, const gonio_fit_options *options, gonio_loss loss,
@@ -223,10 +255,9 @@ static gonio_status fit_data(ridge *r, const gonio_samples *samples, const gonio
     if (status != GONIO_OK) {
         return status;
     }
-    if (options->lambda < 0) {
-        leave_one_out(r);
-    }
-    return solve(r, samples, options, out, report, error);
+    set_grid(r, options->lambda);
+    leave_one_out(r);
+    return solve(r, samples, out, report, error);
 }
 
 // The order that was asked for, or the usual one where there are samples for it.

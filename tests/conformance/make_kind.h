@@ -37,6 +37,7 @@ static const kind_maker kind_forms[] = {
     {"cbmba", "hash", true, "cbmba", "hash", .domain = GONIO_LINEAR},
     {"koenderink", "order 8", true, .basis = &gonio_basis_koenderink},
     {"harmonics", "usual orders", .basis = &gonio_basis_harmonics},
+    {"harmonics", "with sigma", true, .basis = &gonio_basis_harmonics, .parts = KIND_SIGMA},
     {"lobe-spline", "lobes alone", .domain = GONIO_LOG, .lobes = 2},
     {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
     {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
@@ -108,13 +109,23 @@ static inline gonio_model *kind_make_linear(const kind_maker *maker, bool isotro
     for (int c = 0; c < channels; c++) {
         snprintf(names[c], sizeof names[c], "%dnm", 400 + 10 * c);
     }
+    float *matrix = calloc(terms * terms, sizeof *matrix);
+    double *factors = calloc((size_t)channels, sizeof *factors);
+    for (size_t k = 0; matrix != NULL && factors != NULL && k < terms; k++) {
+        matrix[k * terms + k] = 0.01F;
+        factors[k % (size_t)channels] = 1 + 0.1 * (double)(k % (size_t)channels);
+    }
+    const gonio_linear_spread spread = {matrix, factors};
     gonio_model *model = NULL;
     gonio_error error = {0};
-    if (coefficients == NULL || gonio_linear_new(maker->basis, order, isotropic, channels, coefficients,
-                                                 (const char(*)[32])names, &model, &error) != GONIO_OK) {
+    if (coefficients == NULL ||
+        gonio_linear_new(maker->basis, order, isotropic, channels, coefficients, maker->parts != 0 ? &spread : NULL,
+                         (const char(*)[32])names, &model, &error) != GONIO_OK) {
         simulate_die(&error);
     }
     free(coefficients);
+    free(matrix);
+    free(factors);
     return model;
 }
 

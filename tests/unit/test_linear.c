@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "brdf/analytic/formula.h"
 #include "brdf/kind/linear.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
@@ -167,7 +168,7 @@ static void coefficients_are_found(void **state) {
             }
             const char names[1][32] = {"value"};
             gonio_model *truth, *model;
-            assert_int_equal(gonio_linear_new(bases[b], order, isotropic, 1, a, names, &truth, NULL), GONIO_OK);
+            assert_int_equal(gonio_linear_new(bases[b], order, isotropic, 1, a, NULL, names, &truth, NULL), GONIO_OK);
             gonio_samples *samples;
             assert_int_equal(gonio_samples_new(1, false, &samples, NULL), GONIO_OK);
             samples->isotropic = isotropic;
@@ -202,14 +203,20 @@ static void ridge_is_chosen(void **state) {
     gonio_fit_report report;
     gonio_model *model = fitted(samples, "koenderink", 8, &report),
                 *truth = simulate_truth("ward:rho_d=0.3,rho_s=0.1,alpha=0.5");
-    double worst = 0;
+    double worst = 0, ratio = 0;
     for (int i = 0; i < 500; i++) {
         const gonio_pair pair = simulate_pair(&seed, 1);
         double is, expected;
         gonio_model_eval_pair(model, &pair, &is);
         gonio_model_eval_pair(truth, &pair, &expected);
         worst = fmax(worst, fabs(is - expected));
+        double sigma;
+        assert_true(gonio_model_sigma(model, gonio_direction(pair.theta_i, pair.phi_i),
+                                      gonio_direction(pair.theta_o, pair.phi_o), &sigma));
+        ratio += gonio_square((is - expected) / sigma) / 500;
     }
+    print_message("# error over sigma, root mean square: %.2f\n", sqrt(ratio));
+    assert_true(ratio > 0.1 && ratio < 2);
     assert_true(worst < 0.2); // f_r is 0.1 to 0.4
     assert_non_null(strstr(report.options, "terms=55"));
     gonio_model_free(model);
