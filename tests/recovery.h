@@ -161,6 +161,7 @@ typedef struct recovery {
     double worst;     // relative error of the worst parameter, lobes in the order that makes it least
     double f_worst;   // of f_r at 1,000 directions, over the largest
     double condition; // of the Jacobian
+    double spread;    // rms residual of the worst start over the best; 0: one lobe
     int within, parameters;
     bool converged, failed;
 } recovery;
@@ -253,6 +254,10 @@ static inline recovery recovery_run(const recovery_case *c, size_t n, double noi
         recovery_match(c, f, model, parameters, &out);
         out.converged = strstr(report.note, "did not converge") == NULL;
         out.condition = strtod(strstr(report.options, "condition=") + strlen("condition="), NULL);
+        const char *starts = strstr(report.options, "starts=");
+        double best = 0, worst = 0;
+        const bool told = starts != NULL && sscanf(starts, "starts=%lf..%lf", &best, &worst) == 2;
+        out.spread = told && best > 0 ? worst / best : 0;
         double largest = 0, miss = 0;
         for (size_t k = 0; k < 1000; k++) {
             const gonio_pair pair = recovery_pair(seed, truth->isotropic, k);

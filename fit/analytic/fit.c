@@ -38,14 +38,9 @@ static void say(char *text, size_t size, const char *format, const char *name, d
     }
 }
 
-static void describe(const job *j, gonio_fit_report *report) {
+static void describe_shapes(const job *j, gonio_fit_report *report) {
     const gonio_analytic_layout *layout = &j->layout;
-    const gonio_formula *formula = layout->plan->formula;
-    const size_t c = (size_t)j->data->channels, n = (size_t)formula->n;
-    say(report->options, sizeof report->options, "%sloss=%s", gonio_loss_names()[j->loss.loss], 0, 0);
-    if (layout->plan->lobes_max > 1) {
-        say(report->options, sizeof report->options, "%s%s=%.0f", "lobes", layout->lobes, 0);
-    }
+    const size_t c = (size_t)j->data->channels, n = (size_t)layout->plan->formula->n;
     for (int lobe = 0; lobe < layout->lobes; lobe++) {
         for (int v = 0; v < layout->own; v++) {
             const gonio_analytic_variable *variable = &layout->variables[v];
@@ -58,6 +53,15 @@ static void describe(const job *j, gonio_fit_report *report) {
                 j->parameters[at], j->sigmas[at]);
         }
     }
+}
+
+static void describe(const job *j, gonio_fit_report *report) {
+    const gonio_analytic_layout *layout = &j->layout;
+    const size_t c = (size_t)j->data->channels;
+    say(report->options, sizeof report->options, "%sloss=%s", gonio_loss_names()[j->loss.loss], 0, 0);
+    if (layout->plan->lobes_max > 1) {
+        say(report->options, sizeof report->options, "%s%s=%.0f", "lobes", layout->lobes, 0);
+    }
     double condition = 1;
     int stuck = 0, iterations = 0;
     const int searches = j->together ? 1 : (int)c;
@@ -67,6 +71,11 @@ static void describe(const job *j, gonio_fit_report *report) {
         iterations = iterations > j->details[s].iterations ? iterations : j->details[s].iterations;
     }
     say(report->options, sizeof report->options, "%s%s=%.3g", "condition", condition, 0);
+    if (layout->lobes > 1) {
+        say(report->options, sizeof report->options, "%s%s=%.4g..%.4g", "starts", j->details[0].best,
+            j->details[0].worst);
+    }
+    describe_shapes(j, report);
     const size_t used =
         (size_t)snprintf(report->note, sizeof report->note, "%s",
                          c == 1        ? ""
@@ -163,7 +172,7 @@ static gonio_status search(const job *j, int first, int channels, int threads, g
         }
         gonio_analytic_end end = {0};
         status = gonio_analytic_search(&problem, &point, &end, threads, error);
-        *detail = (gonio_analytic_detail){.converged = end.converged, .iterations = end.iterations};
+        *detail = (gonio_analytic_detail){end.converged, end.iterations, end.starts, end.best, end.worst, INFINITY};
         if (status == GONIO_OK) {
             status = finish(j, &problem, &point, first, detail, error);
         }

@@ -8,6 +8,8 @@
 typedef struct gonio_analytic_detail {
     bool converged;
     int iterations;
+    int starts; // that went down; the rms residuals where the best and the worst of them ended
+    double best, worst;
     double condition; // of the Jacobian with columns of unit length; INFINITY: the data do not decide
 } gonio_analytic_detail;
 

@@ -121,7 +121,8 @@ gonio_status gonio_analytic_minimise(const gonio_analytic_problem *problem, goni
         now = descend(problem, &arrow, point, &trial, &damping);
     }
     if (end != NULL) {
-        *end = (gonio_analytic_end){now == ARRIVED || point->cost == 0, done};
+        end->converged = now == ARRIVED || point->cost == 0;
+        end->iterations = done;
     }
     gonio_analytic_point_release(&trial);
     gonio_arrow_release(&arrow);

@@ -112,6 +112,9 @@ double gonio_arrow_variances(gonio_arrow *arrow, double *variances);
 typedef struct gonio_analytic_end {
     bool converged;
     int iterations;
+    // Of a multi-start: how many starts went down, and the rms residuals at which the best and the worst of them ended.
+    int starts;
+    double best, worst;
 } gonio_analytic_end;
 
 // From point->shapes and strengths downhill. *end may be NULL.

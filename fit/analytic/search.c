@@ -261,7 +261,7 @@ static gonio_status add_lobe(const gonio_analytic_problem *problem, int lobes, c
 
 // The KEPT best starts of all lobes, on few samples.
 static gonio_status build(const gonio_analytic_layout *layout, bool isotropic, const gonio_analytic_data *data,
-                          int threads, start *best, size_t *n, gonio_error *error) {
+                          int threads, start *best, size_t *n, gonio_analytic_end *end, gonio_error *error) {
     gonio_status status = GONIO_OK;
     start before[KEPT];
     *n = 0;
@@ -275,6 +275,9 @@ static gonio_status build(const gonio_analytic_layout *layout, bool isotropic, c
         if (status == GONIO_OK) {
             status = descend(&problem, best, *n, DESCENT_FEW, threads, error);
         }
+        end->starts = (int)*n;
+        end->best = sqrt(2 * best[0].cost / (double)data->n);
+        end->worst = sqrt(2 * best[*n - 1].cost / (double)data->n);
         *n = *n < KEPT ? *n : KEPT;
     }
     return status;
@@ -290,7 +293,7 @@ gonio_status gonio_analytic_search(const gonio_analytic_problem *problem, gonio_
     gonio_status status = part_init(&few, problem->data, FEW + (size_t)(FEW_MORE * layout->shapes), error);
     if (status == GONIO_OK) {
         const bool isotropic = layout->variables == layout->plan->isotropic;
-        status = build(layout, isotropic, part_data(&few), threads, best, &n, error);
+        status = build(layout, isotropic, part_data(&few), threads, best, &n, end, error);
         part_release(&few);
     }
     if (status == GONIO_OK) {
