@@ -30,21 +30,66 @@ static struct fw_ramp_limits limits_of(const struct fw_core *core, const uint32_
 }
 
 void gonio_fw_axis_enable(struct fw_core *core) {
-    gonio_fw_board_motors(core, (uint8_t)(core->axis.energised ^ core->registers.motors_invert[0]));
+    const unsigned motors = core->axis.energised | core->axis.gripping;
+    const unsigned brakes = core->axis.opened ^ core->registers.brakes_invert[0];
+    gonio_fw_board_motors(core, (uint8_t)((motors ^ core->registers.motors_invert[0]) | brakes << FW_AXES));
 }
 
-static uint32_t energise(struct fw_core *core, uint8_t axes) {
-    const uint8_t before = core->axis.energised;
-    core->axis.energised = before | axes;
-    if (core->axis.energised == before)
-        return 0;
+// Motors on; their brakes open when they hold. Whether the move has to wait for either.
+static bool energise(struct fw_core *core, uint8_t axes) {
+    struct fw_axis *axis = &core->axis;
+    const bool off = (axes & ~(unsigned)axis->energised) != 0,
+               closed = (axes & core->registers.brakes[0] & ~(unsigned)axis->opened) != 0;
+    axis->energised |= axes;
+    axis->gripping &= (uint8_t)~axes;
+    axis->starting_ms[0] = off ? core->registers.energise[0] : 0;
+    axis->starting_ms[1] = closed ? core->registers.brake_delay[0] : 0;
+    axis->starting_since = gonio_fw_board_now(core);
     gonio_fw_axis_enable(core);
-    return core->registers.energise[0] * 1000u;
+    return off || closed;
+}
+
+// The move that was begun leaves: its motors hold, its brakes are open.
+static void start(struct fw_core *core) {
+    const uint32_t lead = 200; // ticks: directions must stand before the first step, and the timer be armed
+    struct fw_axis *axis = &core->axis;
+    axis->starting = false;
+    gonio_fw_board_lock(core);
+    gonio_fw_stepgen_prepare(&core->step, &axis->ramp[axis->current], axis->distance, axis->down,
+                             (uint8_t)core->registers.pulse[0]);
+    gonio_fw_stepgen_start(&core->step, gonio_fw_board_now(core) + lead);
+    gonio_fw_board_step_arm(core);
+    gonio_fw_board_unlock(core);
+    if (core->interlock.estop) // pressed, and perhaps let go, since the command was checked
+        gonio_fw_axis_halt(core, true);
+    gonio_fw_board_inputs_pend(core); // a limit switch may be active already
+}
+
+static bool over(struct fw_core *core, uint32_t since, uint32_t ms) {
+    return gonio_fw_board_now(core) - since >= ms * 1000;
+}
+
+static void poll_motors(struct fw_core *core) {
+    struct fw_axis *axis = &core->axis;
+    if (axis->gripping != 0 && over(core, axis->gripping_since, core->registers.brake_delay[0])) {
+        axis->gripping = 0;
+        gonio_fw_axis_enable(core);
+    }
+    if (!axis->starting || !over(core, axis->starting_since, axis->starting_ms[0]))
+        return;
+    const uint8_t open = (uint8_t)((axis->up | axis->down) & core->registers.brakes[0]);
+    if ((open & ~(unsigned)axis->opened) != 0) {
+        axis->opened |= open;
+        axis->starting_since = gonio_fw_board_now(core);
+        axis->starting_ms[0] = axis->starting_ms[1];
+        gonio_fw_axis_enable(core);
+        return;
+    }
+    start(core);
 }
 
 bool gonio_fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const uint32_t speed[FW_AXES]) {
-    const uint32_t lead = 200; // ticks: directions must stand before the first step, and the timer be armed
-    uint32_t distance[FW_AXES];
+    uint32_t *distance = core->axis.distance;
     uint8_t up = 0, down = 0;
     for (unsigned i = 0; i < FW_AXES; i++) {
         distance[i] = (uint32_t)magnitude(way[i]);
@@ -62,18 +107,14 @@ bool gonio_fw_axis_begin(struct fw_core *core, const int64_t way[FW_AXES], const
     core->axis.under_way = true;
     if ((up | down) == 0)
         return true; // comes to rest with the next poll
-    const uint32_t wait = energise(core, up | down);
     gonio_fw_board_directions(core, (uint8_t)(up ^ core->registers.direction_invert[0]));
-    gonio_fw_board_lock(core);
-    gonio_fw_stepgen_prepare(&core->step, ramp, distance, down, (uint8_t)core->registers.pulse[0]);
     core->axis.up = up;
     core->axis.down = down;
-    gonio_fw_stepgen_start(&core->step, gonio_fw_board_now(core) + wait + lead);
-    gonio_fw_board_step_arm(core);
-    gonio_fw_board_unlock(core);
-    if (core->interlock.estop) // pressed, and perhaps let go, since the command was checked
+    core->axis.starting = true;
+    if (core->interlock.estop) // the motors stay as they are
         gonio_fw_axis_halt(core, true);
-    gonio_fw_board_inputs_pend(core); // a limit switch may be active already
+    else if (!energise(core, up | down))
+        start(core);
     return true;
 }
 
@@ -219,6 +260,7 @@ void gonio_fw_axis_continue(struct fw_core *core, bool came_to_rest) {
 void gonio_fw_axis_stop(struct fw_core *core) {
     struct fw_axis *axis = &core->axis;
     struct fw_stepgen *g = &core->step;
+    axis->starting = false;
     if (!g->running)
         return;
     struct fw_ramp *spare = &axis->ramp[axis->current ^ 1];
@@ -238,6 +280,7 @@ void gonio_fw_axis_stop(struct fw_core *core) {
 }
 
 void gonio_fw_axis_halt(struct fw_core *core, bool lost) {
+    core->axis.starting = false; // where it waits, nothing has moved yet
     if (!core->step.running)
         return;
     core->step.running = false;
@@ -248,7 +291,8 @@ void gonio_fw_axis_halt(struct fw_core *core, bool lost) {
 
 bool gonio_fw_axis_poll(struct fw_core *core) {
     struct fw_axis *axis = &core->axis;
-    if (!axis->under_way || core->step.running)
+    poll_motors(core);
+    if (!axis->under_way || axis->starting || core->step.running)
         return false;
     if (core->step.underrun) {
         core->step.underrun = false;
@@ -278,7 +322,14 @@ void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]) {
 }
 
 void gonio_fw_axis_release(struct fw_core *core, uint8_t axes) {
-    core->axis.energised &= (uint8_t)~axes;
+    struct fw_axis *axis = &core->axis;
+    const uint8_t grip = (uint8_t)(axes & axis->energised & axis->opened);
+    if (grip != 0) {
+        axis->gripping |= grip;
+        axis->gripping_since = gonio_fw_board_now(core);
+    }
+    axis->energised &= (uint8_t)~axes;
+    axis->opened &= (uint8_t)~axes;
     core->known &= (uint16_t) ~(unsigned)axes;
     gonio_fw_axis_enable(core);
 }

@@ -15,16 +15,23 @@ struct fw_core;
 enum { FW_JOG_SECONDS = 10 }; // of home_slow: the longest way of a JOG
 
 struct fw_axis {
-    struct fw_ramp ramp[2];    // the one followed, and the one that cuts it short
-    uint8_t current;           // of ramp
-    uint8_t energised;         // axis bits
-    bool under_way;            // between gonio_fw_axis_begin and the end seen by gonio_fw_axis_poll
-    volatile uint8_t up, down; // axes that move, by direction; for the input interrupt
-    volatile bool halted;      // by gonio_fw_axis_halt, not yet accounted for
-    volatile bool lost;        // that halt leaves positions unknown
-    int64_t target[FW_AXES];   // of the standing MOVE, as it was when accepted
-    uint16_t axes, permille;   // of it
-    bool final_leg;            // of a move with backlash take-up
+    struct fw_ramp ramp[2];     // the one followed, and the one that cuts it short
+    uint8_t current;            // of ramp
+    uint8_t energised;          // axis bits
+    uint8_t opened;             // brakes
+    uint8_t gripping;           // motors that hold until their brakes do
+    uint32_t gripping_since;    // tick
+    uint32_t distance[FW_AXES]; // steps, of the move that was begun last
+    volatile bool starting;     // it waits for motors and brakes
+    uint16_t starting_ms[2];    // for these, one after the other
+    uint32_t starting_since;    // tick
+    bool under_way;             // between gonio_fw_axis_begin and the end seen by gonio_fw_axis_poll
+    volatile uint8_t up, down;  // axes that move, by direction; for the input interrupt
+    volatile bool halted;       // by gonio_fw_axis_halt, not yet accounted for
+    volatile bool lost;         // that halt leaves positions unknown
+    int64_t target[FW_AXES];    // of the standing MOVE, as it was when accepted
+    uint16_t axes, permille;    // of it
+    bool final_leg;             // of a move with backlash take-up
     bool settling;
     uint32_t at_rest_since; // ms
 };
@@ -51,9 +58,10 @@ void gonio_fw_axis_positions(struct fw_core *core, int64_t position[FW_AXES]);
 // Seconds that a MOVE of all axes at full speed takes from rest at `from`, by the limits alone: what rounding to
 // segments and waiting add is left out. For simulators; ways below 2^31.
 double gonio_fw_axis_seconds(const struct fw_core *core, const int64_t from[FW_AXES], const int64_t target[FW_AXES]);
-// Motor enables to what they should be, at the levels that motors_invert asks for. Any.
+// Motor enables and brakes to what they should be, at the levels that motors_invert and brakes_invert ask for. Any.
 void gonio_fw_axis_enable(struct fw_core *core);
-// Switch motors off; their positions become unknown. Callable in interrupts.
+// Close brakes and switch motors off, brake_delay later where they have one; their positions become unknown. Callable
+// in interrupts.
 void gonio_fw_axis_release(struct fw_core *core, uint8_t axes);
 
 #endif

@@ -13,6 +13,7 @@ void gonio_fw_core_init(struct fw_core *core, uint16_t board, enum fw_cause caus
     gonio_fw_parameters_load(core);
     gonio_fw_parameters_note(core);
     gonio_fw_axis_enable(core);
+    gonio_fw_lamp_outputs(core);
     core->state = FW_STATE_IDLE;
     core->last_tick = gonio_fw_board_now(core);
     gonio_fw_modbus_setup(core, core->registers.baud[0]);
@@ -54,6 +55,7 @@ void gonio_fw_core_refresh(struct fw_core *core) {
 void gonio_fw_core_parameters_changed(struct fw_core *core) {
     gonio_fw_parameters_note(core);
     gonio_fw_axis_enable(core);
+    gonio_fw_lamp_outputs(core);
     gonio_fw_board_inputs_pend(core);
 }
 

@@ -37,6 +37,10 @@ enum fw_coil {
 #include "firmware/regmap.def"
     FW_COILS
 };
+enum fw_output {
+#define OUTPUT(address, name, text) FW_OUTPUT_##name = (address),
+#include "firmware/regmap.def"
+};
 // FW_REGISTER_position: the address.
 enum fw_register {
 #define REGISTER(address, name, type, count, access, unit, minimum, maximum, initial, text)                            \

@@ -134,8 +134,8 @@ enum fw_refusal gonio_fw_interlock_clear(struct fw_core *core) {
 
 void gonio_fw_interlock_fault(struct fw_core *core) {
     gonio_fw_board_halt_steps(core);
-    gonio_fw_board_lamp(core, 0);
-    gonio_fw_board_shutter(core, false);
-    // A wrong bit here would only let a motor hold that stands.
-    gonio_fw_board_motors(core, (uint8_t)(core->registers.motors_invert[0] & 15));
+    gonio_fw_lamp_dark(core);
+    // A wrong bit here would only let a motor hold that stands, or a brake be open.
+    gonio_fw_board_motors(
+        core, (uint8_t)((core->registers.motors_invert[0] & 15) | (core->registers.brakes_invert[0] & 15) << FW_AXES));
 }

@@ -12,10 +12,26 @@ static bool alarmed(const struct fw_core *core) {
     return core->state == FW_STATE_ALARM || core->state == FW_STATE_ESTOP || core->interlock.estop;
 }
 
+static bool inverted(const struct fw_core *core, enum fw_output output) {
+    return (core->registers.output_invert[0] >> output & 1) != 0;
+}
+
+void gonio_fw_lamp_outputs(struct fw_core *core) {
+    const uint16_t drive = core->lamp.output;
+    gonio_fw_board_lamp(core, inverted(core, FW_OUTPUT_lamp) ? (uint16_t)(FULL_DRIVE - drive) : drive);
+    gonio_fw_board_shutter(core, core->lamp.open != inverted(core, FW_OUTPUT_shutter));
+    gonio_fw_board_trigger(core, core->lamp.pulsing != inverted(core, FW_OUTPUT_trigger));
+}
+
+void gonio_fw_lamp_dark(struct fw_core *core) {
+    gonio_fw_board_lamp(core, inverted(core, FW_OUTPUT_lamp) ? FULL_DRIVE : 0);
+    gonio_fw_board_shutter(core, inverted(core, FW_OUTPUT_shutter));
+}
+
 static void put(struct fw_core *core, uint32_t drive) {
     core->lamp.drive = drive;
     core->lamp.output = (uint16_t)(drive >> DRIVE_BITS);
-    gonio_fw_board_lamp(core, core->lamp.output);
+    gonio_fw_lamp_outputs(core);
 }
 
 bool gonio_fw_lamp_switch(struct fw_core *core, bool on) {
@@ -31,7 +47,7 @@ bool gonio_fw_lamp_shutter(struct fw_core *core, bool open) {
     if (open && gonio_fw_core_ready(core) != FW_REFUSAL_NONE && gonio_fw_core_ready(core) != FW_REFUSAL_BUSY)
         return false;
     core->lamp.open = open;
-    gonio_fw_board_shutter(core, open);
+    gonio_fw_lamp_outputs(core);
     return true;
 }
 
@@ -40,7 +56,6 @@ void gonio_fw_lamp_safe(struct fw_core *core) {
     const uint32_t most = core->interlock.dark ? 0 : (uint32_t)core->registers.safe_lamp[0] << DRIVE_BITS;
     lamp->on = lamp->open = false;
     lamp->state = FW_LAMP_SAFE;
-    gonio_fw_board_shutter(core, false);
     put(core, lamp->drive < most ? lamp->drive : most);
 }
 
@@ -48,7 +63,7 @@ void gonio_fw_lamp_trigger(struct fw_core *core) {
     core->lamp.pulsing = true;
     core->lamp.pulse_since = core->ms;
     core->registers.trigger_count[0]++;
-    gonio_fw_board_trigger(core, true);
+    gonio_fw_lamp_outputs(core);
 }
 
 static void poll_drive(struct fw_core *core) {
@@ -98,6 +113,6 @@ void gonio_fw_lamp_poll(struct fw_core *core) {
     poll_monitor(core);
     if (lamp->pulsing && core->ms - lamp->pulse_since >= core->registers.trigger_pulse[0]) {
         lamp->pulsing = false;
-        gonio_fw_board_trigger(core, false);
+        gonio_fw_lamp_outputs(core);
     }
 }

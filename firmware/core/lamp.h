@@ -28,6 +28,10 @@ bool gonio_fw_lamp_shutter(struct fw_core *core, bool open);
 void gonio_fw_lamp_trigger(struct fw_core *core);
 // Drive to safe_lamp, or to nothing where the interlock has it dark; shutter closed. Any.
 void gonio_fw_lamp_safe(struct fw_core *core);
+// Lamp, shutter and trigger to what they should be, at the levels that output_invert asks for. Any.
+void gonio_fw_lamp_outputs(struct fw_core *core);
+// Lamp and shutter outputs off, whatever the lamp should be: for the processor fault handler.
+void gonio_fw_lamp_dark(struct fw_core *core);
 // Once a millisecond, from the main loop.
 void gonio_fw_lamp_poll(struct fw_core *core);
 

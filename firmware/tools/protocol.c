@@ -34,6 +34,9 @@ static void bits(void) {
 }
 
 static void enumerations(void) {
+    printf("\n## Outputs, bits of register `output_invert`\n\n| Bit | Name | |\n" HEAD);
+#define OUTPUT ROW
+#include "firmware/regmap.def"
     printf("\n## Commands\n\n| Value | Name | |\n" HEAD);
 #define COMMAND ROW
 #include "firmware/regmap.def"

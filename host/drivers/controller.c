@@ -189,6 +189,29 @@ gonio_status gonio_controller_write(gonio_controller *c, int address, int n, con
     return status;
 }
 
+typedef struct other_request {
+    int slave, function, address, n;
+    uint16_t *words;
+} other_request;
+
+static gonio_modbus_fault once_other(gonio_controller *c, void *request) {
+    const other_request *r = request;
+    gonio_modbus_address(c->modbus, r->slave);
+    const gonio_modbus_fault fault = r->function == 4
+                                         ? gonio_modbus_read_inputs(c->modbus, r->address, r->n, r->words)
+                                         : gonio_modbus_read(c->modbus, r->address, r->n, r->words);
+    gonio_modbus_address(c->modbus, c->config.modbus.slave);
+    return fault;
+}
+
+gonio_status gonio_controller_read_other(gonio_controller *c, int slave, int function, int address, int n,
+                                         uint16_t *words, gonio_error *error) {
+    char what[40];
+    snprintf(what, sizeof what, "reading slave %d", slave);
+    return gonio_controller_request(c, what, once_other, &(other_request){slave, function, address, n, words}, NULL,
+                                    error);
+}
+
 typedef struct coil_request {
     int coil;
     bool on;

@@ -90,6 +90,9 @@ gonio_status gonio_controller_read(gonio_controller *controller, int address, in
 // Write and read back; GONIO_E_DEVICE where the controller holds something else. Skips what is already so.
 gonio_status gonio_controller_write(gonio_controller *controller, int address, int n, const uint16_t *words,
                                     gonio_error *error);
+// Registers of another slave on the controller's line, by function 3 or 4.
+gonio_status gonio_controller_read_other(gonio_controller *controller, int slave, int function, int address, int n,
+                                         uint16_t *words, gonio_error *error);
 gonio_status gonio_controller_coil(gonio_controller *controller, int coil, bool on, gonio_error *error);
 
 // Give a command; returns once the controller has taken it, its id in *id (may be NULL). targets: steps, for MOVE only,

@@ -34,6 +34,9 @@ const gonio_key gonio_controller_keys[] = {{CONTROLLER("port", LINE, config.modb
 #define NAMES_input_invert gonio_parameter_contacts
 #define NAMES_direction_invert gonio_parameter_axes
 #define NAMES_motors_invert gonio_parameter_axes
+#define NAMES_output_invert gonio_parameter_outputs
+#define NAMES_brakes gonio_parameter_axes
+#define NAMES_brakes_invert gonio_parameter_axes
 #define NAMES_safe_motors gonio_parameter_axes
 #define ROW_FLAGS(key, lowest, highest) {CONTROLLER(#key, FLAGS, config.parameters.key), .names = NAMES_##key},
 #define ROW_INTEGER(key, lowest, highest) {CONTROLLER(#key, INTEGER, config.parameters.key), lowest, highest},

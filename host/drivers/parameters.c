@@ -14,10 +14,12 @@
 
 GONIO_KEY_NAMES(axes, "light_theta", "light_phi", "camera_theta", "camera_phi")
 #define OF_AXES(what) what "_light_theta", what "_light_phi", what "_camera_theta", what "_camera_phi"
+GONIO_KEY_NAMES(outputs, "shutter", "lamp", "trigger")
 GONIO_KEY_NAMES(contacts, OF_AXES("home"), OF_AXES("limit_min"), OF_AXES("limit_max"), "estop", "door")
 
 const char *const *gonio_parameter_axes(void) { return axes(); }
 const char *const *gonio_parameter_contacts(void) { return contacts(); }
+const char *const *gonio_parameter_outputs(void) { return outputs(); }
 
 // ---- one value ----
 
@@ -38,7 +40,8 @@ double gonio_parameter_counts(const controller_register_info *p) {
 }
 
 static bool of_bits(const controller_register_info *p) {
-    return strcmp(p->unit, "axis bits") == 0 || strcmp(p->unit, "input bits") == 0;
+    const char *last = strrchr(p->unit, ' ');
+    return last != NULL && strcmp(last, " bits") == 0;
 }
 
 const char *gonio_parameter_unit(const controller_register_info *p) {
@@ -61,7 +64,7 @@ static gonio_key key_of(const controller_register_info *p) {
     if (of_bits(p)) {
         key.kind = GONIO_KEY_FLAGS;
         key.size = sizeof(int);
-        key.names = p->unit[0] == 'a' ? axes : contacts;
+        key.names = p->unit[0] == 'a' ? axes : p->unit[0] == 'o' ? outputs : contacts;
     }
     return key;
 }

@@ -28,6 +28,7 @@ gonio_status gonio_controller_parameters_write(gonio_controller *controller,
 // Names of bits, NULL-terminated: "light_theta"; "home_light_theta", "estop".
 const char *const *gonio_parameter_axes(void);
 const char *const *gonio_parameter_contacts(void);
+const char *const *gonio_parameter_outputs(void);
 
 // By name; NULL: there is no such parameter.
 const controller_register_info *gonio_parameter_find(const char *name);

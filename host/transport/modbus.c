@@ -18,6 +18,7 @@ struct gonio_modbus {
     gonio_tape *tape;
     gonio_tape_mode mode;
     bool muted;
+    int slave;         // of the exchanges from now on
     modbus_t *context; // NULL while the port is closed
     int exception;
     char text[640];
@@ -66,7 +67,7 @@ static gonio_status connect_port(gonio_modbus *m, gonio_error *error) {
     modbus_set_response_timeout(m->context, us / 1000000, us % 1000000);
     // Between two bytes of one answer: USB adapters deliver in blocks up to 16 ms apart.
     modbus_set_byte_timeout(m->context, 0, 50000);
-    if (modbus_set_slave(m->context, c->slave) != 0 || modbus_connect(m->context) != 0) {
+    if (modbus_set_slave(m->context, m->slave) != 0 || modbus_connect(m->context) != 0) {
         return fail_port(m, errno, "cannot be opened", error);
     }
     if (!tcp && flock(modbus_get_socket(m->context), LOCK_EX | LOCK_NB) != 0) {
@@ -85,6 +86,7 @@ gonio_status gonio_modbus_open(const gonio_modbus_config *config, gonio_tape *ta
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a Modbus port");
     }
     m->config = *config;
+    m->slave = config->slave;
     m->tape = tape;
     m->mode = mode;
     const gonio_status status = mode == GONIO_TAPE_REPLAY ? GONIO_OK : connect_port(m, error);
@@ -133,6 +135,13 @@ void gonio_modbus_drain(gonio_modbus *m, int quiet_ms) {
     }
 }
 
+void gonio_modbus_address(gonio_modbus *m, int slave) {
+    m->slave = slave;
+    if (m->context != NULL) {
+        modbus_set_slave(m->context, slave); // 1 to 247: it cannot fail
+    }
+}
+
 void gonio_modbus_mute(gonio_modbus *m, bool muted) { m->muted = muted; }
 
 static gonio_modbus_fault say(gonio_modbus *m, gonio_modbus_fault fault, const char *text) {
@@ -169,8 +178,9 @@ static gonio_modbus_fault judge(gonio_modbus *m, int code) {
     }
 }
 
-typedef enum kind { READ, WRITE, WRITE_READ, COIL } kind;
-static const char *const kind_names[] = {"modbus-read", "modbus-write", "modbus-write-read", "modbus-coil"};
+typedef enum kind { READ, READ_INPUTS, WRITE, WRITE_ONE, WRITE_READ, COIL } kind;
+static const char *const kind_names[] = {"modbus-read",      "modbus-read-inputs", "modbus-write",
+                                         "modbus-write-one", "modbus-write-read",  "modbus-coil"};
 
 // A request as numbers: addresses and counts first, words written after them.
 typedef struct request {
@@ -188,6 +198,12 @@ static int perform(modbus_t *context, const request *r, uint16_t *reply) {
     case READ:
         done = modbus_read_registers(context, r->read_address, r->read_n, reply);
         return done == r->read_n ? 0 : errno != 0 ? errno : EMBBADDATA;
+    case READ_INPUTS:
+        done = modbus_read_input_registers(context, r->read_address, r->read_n, reply);
+        return done == r->read_n ? 0 : errno != 0 ? errno : EMBBADDATA;
+    case WRITE_ONE:
+        done = modbus_write_register(context, r->address, r->words[0]);
+        return done == 1 ? 0 : errno != 0 ? errno : EMBBADDATA;
     case WRITE:
         done = modbus_write_registers(context, r->address, r->n, r->words);
         return done == r->n ? 0 : errno != 0 ? errno : EMBBADDATA;
@@ -201,13 +217,23 @@ static int perform(modbus_t *context, const request *r, uint16_t *reply) {
     return EINVAL;
 }
 
+// The exchange's name on a tape: those with other slaves than the line's own have the slave in it.
+static const char *kind_name(const gonio_modbus *m, const request *r, char name[40]) {
+    if (m->slave == m->config.slave) {
+        return kind_names[r->kind];
+    }
+    snprintf(name, 40, "%s@%d", kind_names[r->kind], m->slave);
+    return name;
+}
+
 static gonio_modbus_fault replay(gonio_modbus *m, const request *r, const uint16_t *asked, size_t size,
                                  uint16_t *reply) {
     long long code = 0;
     size_t n = 0;
     gonio_error error = {0};
+    char name[40];
     const size_t room = (size_t)r->read_n * sizeof *reply;
-    if (gonio_tape_get(m->tape, kind_names[r->kind], asked, size, &code, reply, room, &n, &error) != GONIO_OK) {
+    if (gonio_tape_get(m->tape, kind_name(m, r, name), asked, size, &code, reply, room, &n, &error) != GONIO_OK) {
         return say(m, GONIO_MODBUS_LOST, error.message);
     }
     return judge(m, code == 0 && n != room ? EMBBADDATA : (int)code);
@@ -226,7 +252,8 @@ static gonio_modbus_fault exchange(gonio_modbus *m, const request *r, uint16_t *
     }
     const int code = m->context != NULL ? perform(m->context, r, reply) : ENOTCONN;
     if (m->mode == GONIO_TAPE_RECORD && !m->muted) {
-        gonio_tape_put(m->tape, kind_names[r->kind], asked, size, code, reply,
+        char name[40];
+        gonio_tape_put(m->tape, kind_name(m, r, name), asked, size, code, reply,
                        code == 0 ? (size_t)r->read_n * sizeof *reply : 0);
     }
     return judge(m, code);
@@ -234,6 +261,14 @@ static gonio_modbus_fault exchange(gonio_modbus *m, const request *r, uint16_t *
 
 gonio_modbus_fault gonio_modbus_read(gonio_modbus *m, int address, int n, uint16_t *words) {
     return exchange(m, &(request){.kind = READ, .read_address = address, .read_n = n}, words);
+}
+
+gonio_modbus_fault gonio_modbus_read_inputs(gonio_modbus *m, int address, int n, uint16_t *words) {
+    return exchange(m, &(request){.kind = READ_INPUTS, .read_address = address, .read_n = n}, words);
+}
+
+gonio_modbus_fault gonio_modbus_write_one(gonio_modbus *m, int address, uint16_t word) {
+    return exchange(m, &(request){.kind = WRITE_ONE, .address = address, .n = 1, .words = &word}, NULL);
 }
 
 gonio_modbus_fault gonio_modbus_write(gonio_modbus *m, int address, int n, const uint16_t *words) {

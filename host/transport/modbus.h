@@ -45,9 +45,14 @@ void gonio_modbus_drain(gonio_modbus *modbus, int quiet_ms);
 // While muted, exchanges are not recorded.
 void gonio_modbus_mute(gonio_modbus *modbus, bool muted);
 
-// Functions 3, 16, 23 and 5. At most 125, 123, 121 written and 125 read, and 1.
+// The slave that the exchanges from now on are with; at first the configuration's.
+void gonio_modbus_address(gonio_modbus *modbus, int slave);
+
+// Functions 3, 4, 16, 6, 23 and 5. At most 125, 125, 123, 1, 121 written and 125 read, and 1.
 gonio_modbus_fault gonio_modbus_read(gonio_modbus *modbus, int address, int n, uint16_t *words);
+gonio_modbus_fault gonio_modbus_read_inputs(gonio_modbus *modbus, int address, int n, uint16_t *words);
 gonio_modbus_fault gonio_modbus_write(gonio_modbus *modbus, int address, int n, const uint16_t *words);
+gonio_modbus_fault gonio_modbus_write_one(gonio_modbus *modbus, int address, uint16_t word);
 gonio_modbus_fault gonio_modbus_write_read(gonio_modbus *modbus, int write_address, int written,
                                            const uint16_t *write_words, int read_address, int n, uint16_t *words);
 gonio_modbus_fault gonio_modbus_write_coil(gonio_modbus *modbus, int address, bool on);

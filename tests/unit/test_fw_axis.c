@@ -337,6 +337,132 @@ static void enables_of_either_polarity(void **state) {
     }
 }
 
+// ---- brakes ----
+
+// When motor and brake of axis 1 changed, and the first and last step; us, 0: never.
+typedef struct seen {
+    struct machine *m;
+    unsigned low;
+    uint64_t energised, opened, stepped, closed, off;
+} seen;
+
+static void see_step(void *context, uint64_t now_us, uint8_t edges, uint8_t directions) {
+    (void)directions;
+    seen *s = context;
+    if ((edges & 2) != 0 && s->stepped == 0)
+        s->stepped = now_us;
+    assert_true((edges & 2) == 0 || ((s->m->motors ^ s->low) & 0x22) == 0x22); // no step with a closed brake
+}
+
+static void watch(seen *s, uint64_t us) {
+    for (const uint64_t until = s->m->now_us + us; s->m->now_us < until;) {
+        const unsigned before = s->m->motors ^ s->low;
+        gonio_machine_run(s->m, 100);
+        const unsigned now = s->m->motors ^ s->low, rose = now & ~before, fell = before & ~now;
+        s->energised = (rose & 0x02) != 0 ? s->m->now_us : s->energised;
+        s->opened = (rose & 0x20) != 0 ? s->m->now_us : s->opened;
+        s->closed = (fell & 0x20) != 0 ? s->m->now_us : s->closed;
+        s->off = (fell & 0x02) != 0 ? s->m->now_us : s->off;
+    }
+}
+
+static struct machine *rig_braked(unsigned low) {
+    struct machine *m = rig_homed();
+    struct fw_registers *r = &m->core.registers;
+    r->brakes[0] = 2;
+    r->brakes_invert[0] = (uint16_t)(low >> 4);
+    r->motors_invert[0] = (uint16_t)(low & 15);
+    m->enable_low = (uint8_t)(low & 15);
+    r->brake_delay[0] = 40;
+    r->energise[0] = 7;
+    gonio_fw_core_parameters_changed(&m->core);
+    return m;
+}
+
+// The motor holds before its brake opens, and steps when that is open; the brake grips before the motor lets go.
+static void a_brake_and_its_motor_overlap(void **state) {
+    (void)state;
+    static const unsigned polarities[] = {0x00, 0x20, 0x02, 0x22};
+    for (size_t i = 0; i < sizeof polarities / sizeof *polarities; i++) {
+        struct machine *m = rig_braked(polarities[i]);
+        seen s = {.m = m, .low = polarities[i]};
+        m->on_edges = see_step;
+        m->context = &s;
+        assert_int_equal((m->motors ^ s.low) & 0x22, 0);
+        const int64_t target[FW_AXES] = {100, m->axis[1].steps + 2000, 300, 400};
+        assert_int_equal(gonio_machine_move(m, 15, target), FW_REFUSAL_NONE);
+        s.energised = m->now_us;
+        watch(&s, 2000000);
+        rig_check_positions(m);
+        assert_true(s.opened - s.energised >= 7000 && s.opened - s.energised < 10000);
+        assert_true(s.stepped - s.opened >= 39900 && s.stepped - s.opened < 60000);
+        assert_int_equal((m->motors ^ s.low) & 0xF0, 0x20); // open as long as the motor is on; others have none
+        s.stepped = 0;
+        const uint64_t again = m->now_us;
+        assert_int_equal(gonio_machine_move(m, 2, (const int64_t[FW_AXES]){0, 1000}), FW_REFUSAL_NONE);
+        watch(&s, 500000);
+        assert_true(s.stepped - again < 30000); // nothing to wait for
+        gonio_machine_command(m, FW_COMMAND_RELEASE, 2);
+        s.closed = m->now_us;
+        watch(&s, 100000);
+        assert_true(s.off - s.closed >= 40000 && s.off - s.closed < 43000);
+        assert_int_equal((m->motors ^ s.low) & 0x22, 0);
+        free(m);
+    }
+}
+
+// However it comes to it, the brake closes at once and the motor follows.
+static void a_brake_closes_in_the_safe_state(void **state) {
+    (void)state;
+    for (int how = 0; how < 4; how++) {
+        struct machine *m = rig_braked(0);
+        m->core.registers.safe_motors[0] = 13;
+        gonio_machine_move(m, 15, (const int64_t[FW_AXES]){20000, 20000, 300, 400});
+        gonio_machine_run(m, how == 3 ? 20000 : 300000); // 3: while the move waits for the brake
+        assert_int_equal(m->motors & 0x22, 0x22);
+        if (how == 2) {
+            gonio_fw_interlock_fault(&m->core);
+            assert_int_equal(m->motors, 0); // nobody is there to wait
+            free(m);
+            continue;
+        }
+        if (how == 1)
+            gonio_machine_command(m, FW_COMMAND_HALT, 0);
+        gonio_machine_hold(m, FW_CONTACT_estop, true);
+        gonio_machine_run(m, 100);
+        assert_int_equal(m->motors & 0x22, 0x02);
+        gonio_machine_run(m, 50000);
+        assert_int_equal(m->motors & 0x22, 0);
+        assert_true((m->core.known & 2) == 0);
+        rig_check_positions(m);
+        gonio_machine_release(m, FW_CONTACT_estop);
+        gonio_machine_run(m, 2000);
+        free(m);
+    }
+}
+
+// A move that is stopped while it waits for its brake has not moved, and the next one moves as any.
+static void a_move_that_waits_can_be_stopped(void **state) {
+    (void)state;
+    static const enum fw_command stops[] = {FW_COMMAND_STOP, FW_COMMAND_HALT};
+    for (size_t i = 0; i < 2; i++) {
+        struct machine *m = rig_braked(0);
+        const int64_t at = m->axis[1].steps, target[FW_AXES] = {at, at + 500, at, at};
+        gonio_machine_move(m, 2, target);
+        gonio_machine_run(m, 20000);
+        assert_true(m->core.axis.under_way && m->rising_edges == 0);
+        gonio_machine_command(m, stops[i], 0);
+        gonio_machine_run(m, 200000);
+        assert_true(m->core.state == FW_STATE_IDLE && !m->core.axis.under_way && m->rising_edges == 0);
+        assert_int_equal(m->core.known, 15);
+        assert_int_equal(gonio_machine_move(m, 2, target), FW_REFUSAL_NONE);
+        assert_true(gonio_machine_settle(m, MINUTE_US));
+        assert_true(m->axis[1].steps == at + 500);
+        rig_check_positions(m);
+        free(m);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(arrives_exactly),
                                        cmocka_unit_test(axes_keep_together),
@@ -351,6 +477,9 @@ int main(void) {
                                        cmocka_unit_test(seconds_are_what_a_move_takes),
                                        cmocka_unit_test(jogs_slowly),
                                        cmocka_unit_test(jogs_no_further),
-                                       cmocka_unit_test(enables_of_either_polarity)};
+                                       cmocka_unit_test(enables_of_either_polarity),
+                                       cmocka_unit_test(a_brake_and_its_motor_overlap),
+                                       cmocka_unit_test(a_brake_closes_in_the_safe_state),
+                                       cmocka_unit_test(a_move_that_waits_can_be_stopped)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -92,9 +92,44 @@ static void trigger_follows_the_settling(void **state) {
     free(m);
 }
 
+// Each output of either polarity, in every state of the lamp, and in a processor fault.
+static void outputs_of_either_polarity(void **state) {
+    (void)state;
+    for (unsigned invert = 0; invert < 8; invert++) {
+        struct machine *m = rig_homed();
+        const bool shutter = invert >> FW_OUTPUT_shutter & 1, lamp = invert >> FW_OUTPUT_lamp & 1,
+                   trigger = invert >> FW_OUTPUT_trigger & 1;
+        struct fw_registers *r = &m->core.registers;
+        r->output_invert[0] = (uint16_t)invert;
+        r->lamp_rise[0] = 0;
+        r->lamp_level[0] = 4000;
+        gonio_fw_core_parameters_changed(&m->core);
+        assert_true(m->shutter == shutter && m->trigger == trigger && m->lamp == (lamp ? 10000 : 0));
+        assert_true(gonio_fw_lamp_switch(&m->core, true) && gonio_fw_lamp_shutter(&m->core, true));
+        gonio_machine_run(m, 3000);
+        assert_true(m->shutter != shutter && m->lamp == (lamp ? 6000 : 4000));
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_TRIGGER, 0), FW_REFUSAL_NONE);
+        assert_true(m->trigger != trigger);
+        gonio_machine_run(m, 3000);
+        assert_true(m->trigger == trigger);
+        gonio_machine_hold(m, FW_CONTACT_estop, true);
+        gonio_machine_run(m, 100);
+        assert_true(m->shutter == shutter && m->lamp == (lamp ? 10000 : 0));
+        gonio_machine_release(m, FW_CONTACT_estop);
+        gonio_machine_run(m, 2000);
+        assert_int_equal(gonio_machine_command(m, FW_COMMAND_CLEAR, 0), FW_REFUSAL_NONE);
+        assert_true(gonio_fw_lamp_switch(&m->core, true) && gonio_fw_lamp_shutter(&m->core, true));
+        gonio_machine_run(m, 3000);
+        gonio_fw_interlock_fault(&m->core);
+        assert_true(m->shutter == shutter && m->lamp == (lamp ? 10000 : 0));
+        free(m);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(starts_softly_and_warms_up), cmocka_unit_test(level_zero_is_a_level),
-        cmocka_unit_test(monitor_is_a_mean_with_a_time), cmocka_unit_test(trigger_follows_the_settling)};
+        cmocka_unit_test(monitor_is_a_mean_with_a_time), cmocka_unit_test(trigger_follows_the_settling),
+        cmocka_unit_test(outputs_of_either_polarity)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
