@@ -40,8 +40,9 @@ struct gonio_sim {
     double steps_per_deg[GONIO_AXES];
     int64_t target_steps[GONIO_AXES]; // of the last move
     double target_rad[GONIO_AXES];
-    double actual_rad[GONIO_AXES]; // where the arms really stand
-    gonio_stamp moved;             // the stamp of the last move
+    double actual_rad[GONIO_AXES];  // where the arms really stand
+    gonio_stamp moved;              // the stamp of the last move
+    double encoder_rad[GONIO_AXES]; // as last read
     double lamp_level;
     bool shutter_open;
     struct {

@@ -137,6 +137,8 @@ const gonio_key gonio_sim_setting_keys[] = {
     FAULT_KEY("meter_error", SIM_FAULT_METER_ERROR),
     FAULT_KEY("interlock_open", SIM_FAULT_INTERLOCK_OPEN),
     FAULT_KEY("lost_steps", SIM_FAULT_LOST_STEPS),
+    FAULT_KEY("encoder_silent", SIM_FAULT_ENCODER_SILENT),
+    FAULT_KEY("encoder_frozen", SIM_FAULT_ENCODER_FROZEN),
     {0}};
 
 void gonio_sim_settings_default(sim_settings *settings) {

@@ -33,6 +33,8 @@ typedef enum sim_fault_kind {
     SIM_FAULT_METER_ERROR,
     SIM_FAULT_INTERLOCK_OPEN,
     SIM_FAULT_LOST_STEPS,
+    SIM_FAULT_ENCODER_SILENT,
+    SIM_FAULT_ENCODER_FROZEN,
     SIM_FAULTS
 } sim_fault_kind;
 

@@ -368,6 +368,20 @@ static gonio_status stage_audit(void *device, double timeout_s, double differenc
     return status;
 }
 
+// An encoder an axis, on the motor's side of the play, so that it tells lost steps.
+static gonio_status stage_encoders(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
+    gonio_sim *sim = device;
+    if (gonio_sim_fault_strikes(sim, SIM_FAULT_ENCODER_SILENT, &sim->moved)) {
+        return gonio_fail(error, GONIO_E_TIMEOUT, "it does not answer");
+    }
+    const bool frozen = gonio_sim_fault_strikes(sim, SIM_FAULT_ENCODER_FROZEN, &sim->moved);
+    for (int k = 0; k < GONIO_AXES && !frozen; k++) {
+        sim->encoder_rad[k] = to_rad(sim, k, sim->machine.axis[k].steps);
+    }
+    memcpy(position_rad, sim->encoder_rad, sizeof sim->encoder_rad);
+    return GONIO_OK;
+}
+
 static void stage_close(void *device) { (void)device; }
 
 const gonio_stage_ops gonio_sim_stage_ops = {.name = "simulated stage",
@@ -379,4 +393,5 @@ const gonio_stage_ops gonio_sim_stage_ops = {.name = "simulated stage",
                                              .close = stage_close,
                                              .check = stage_check,
                                              .audit = stage_audit,
-                                             .turns = stage_turns};
+                                             .turns = stage_turns,
+                                             .encoders = stage_encoders};

@@ -19,6 +19,7 @@ typedef struct gonio_scan_options {
     double exposure_max_s;           // longest exposure to use; 0: the camera's own limit
     int window_width, window_height; // read-out window; 0: around the sample; -1: the full frame
     int audit_poses;                 // home and compare after so many poses, and at the end; 0: at the end alone
+    int encoder_audit_poses;         // the same where encoders on every axis compare at every pose
     bool unsynced;                   // the session waits for no disk; not journalled: a resume waits again
     bool hands;                      // targets are put on the table by hand even where a sample changer is there
 } gonio_scan_options;
@@ -115,8 +116,8 @@ gonio_status gonio_process_pose(const gonio_process *process, const gonio_step *
                                 int n, gonio_samples **out, gonio_step_radiance *radiance, char why[512],
                                 gonio_error *error);
 // The same from stored frames, for every done sample step at once: out[i] and (*radiance)[i] belong to steps[i]; out[i]
-// is NULL where it is not a done sample step (only_missing: nor where the journal holds its samples). Equal bits for any
-// thread count. The caller frees with gonio_sets_free and free.
+// is NULL where it is not a done sample step (only_missing: nor where the journal holds its samples). Equal bits for
+// any thread count. The caller frees with gonio_sets_free and free.
 gonio_status gonio_process_samples(gonio_session *session, const gonio_process *process, bool only_missing, int threads,
                                    gonio_progress_fn progress, void *context, gonio_samples ***out,
                                    gonio_step_radiance **radiance, gonio_error *error);

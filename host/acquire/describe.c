@@ -98,6 +98,7 @@ static const gonio_key scan_members[] = {
     M(gonio_scan_options, window_height, INTEGER, -1, 65536),
     M(gonio_scan_options, hands, BOOLEAN, 0, 0),
     LATE(gonio_scan_options, audit_poses, INTEGER, 0, 1e9),
+    LATE(gonio_scan_options, encoder_audit_poses, INTEGER, 0, 1e9),
     {0},
 };
 static const gonio_key window_members[] = {

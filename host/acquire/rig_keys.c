@@ -70,6 +70,7 @@ const gonio_key gonio_rig_keys[] = {
     {KEY("scan", "reference_frames", INTEGER, scan.reference_frames), 2, 1000},
     {KEY("scan", "settle_s", REAL, scan.settle_s), 0, 600},
     {KEY("scan", "audit_poses", INTEGER, scan.audit_poses), 0, 1e6},
+    {KEY("scan", "encoder_audit_poses", INTEGER, scan.encoder_audit_poses), 0, 1e6},
     {KEY("scan", "exposure_max_s", REAL, scan.exposure_max_s), 0, 3600},
     {KEY("camera", "window", OWN, scan.window_width), .form = &window},
     {KEY("mount", "by", BOOLEAN, scan.hands), .names = hands},

@@ -12,7 +12,7 @@
 // A move may take this much longer than the stage's own estimate before it counts as stuck.
 #define MOVE_SLACK 5
 #define MOVE_MARGIN_S 30
-// So many audits one after the other that each found lost steps: the axis will not do better the next time.
+// So many audits, or poses, one after the other that each found lost steps: the axis will not do better the next time.
 #define BAD_AUDITS_MAX 3
 
 enum { TARGET_UNKNOWN = -1 };
@@ -27,6 +27,9 @@ struct gonio_scan {
     int target;             // what lies on the table
     double waited_s;        // for the lamp, before the first step of this run
     int bad_audits;         // in a row
+    bool slipped;           // an encoder has found lost steps at this step
+    int slips;              // so often one after the other
+    bool compared;          // every axis has an encoder
     double monitor;         // the lamp's, at the last frame; 0: none yet
     gonio_samples *samples; // of the last step
     gonio_step_radiance radiance;
@@ -248,6 +251,7 @@ static gonio_status move(gonio_scan *scan, const gonio_step *step, double *clock
     const gonio_status status = rig->stage->move(rig->stage_device, to, (uint32_t)(step->index + 1), &stamp,
                                                  MOVE_SLACK * takes_s + HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
     const double settle_s = scan->process.setup.scan.settle_s;
+    scan->slipped = status == GONIO_E_MISMATCH;
     if (status == GONIO_OK && rig->stage->real) {
         gonio_clock_sleep_ms((int)ceil(settle_s * 1000));
     }
@@ -317,7 +321,23 @@ static gonio_status evaluate(gonio_scan *scan, const gonio_step *step, const gon
     return status;
 }
 
-// What was exposed counts only where the lamp burned and nobody stopped the rig to the end.
+// What the encoders say, where there are any; those of a step vouch for all of its frames.
+static gonio_status verify(gonio_scan *scan, gonio_error *error) {
+    const gonio_rig *rig = scan->rig;
+    double difference_rad[GONIO_AXES];
+    if (rig->stage->verify == NULL) {
+        return GONIO_OK;
+    }
+    const gonio_status status = rig->stage->verify(rig->stage_device, difference_rad, error);
+    scan->slipped = status == GONIO_E_MISMATCH;
+    scan->compared = true;
+    for (int k = 0; k < GONIO_AXES; k++) {
+        scan->compared = scan->compared && isfinite(difference_rad[k]);
+    }
+    return status;
+}
+
+// What was exposed counts only where the arms stood, the lamp burned and nobody stopped the rig to the end.
 static gonio_status still_sound(gonio_scan *scan, const gonio_exposures *exposures, gonio_error *error) {
     const gonio_rig *rig = scan->rig;
     const gonio_stamp stamp = {(int64_t)scan->next, exposures->n, exposures->clock_s};
@@ -327,7 +347,7 @@ static gonio_status still_sound(gonio_scan *scan, const gonio_exposures *exposur
     if (status == GONIO_OK && rig->interlock != NULL) {
         status = rig->interlock->check(rig->interlock_device, error);
     }
-    return status;
+    return status == GONIO_OK ? verify(scan, error) : status;
 }
 
 static gonio_status do_step(gonio_scan *scan, gonio_exposures *exposures, gonio_error *error) {
@@ -365,15 +385,17 @@ static gonio_status park(gonio_scan *scan, gonio_error *error) {
     double target[GONIO_AXES];
     gonio_scan_target(&scan->process.steps[0].pose, target);
     const gonio_stamp stamp = {here->index, 0, here->clock_end_s};
-    return rig->stage->move(rig->stage_device, target, (uint32_t)(here->index + 1), &stamp,
-                            HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
+    const gonio_status status = rig->stage->move(rig->stage_device, target, (uint32_t)(here->index + 1), &stamp,
+                                                 HOME_TIMEOUT_S + MOVE_MARGIN_S, error);
+    return status == GONIO_E_MISMATCH ? GONIO_OK : status; // lost steps, which the homing that follows puts right
 }
 
 // The nominal clock does not count audits, so that a resumed session, which has others, has the same clock.
 static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
     bool any;
     const size_t poses = flagged_poses(scan, &any);
-    const int every = scan->process.setup.scan.audit_poses;
+    const gonio_scan_options *options = &scan->process.setup.scan;
+    const int every = scan->compared ? options->encoder_audit_poses : options->audit_poses;
     const size_t before = scan->next;
     const bool at_end = scan->next == scan->process.n;
     if (!any || !(at_end || (every > 0 && poses >= (size_t)every))) {
@@ -386,22 +408,51 @@ static gonio_status audit_if_due(gonio_scan *scan, gonio_error *error) {
     return status == GONIO_OK && scan->next < before ? warm_up(scan, error) : status;
 }
 
+// Steps were lost at this one: home again, and do it again. Those before it stand, for the encoders vouched for each;
+// whether they did that truly the audit tells.
+static gonio_status recover(gonio_scan *scan, gonio_error *error) {
+    char text[600];
+    const size_t before = scan->next;
+    scan->slipped = false;
+    snprintf(text, sizeof text, "step %zu: %.400s; home again, and measure it again", scan->next, error->message);
+    note(scan, "lost-steps", text);
+    if (++scan->slips >= BAD_AUDITS_MAX) {
+        gonio_error why = *error;
+        return gonio_fail(error, GONIO_E_DEVICE, "%d times in a row, %.400s", scan->slips, why.message);
+    }
+    gonio_status status = scan->rig->lamp->set_shutter(scan->rig->lamp_device, false, error);
+    status = status == GONIO_OK && scan->next > 0 ? park(scan, error) : status;
+    status = status == GONIO_OK ? audit(scan, error) : status;
+    status = status == GONIO_OK ? gonio_session_sweep(scan->session, NULL, error) : status;
+    return status == GONIO_OK && scan->next < before ? warm_up(scan, error) : status;
+}
+
+static gonio_status finish_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error) {
+    const bool restores = scan->ready && scan->next < scan->process.first_sample;
+    const gonio_status status = restores ? restore_samples(scan, error) : GONIO_OK;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    scan->waited_s = 0;
+    to_next(scan);
+    *samples = scan->samples;
+    return audit_if_due(scan, error);
+}
+
 gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error) {
     gonio_samples_free(scan->samples);
     scan->samples = NULL;
     *samples = NULL;
     gonio_error own = {.line = -1, .byte = -1};
     gonio_exposures exposures = {.monitor = scan->monitor};
+    scan->slipped = false;
     gonio_status status = do_step(scan, &exposures, &own);
     gonio_exposures_free(exposures.items, exposures.n);
-    if (status == GONIO_OK && scan->ready && scan->next < scan->process.first_sample) {
-        status = restore_samples(scan, &own);
-    }
-    if (status == GONIO_OK) {
-        scan->waited_s = 0;
-        to_next(scan);
-        *samples = scan->samples;
-        status = audit_if_due(scan, &own);
+    if (scan->slipped) {
+        status = recover(scan, &own);
+    } else if (status == GONIO_OK) {
+        scan->slips = 0;
+        status = finish_step(scan, samples, &own);
     }
     if (status != GONIO_OK) {
         char text[600];

@@ -15,7 +15,8 @@ void gonio_scan_options_default(gonio_scan_options *options) {
                                     .reference_frames = 16,
                                     .motion_check = 1,
                                     .settle_s = 0.2,
-                                    .audit_poses = 50};
+                                    .audit_poses = 50,
+                                    .encoder_audit_poses = 500};
 }
 
 // Half the sample's largest size on the sensor, along an axis of focal length f.

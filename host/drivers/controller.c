@@ -197,9 +197,8 @@ typedef struct other_request {
 static gonio_modbus_fault once_other(gonio_controller *c, void *request) {
     const other_request *r = request;
     gonio_modbus_address(c->modbus, r->slave);
-    const gonio_modbus_fault fault = r->function == 4
-                                         ? gonio_modbus_read_inputs(c->modbus, r->address, r->n, r->words)
-                                         : gonio_modbus_read(c->modbus, r->address, r->n, r->words);
+    const gonio_modbus_fault fault = r->function == 4 ? gonio_modbus_read_inputs(c->modbus, r->address, r->n, r->words)
+                                                      : gonio_modbus_read(c->modbus, r->address, r->n, r->words);
     gonio_modbus_address(c->modbus, c->config.modbus.slave);
     return fault;
 }

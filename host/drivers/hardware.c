@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "host/drivers/hardware.h"
-#include "base/number.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +7,7 @@
 
 #include "base/number.h"
 #include "base/text.h"
+#include "host/drivers/encoders.h"
 #include "host/drivers/keep_out.h"
 #include "host/drivers/shadow.h"
 
@@ -60,6 +60,8 @@ struct gonio_hardware {
     gonio_controller *controller; // one user of it is this
     gonio_tape *tape;             // of the controller
     gonio_keep_out keep_out;
+    gonio_encoders encoders;
+    void *compared; // what compares them, borrowed from the rig
 };
 
 gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardware **out, gonio_error *error) {
@@ -68,6 +70,7 @@ gonio_status gonio_hardware_new(const gonio_hardware_hooks *hooks, gonio_hardwar
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for the rig's devices");
     }
     gonio_controller_defaults(&h->line.config);
+    gonio_encoders_defaults(&h->encoders);
     h->line.config.event = hooks->event;
     h->line.config.event_context = hooks->context;
     h->line.config.cancelled = hooks->cancelled;
@@ -113,7 +116,7 @@ typedef struct table {
 } table;
 
 // The tables that are known with the drivers chosen so far; an empty one at the end.
-static void tables_of(gonio_hardware *h, table tables[GONIO_DEVICES + 3]) {
+static void tables_of(gonio_hardware *h, table tables[GONIO_DEVICES + 4]) {
     int n = 0;
     for (int k = 0; k < GONIO_DEVICES; k++) {
         const slot *s = &h->slots[k];
@@ -125,6 +128,7 @@ static void tables_of(gonio_hardware *h, table tables[GONIO_DEVICES + 3]) {
         tables[n++] = (table){gonio_controller_keys, &h->line};
     }
     tables[n++] = (table){keep_out_keys, &h->keep_out};
+    tables[n++] = (table){gonio_encoder_keys, &h->encoders};
     tables[n] = (table){0};
 }
 
@@ -211,7 +215,7 @@ gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const ch
     if (strncmp(section, "keep-out ", 9) == 0) {
         return set_zone(&h->keep_out, section, name, value, taken, error);
     }
-    table tables[GONIO_DEVICES + 3];
+    table tables[GONIO_DEVICES + 4];
     tables_of(h, tables);
     for (const table *t = tables; t->keys != NULL; t++) {
         const gonio_key *key = gonio_key_find(t->keys, section, name);
@@ -225,7 +229,7 @@ gonio_status gonio_hardware_set(gonio_hardware *h, const char *section, const ch
 }
 
 bool gonio_hardware_list(gonio_hardware *h, const char *section, char *text, size_t size) {
-    table tables[GONIO_DEVICES + 3];
+    table tables[GONIO_DEVICES + 4];
     tables_of(h, tables);
     text[0] = 0;
     for (int k = 0; k < GONIO_DEVICES; k++) {
@@ -270,7 +274,7 @@ bool gonio_hardware_reach(gonio_hardware *h, char *text, size_t size) {
                               driver->name);
         }
     }
-    table tables[GONIO_DEVICES + 3];
+    table tables[GONIO_DEVICES + 4];
     tables_of(h, tables);
     for (const table *t = tables; t->keys != NULL && text[0] != 0; t++) {
         for (const gonio_key *key = t->keys; key->name != NULL; key++) {
@@ -349,6 +353,10 @@ gonio_status gonio_hardware_open(gonio_hardware *h, gonio_rig *rig, bool simulat
             status = open_slot(h, &h->slots[k], rig, simulated, error);
         }
     }
+    if (status == GONIO_OK && gonio_encoders_any(&h->encoders)) {
+        const gonio_encoder_lines lines = {h->controller, NULL, h->line.config.event, h->line.config.event_context};
+        status = gonio_encoders_guard(&h->encoders, &lines, rig, &h->compared, error);
+    }
     const bool guarded = h->keep_out.n > 0 || h->keep_out.retro_deg > 0;
     return status == GONIO_OK && guarded ? gonio_keep_out_guard(&h->keep_out, rig, error) : status;
 }
@@ -362,6 +370,7 @@ const char *gonio_hardware_line(const gonio_hardware *h) {
     return behind_controller(h) && h->line.replay[0] == 0 ? h->line.config.modbus.port : NULL;
 }
 gonio_controller *gonio_hardware_controller(const gonio_hardware *h) { return h->controller; }
+void *gonio_hardware_encoders(const gonio_hardware *h) { return h->compared; }
 void *gonio_hardware_stage(const gonio_hardware *h) { return opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus); }
 const char *gonio_hardware_meter(const gonio_hardware *h) {
     const void *meter = opened(h, GONIO_DEVICE_METER, &gonio_meter_usbtmc);

@@ -44,6 +44,7 @@ const char *gonio_hardware_line(const gonio_hardware *hardware);
 // What was opened, for `gonio rig`; NULL where there is none.
 gonio_controller *gonio_hardware_controller(const gonio_hardware *hardware);
 void *gonio_hardware_stage(const gonio_hardware *hardware);       // of stage_modbus.h
+void *gonio_hardware_encoders(const gonio_hardware *hardware);    // of encoders.h
 const char *gonio_hardware_meter(const gonio_hardware *hardware); // *IDN?, or NULL
 
 #endif

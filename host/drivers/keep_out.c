@@ -175,6 +175,11 @@ static gonio_status guard_audit(void *device, double timeout_s, double differenc
     return g->stage->audit(g->device, timeout_s, difference_rad, error);
 }
 
+static gonio_status guard_verify(void *device, double difference_rad[GONIO_AXES], gonio_error *error) {
+    const guard *g = device;
+    return g->stage->verify(g->device, difference_rad, error);
+}
+
 static void guard_close(void *device) {
     guard *g = device;
     g->stage->close(g->device);
@@ -200,6 +205,7 @@ gonio_status gonio_keep_out_guard(const gonio_keep_out *keep_out, gonio_rig *rig
     g->keep_out.independent = g->ops.independent = rig->stage->independent;
     g->ops.real = rig->stage->real;
     g->ops.audit = rig->stage->audit != NULL ? guard_audit : NULL;
+    g->ops.verify = rig->stage->verify != NULL ? guard_verify : NULL;
     rig->stage = &g->ops;
     rig->stage_device = g;
     return GONIO_OK;

@@ -77,6 +77,11 @@ static gonio_status stage_audit(void *device, double timeout_s, double differenc
     return followed == GONIO_OK ? status : followed;
 }
 
+static gonio_status stage_encoders(void *device, double position_rad[GONIO_AXES], gonio_error *error) {
+    const stage *s = device;
+    return s->real->encoders(s->real_device, position_rad, error);
+}
+
 static void stage_close(void *device) {
     stage *s = device;
     s->real->close(s->real_device);
@@ -92,7 +97,6 @@ static const gonio_stage_ops stage_ops = {.name = "modbus, followed by the simul
                                           .duration_s = stage_duration_s,
                                           .close = stage_close,
                                           .check = stage_check,
-                                          .audit = stage_audit,
                                           .turns = stage_turns};
 
 gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, void *device, gonio_error *error) {
@@ -102,6 +106,9 @@ gonio_status gonio_shadow_stage(gonio_rig *rig, const gonio_stage_ops *real, voi
     }
     *s = (stage){real, rig->stage, device, rig->stage_device, false, false, stage_ops};
     s->ops.real = real->real;
+    s->ops.independent = real->independent;
+    s->ops.audit = real->audit != NULL ? stage_audit : NULL;
+    s->ops.encoders = real->encoders != NULL ? stage_encoders : NULL;
     rig->stage = &s->ops;
     rig->stage_device = s;
     return GONIO_OK;

@@ -78,6 +78,12 @@ typedef struct gonio_stage_ops {
     // most.
     double (*step_rad)(void *device);
     bool real; // there are arms that swing: the time to settle after a move is truly waited for
+    // Optional: where the stage's own encoders say that the axes are; NaN of an axis without one.
+    gonio_status (*encoders)(void *device, double position_rad[GONIO_AXES], gonio_error *error);
+    // Optional: compare encoders with where the axes should be; the differences, NaN where there is none.
+    // GONIO_E_MISMATCH where one is more than is allowed: steps were lost, and `audit` or `home` puts it right. move
+    // does it too.
+    gonio_status (*verify)(void *device, double difference_rad[GONIO_AXES], gonio_error *error);
 } gonio_stage_ops;
 
 // ---- lamp and shutter ----

@@ -79,6 +79,7 @@ static void schedule(uint64_t seed) {
             f->burst = 1;
         }
         f->parameter = world_random();
+        w->encoders = w->encoders || (f->kind >= FAULT_steps_lost_encoder && f->kind <= FAULT_encoder_frozen);
     }
 }
 
@@ -168,6 +169,9 @@ static void run_seed(uint64_t seed, result *r) {
     }
     if (w->finished && strcmp(w->sha256, undisturbed.sha256) != 0) {
         world_trouble("other samples than undisturbed (%lld, %lld expected); ", w->samples, undisturbed.samples);
+    }
+    if (w->n == 1 && w->slip_seen && w->taken_back > 0) {
+        world_trouble("steps were lost under an encoder, and an audit took other steps back; ");
     }
     if (w->past_limit > 0) {
         world_trouble("%lld steps beyond a limit; ", (long long)w->past_limit);

@@ -193,6 +193,15 @@ static void set_axes(gonio_hardware *hardware) {
         }
         set_hardware(hardware, names[k], "min_deg", "-5");
         set_hardware(hardware, names[k], "max_deg", k % 2 == 0 ? "95" : "365");
+        char section[40], slave[8];
+        snprintf(section, sizeof section, "encoder %s", names[k] + strlen("axis "));
+        snprintf(slave, sizeof slave, "%d", 11 + k);
+        if (w->encoders) {
+            set_hardware(hardware, section, "encoder_deg", "0.1");
+            set_hardware(hardware, section, "slave", slave);
+            set_hardware(hardware, section, "register", "2");
+            set_hardware(hardware, section, "counts_per_deg", "100");
+        }
     }
 }
 
@@ -346,8 +355,16 @@ static gonio_status step(gonio_scan *scan, gonio_error *error) {
     return status;
 }
 
+static void note(void *context, const char *text) {
+    (void)context;
+    w->taken_back += strstr(text, "steps are measured again") != NULL;
+    if (w->verbose) {
+        printf("%10.3f s  %s\n", (double)w->now_us * 1e-6, text);
+    }
+}
+
 static gonio_status measure(const gonio_rig *rig, gonio_session *session, gonio_error *error) {
-    const gonio_scan_hooks hooks = {0};
+    const gonio_scan_hooks hooks = {.note = note};
     gonio_scan *scan = NULL;
     gonio_status status = gonio_scan_new(session, rig, &hooks, &scan, error);
     while (status == GONIO_OK && !gonio_scan_done(scan)) {

@@ -142,6 +142,27 @@ static void send_back(const uint8_t *answer, int n) {
     keep(reply, n);
 }
 
+// ---- encoders on the same line ----
+
+enum { ENCODER_SLAVE = 11, ENCODER_REGISTER = 2 };
+
+// The reply to a whole request of one word; 0 bytes: nobody answers.
+static int encoder_reply(const uint8_t *request, int n, uint8_t reply[7]) {
+    const int axis = request[0] - ENCODER_SLAVE;
+    const uint16_t sum = n == 8 ? crc(request, 6) : 0;
+    const bool sound = n == 8 && request[6] == (uint8_t)sum && request[7] == (uint8_t)(sum >> 8) && request[1] == 3 &&
+                       request[2] == 0 && request[3] == ENCODER_REGISTER && request[4] == 0 && request[5] == 1;
+    if (!w->encoders || !sound || axis < 0 || axis >= FW_AXES || world_stands(FAULT_encoder_silent)) {
+        return 0;
+    }
+    const uint16_t counts = (uint16_t)(world_encoder(axis) + 20000 * axis); // a step each, from anywhere on
+    memcpy(reply, (const uint8_t[]){request[0], 3, 2, (uint8_t)(counts >> 8), (uint8_t)counts}, 5);
+    const uint16_t c = crc(reply, 5);
+    reply[5] = (uint8_t)c;
+    reply[6] = (uint8_t)(c >> 8);
+    return 7;
+}
+
 // ---- to the controller ----
 
 static void deliver(const uint8_t *bytes, int n) {
@@ -165,8 +186,10 @@ static void deliver(const uint8_t *bytes, int n) {
     const int sent = (int)m->sent_length;
     memcpy(reply, m->sent, (size_t)sent);
     m->sent_length = 0;
+    uint8_t other[7];
+    const int encoder = encoder_reply(bytes, n, other);
     if (!world_stands(FAULT_line_dead)) {
-        send_back(reply, sent);
+        send_back(encoder > 0 ? other : reply, encoder > 0 ? encoder : sent);
     }
 }
 

@@ -102,6 +102,10 @@ static void begin(fault *f) {
     case FAULT_home_switch_bouncing:
         set_switch(f, switches[f->kind - FAULT_home_switch_missing]);
         break;
+    case FAULT_steps_lost_encoder:
+        // A homing does not see what is lost in its middle; nor do encoders whose zero it tells.
+        w->slip_seen = w->host_runs && w->now_us - w->homing_us > 1000000;
+        // fall through
     case FAULT_steps_lost:
         w->machine.axis[f->parameter % FW_AXES].steps += f->parameter >> 31 ? steps : -steps;
         w->slip_allowed += steps;
@@ -133,6 +137,11 @@ static void begin(fault *f) {
     case FAULT_lamp_sensor_broken:
         w->machine.temperature = f->kind == FAULT_lamp_too_hot ? 120000 : INT32_MIN;
         f->hits++;
+        break;
+    case FAULT_encoder_frozen:
+        for (int k = 0; k < FW_AXES; k++) {
+            w->frozen[k] = w->machine.axis[k].steps;
+        }
         break;
     case FAULT_line_echo:
         w->machine.echo = true;
@@ -206,6 +215,12 @@ static void move_off_switches(void) {
             axis->steps = axis->home_at + 150;
         }
     }
+}
+
+int64_t world_encoder(int axis) {
+    const fault *f = find(FAULT_encoder_frozen);
+    const bool frozen = f != NULL && (int)(f->parameter % FW_AXES) == axis && world_stands(FAULT_encoder_frozen);
+    return frozen ? w->frozen[axis] : w->machine.axis[axis].steps;
 }
 
 void world_repair(void) {
@@ -301,6 +316,7 @@ static void run_machine(int64_t us) {
 // A bad home switch has done something once there was a homing.
 static void see_homing(void) {
     const struct fw_core *core = &w->machine.core;
+    w->homing_us = core->state == FW_STATE_HOMING ? w->now_us : w->homing_us;
     const unsigned alarm = core->registers.alarm[0];
     for (int i = 0; i < w->n; i++) {
         w->faults[i].homing_seen |=

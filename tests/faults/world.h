@@ -42,6 +42,9 @@ typedef enum unit { EXCHANGES, TIME_US, USB_TRANSFERS, FRAMES, DISK_WRITES, UNIT
     X(home_switch_pressed, TIME_US, "motion")                                                                          \
     X(home_switch_bouncing, TIME_US, "motion")                                                                         \
     X(steps_lost, TIME_US, "motion")                                                                                   \
+    X(steps_lost_encoder, TIME_US, "motion")                                                                           \
+    X(encoder_silent, TIME_US, "motion")                                                                               \
+    X(encoder_frozen, TIME_US, "motion")                                                                               \
     X(emergency_stop, TIME_US, "motion")                                                                               \
     X(door_opened, TIME_US, "motion")                                                                                  \
     X(limit_switch, TIME_US, "motion")                                                                                 \
@@ -120,11 +123,16 @@ typedef struct world {
     uint8_t held[OLD_MAX], old[OLD_MAX];
     int held_n, old_n;
     bool line_broken;
+    bool encoders;           // there are some, of which these stand still at
+    int64_t frozen[FW_AXES]; // steps
     // invariants
     int64_t past_limit, moved_alone;
     int64_t spoke_us;     // the second master
     uint64_t stepped_us;  // the machine's time of its last step
     int64_t slip_allowed; // steps
+    int64_t homing_us;    // when it last was homing
+    bool slip_seen;       // steps were lost where encoders had to find it at that very pose
+    int taken_back;       // audits that took steps back
     // this host's
     bool host_runs, interrupted;
     int64_t host_started_us, host_bound_us;
@@ -155,6 +163,8 @@ bool world_stands(fault_kind kind);
 void world_new(uint64_t seed);
 // Another program, with another rig file, while none measures: it writes its parameters and goes.
 void world_visit(void);
+// What the encoder of an axis counts.
+int64_t world_encoder(int axis);
 void world_repair(void); // every fault that has struck is over
 void world_trouble(const char *format, ...) __attribute__((format(printf, 1, 2)));
 // Let the drivers' own thread have its turn (clock.c).
