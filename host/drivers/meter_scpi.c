@@ -7,88 +7,78 @@
 #include <string.h>
 
 #include "host/drivers/driver.h"
-#include "host/transport/clock.h"
 
 typedef struct meter {
-    gonio_meter_scpi_config config;
+    gonio_scpi_meter scpi;
+    gonio_line_config config;
     gonio_line *line;
     bool lost; // the port was
-    gonio_scpi_meter scpi;
 } meter;
 
 void gonio_meter_scpi_defaults(gonio_meter_scpi_config *config) {
-    *config = (gonio_meter_scpi_config){.line = {.baud = 9600, .timeout_ms = 2000}, .replug_s = 10};
+    *config = (gonio_meter_scpi_config){.line = {.baud = 9600, .timeout_ms = 2000}};
     gonio_scpi_defaults(&config->scpi);
 }
 
-static gonio_status link_send(void *device, const char *line, size_t n, gonio_error *error) {
-    meter *m = device;
-    gonio_line_drain(m->line); // a late answer to an earlier query answers none of now
-    const gonio_status status = gonio_line_send(m->line, line, n, error);
-    m->lost = m->lost || status == GONIO_E_DEVICE;
+static gonio_status link_open(gonio_scpi_meter *device, gonio_error *error) {
+    meter *m = (meter *)device;
+    const gonio_status status = gonio_line_open(&m->config, "", "", &m->line, error);
+    m->lost = status != GONIO_OK;
     return status;
 }
 
-static gonio_status link_receive(void *device, char reply[GONIO_SCPI_REPLY], gonio_error *error) {
-    meter *m = device;
+static void link_close(gonio_scpi_meter *device) {
+    meter *m = (meter *)device;
+    gonio_line_close(m->line);
+    m->line = NULL;
+    m->lost = true;
+}
+
+static bool link_clear(gonio_scpi_meter *device) {
+    const meter *m = (meter *)device;
+    if (!m->lost) {
+        gonio_line_drain(m->line);
+    }
+    return !m->lost;
+}
+
+static gonio_status gone(const meter *m, gonio_error *error) {
+    return gonio_fail(error, GONIO_E_DEVICE, "%.120s is gone", m->config.port);
+}
+
+static gonio_status link_send(gonio_scpi_meter *device, const char *line, size_t n, gonio_error *error) {
+    meter *m = (meter *)device;
+    if (!link_clear(device)) { // a late answer to an earlier query answers none of now
+        return gone(m, error);
+    }
+    const gonio_status status = gonio_line_send(m->line, line, n, error);
+    m->lost = status == GONIO_E_DEVICE;
+    return status;
+}
+
+static gonio_status link_receive(gonio_scpi_meter *device, char reply[GONIO_SCPI_REPLY], gonio_error *error) {
+    meter *m = (meter *)device;
     char answer[GONIO_LINE_MAX];
     const gonio_status status = gonio_line_receive(m->line, -1, answer, error);
-    m->lost = m->lost || status == GONIO_E_DEVICE;
+    m->lost = status == GONIO_E_DEVICE;
     snprintf(reply, GONIO_SCPI_REPLY, "%.*s", GONIO_SCPI_REPLY - 1, status == GONIO_OK ? answer : "");
     return status;
 }
 
-static gonio_status link_recover(void *device, gonio_error *error) {
-    meter *m = device;
-    gonio_status status = GONIO_OK;
-    const gonio_deadline deadline = gonio_deadline_in_s(m->config.replug_s);
-    while (m->lost) {
-        m->lost = false;
-        status = gonio_line_reopen(m->line, error);
-        status = status == GONIO_OK ? gonio_scpi_begin(&m->scpi, error) : status;
-        m->lost = status != GONIO_OK;
-        if (m->lost && gonio_deadline_left_ms(deadline) == 0) {
-            return status;
-        }
-        gonio_clock_sleep_ms(m->lost ? 100 : 0);
-    }
-    gonio_line_drain(m->line);
-    return GONIO_OK;
-}
+static const gonio_scpi_link line_link = {link_open, link_close, link_send, link_receive, link_clear};
 
-static void link_clean(void *device) { gonio_line_drain(((meter *)device)->line); }
-
-static const gonio_scpi_link line_link = {link_send, link_receive, link_recover, link_clean};
-
-static gonio_status meter_read(void *device, const gonio_stamp *stamp, double integration_s, double *value,
-                               double *sigma, gonio_error *error) {
-    (void)stamp;
-    return gonio_scpi_read(&((meter *)device)->scpi, integration_s, value, sigma, error);
-}
-
-static void meter_close(void *device) {
-    meter *m = device;
-    gonio_line_close(m->line);
-    free(m);
-}
-
-const gonio_meter_ops gonio_meter_scpi = {.name = "scpi", .read = meter_read, .close = meter_close};
+const gonio_meter_ops gonio_meter_scpi = {.name = "scpi", .read = gonio_scpi_read, .close = gonio_scpi_close};
 
 gonio_status gonio_meter_scpi_open(const gonio_meter_scpi_config *config, void **device, gonio_error *error) {
     meter *m = calloc(1, sizeof *m);
     if (m == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "not enough memory for a meter");
     }
-    m->config = *config;
-    m->scpi = (gonio_scpi_meter){.config = config->scpi, .link = &line_link, .device = m};
-    gonio_status status = gonio_line_open(&config->line, "", "", &m->line, error);
-    status = status == GONIO_OK ? gonio_scpi_begin(&m->scpi, error) : status;
-    if (status != GONIO_OK) {
-        meter_close(m);
-        return status;
-    }
-    *device = m;
-    return GONIO_OK;
+    m->config = config->line;
+    m->scpi = (gonio_scpi_meter){.config = config->scpi, .link = &line_link};
+    const gonio_status status = gonio_scpi_begin(&m->scpi, error);
+    *device = status == GONIO_OK ? m : NULL;
+    return status;
 }
 
 typedef gonio_meter_scpi_config settings;
@@ -97,7 +87,6 @@ static const gonio_key keys[] = {{KEY("port", LINE, line.port)},
                                  {KEY("baud", INTEGER, line.baud), 1200, 921600},
                                  GONIO_SCPI_KEYS(settings, scpi),
                                  {KEY("timeout_ms", INTEGER, line.timeout_ms), 10, 100000},
-                                 {KEY("replug_s", REAL, replug_s), 0, 3600},
                                  {0}};
 
 static void defaults(void *config) { gonio_meter_scpi_defaults(config); }

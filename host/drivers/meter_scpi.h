@@ -10,7 +10,6 @@
 typedef struct gonio_meter_scpi_config {
     gonio_line_config line;
     gonio_scpi_config scpi;
-    double replug_s; // wait this long for a lost port to come back; 10
 } gonio_meter_scpi_config;
 
 void gonio_meter_scpi_defaults(gonio_meter_scpi_config *config);

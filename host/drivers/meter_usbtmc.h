@@ -10,8 +10,7 @@
 typedef struct gonio_meter_usbtmc_config {
     gonio_usbtmc_match match;
     gonio_scpi_config scpi;
-    int timeout_ms;  // of one query; 2000
-    double replug_s; // wait this long for an unplugged meter to come back; 10
+    int timeout_ms; // of one query; 2000
 } gonio_meter_usbtmc_config;
 
 void gonio_meter_usbtmc_defaults(gonio_meter_usbtmc_config *config);

@@ -21,20 +21,21 @@ GONIO_KEY_NAMES(units, "linear", "dBm")
 const char *const *gonio_scpi_units(void) { return units(); }
 
 void gonio_scpi_defaults(gonio_scpi_config *config) {
-    *config = (gonio_scpi_config){.query = "MEAS:POW?", .scale = 1, .relative_sigma = 0.005, .retries = 3};
+    *config =
+        (gonio_scpi_config){.query = "MEAS:POW?", .scale = 1, .relative_sigma = 0.005, .retries = 3, .replug_s = 10};
 }
 
 static gonio_status send(gonio_scpi_meter *m, const char *text, gonio_error *error) {
     char line[sizeof m->config.setup + 1];
     const int length = snprintf(line, sizeof line, "%s\n", text);
-    return m->link->send(m->device, line, (size_t)length, error);
+    return m->link->send(m, line, (size_t)length, error);
 }
 
 // One query, one answer: blanks and line ends at its end cut off.
 static gonio_status ask_once(gonio_scpi_meter *m, const char *query, char reply[GONIO_SCPI_REPLY], gonio_error *error) {
     gonio_status status = send(m, query, error);
     reply[0] = 0;
-    status = status == GONIO_OK ? m->link->receive(m->device, reply, error) : status;
+    status = status == GONIO_OK ? m->link->receive(m, reply, error) : status;
     size_t n = strlen(reply);
     while (n > 0 && (reply[n - 1] == '\n' || reply[n - 1] == '\r' || reply[n - 1] == ' ')) {
         reply[--n] = 0;
@@ -46,7 +47,7 @@ static gonio_status ask_once(gonio_scpi_meter *m, const char *query, char reply[
 static gonio_status check_setup(gonio_scpi_meter *m, gonio_error *error) {
     char reply[GONIO_SCPI_REPLY], *end;
     if (ask_once(m, "SYST:ERR?", reply, NULL) != GONIO_OK) {
-        m->link->clean(m->device);
+        m->link->clear(m);
         return GONIO_OK;
     }
     const long code = strtol(reply, &end, 10);
@@ -56,9 +57,10 @@ static gonio_status check_setup(gonio_scpi_meter *m, gonio_error *error) {
                             reply);
 }
 
-gonio_status gonio_scpi_begin(gonio_scpi_meter *m, gonio_error *error) {
+static gonio_status connect_meter(gonio_scpi_meter *m, gonio_error *error) {
     char reply[GONIO_SCPI_REPLY];
-    gonio_status status = ask_once(m, "*IDN?", reply, error);
+    gonio_status status = m->link->open(m, error);
+    status = status == GONIO_OK ? ask_once(m, "*IDN?", reply, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -72,6 +74,37 @@ gonio_status gonio_scpi_begin(gonio_scpi_meter *m, gonio_error *error) {
     }
     status = send(m, m->config.setup, error);
     return status == GONIO_OK ? check_setup(m, error) : status;
+}
+
+gonio_status gonio_scpi_begin(gonio_scpi_meter *m, gonio_error *error) {
+    const gonio_status status = connect_meter(m, error);
+    if (status != GONIO_OK) {
+        gonio_scpi_close(m);
+    }
+    return status;
+}
+
+void gonio_scpi_close(void *device) {
+    gonio_scpi_meter *m = device;
+    m->link->close(m);
+    free(m);
+}
+
+// Make a clean start after a fault; where the meter is gone wait, bounded, until the same one is there again.
+static gonio_status recover(gonio_scpi_meter *m, gonio_error *error) {
+    const gonio_deadline deadline = gonio_deadline_in_s(m->config.replug_s);
+    gonio_status status = m->link->clear(m) ? GONIO_OK : GONIO_E_DEVICE;
+    while (status != GONIO_OK) {
+        m->link->close(m);
+        status = connect_meter(m, error);
+        const int left_ms = gonio_deadline_left_ms(deadline);
+        if (status != GONIO_OK && left_ms == 0) {
+            m->link->close(m);
+            break;
+        }
+        gonio_clock_sleep_ms(status == GONIO_OK ? 0 : left_ms < 100 ? left_ms : 100);
+    }
+    return status;
 }
 
 static gonio_status parse_reading(const gonio_scpi_meter *m, const char *reply, double *value, gonio_error *error) {
@@ -99,7 +132,7 @@ static gonio_status read_one(gonio_scpi_meter *m, double *value, gonio_error *er
     gonio_error last = {.line = -1, .byte = -1};
     gonio_status status = GONIO_E_DEVICE;
     for (int attempt = 0; attempt <= m->config.retries; attempt++) {
-        if (attempt > 0 && m->link->recover(m->device, &last) != GONIO_OK) {
+        if (attempt > 0 && recover(m, &last) != GONIO_OK) {
             break; // what it waited for did not come
         }
         char reply[GONIO_SCPI_REPLY];
@@ -119,8 +152,10 @@ static gonio_status read_one(gonio_scpi_meter *m, double *value, gonio_error *er
 
 // The standard uncertainty joins what the readings scatter and the instrument's stated one, which averaging does not
 // take away.
-gonio_status gonio_scpi_read(gonio_scpi_meter *m, double integration_s, double *value, double *sigma,
+gonio_status gonio_scpi_read(void *device, const gonio_stamp *stamp, double integration_s, double *value, double *sigma,
                              gonio_error *error) {
+    (void)stamp;
+    gonio_scpi_meter *m = device;
     const gonio_deadline deadline = gonio_deadline_in_s(integration_s);
     double mean = 0, squares = 0; // Welford's running mean and sum of squared deviations
     int n = 0;

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "gonio/status.h"
+#include "gonio/rig.h"
 
 enum { GONIO_SCPI_REPLY = 512 };
 
@@ -21,31 +21,38 @@ typedef struct gonio_scpi_config {
     double relative_sigma; // stated relative standard uncertainty of one reading (k = 1)
     int unit;              // of the answer, gonio_scpi_unit
     int retries;           // of one query; 3
+    double replug_s;       // wait this long for a meter that is gone to come back; 10
 } gonio_scpi_config;
 
 void gonio_scpi_defaults(gonio_scpi_config *config);
 
-// How words get there and back. recover: make a clean start after a fault, waiting where that helps; it sets the meter
-// up again (gonio_scpi_begin) where it was opened anew.
+typedef struct gonio_scpi_meter gonio_scpi_meter;
+
+// How words get there and back.
 typedef struct gonio_scpi_link {
-    gonio_status (*send)(void *link, const char *line, size_t n, gonio_error *error);
-    gonio_status (*receive)(void *link, char reply[GONIO_SCPI_REPLY], gonio_error *error); // blanks at its end may stay
-    gonio_status (*recover)(void *link, gonio_error *error);
-    void (*clean)(void *link); // what was asked and not answered is forgotten; does not wait
+    gonio_status (*open)(gonio_scpi_meter *meter, gonio_error *error); // once more after close; does not wait
+    void (*close)(gonio_scpi_meter *meter);
+    gonio_status (*send)(gonio_scpi_meter *meter, const char *line, size_t n, gonio_error *error);
+    gonio_status (*receive)(gonio_scpi_meter *meter, char reply[GONIO_SCPI_REPLY], gonio_error *error); // one line
+    bool (*clear)(gonio_scpi_meter *meter); // what was asked and not answered is forgotten; false: it is gone
 } gonio_scpi_link;
 
-typedef struct gonio_scpi_meter {
+// The first member of a driver's device.
+struct gonio_scpi_meter {
     gonio_scpi_config config;
     const gonio_scpi_link *link;
-    void *device;
-    char identity[256]; // *IDN?; "" before the first gonio_scpi_begin
-} gonio_scpi_meter;
+    char identity[256]; // *IDN?; "" before gonio_scpi_begin
+};
 
-// *IDN? (which must be that of the last time), the setup, and what the meter says of it (SYST:ERR?).
-gonio_status gonio_scpi_begin(gonio_scpi_meter *meter, gonio_error *error);
-// As gonio_meter_ops.read has it: readings averaged over integration_s, at least one.
-gonio_status gonio_scpi_read(gonio_scpi_meter *meter, double integration_s, double *value, double *sigma,
+// Open it: *IDN?, the setup, and what the meter says of it (SYST:ERR?). `device` has been allocated, with config and
+// link set; it is closed and freed where that fails.
+gonio_status gonio_scpi_begin(gonio_scpi_meter *device, gonio_error *error);
+// gonio_meter_ops.read and .close of a device that begins with a gonio_scpi_meter. Readings are averaged over
+// integration_s, at least one. A fault is answered by a clear, a meter that is gone by opening it again; it must be the
+// same one.
+gonio_status gonio_scpi_read(void *device, const gonio_stamp *stamp, double integration_s, double *value, double *sigma,
                              gonio_error *error);
+void gonio_scpi_close(void *device);
 
 // The keys of [meter] for a driver whose settings have a gonio_scpi_config at `member`.
 #define GONIO_SCPI_KEY(settings, text, kind, member) .section = "meter", GONIO_KEY_NAMED(settings, member, text, kind)
@@ -53,7 +60,8 @@ gonio_status gonio_scpi_read(gonio_scpi_meter *meter, double integration_s, doub
     {GONIO_SCPI_KEY(settings, "setup", LINE, at.setup)}, {GONIO_SCPI_KEY(settings, "query", LINE, at.query)},          \
         {GONIO_SCPI_KEY(settings, "scale", REAL, at.scale), -1e30, 1e30},                                              \
         {GONIO_SCPI_KEY(settings, "sigma_percent", REAL, at.relative_sigma), 0, 100, .times = 100},                    \
-        {GONIO_SCPI_KEY(settings, "unit", CHOICE, at.unit), .names = gonio_scpi_units}, {                              \
+        {GONIO_SCPI_KEY(settings, "unit", CHOICE, at.unit), .names = gonio_scpi_units},                                \
+        {GONIO_SCPI_KEY(settings, "replug_s", REAL, at.replug_s), 0, 3600}, {                                          \
         GONIO_SCPI_KEY(settings, "retries", INTEGER, at.retries), 0, 100                                               \
     }
 const char *const *gonio_scpi_units(void);

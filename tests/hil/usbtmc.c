@@ -34,7 +34,7 @@ static gonio_meter_usbtmc_config config_of(const char *query) {
     gonio_meter_usbtmc_defaults(&config);
     config.match.vendor = 0x1209;
     config.timeout_ms = 700;
-    config.replug_s = 10;
+    config.scpi.replug_s = 10;
     snprintf(config.scpi.query, sizeof config.scpi.query, "%s", query);
     return config;
 }
@@ -107,7 +107,7 @@ static void plugging(void) {
     gonio_meter_usbtmc.close(device);
 
     gonio_meter_usbtmc_config config = config_of("MEAS:POW?");
-    config.replug_s = 1;
+    config.scpi.replug_s = 1;
     gonio_error error = {0};
     double value, sigma;
     if (gonio_meter_usbtmc_open(&config, &device, &error) != GONIO_OK) {

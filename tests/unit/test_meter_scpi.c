@@ -25,7 +25,7 @@ static gonio_meter_scpi_config config_of(const emulator *e) {
     gonio_meter_scpi_defaults(&c);
     snprintf(c.line.port, sizeof c.line.port, "tcp:127.0.0.1:%d", e->port);
     c.line.timeout_ms = 100;
-    c.replug_s = 2;
+    c.scpi.replug_s = 2;
     return c;
 }
 

@@ -44,7 +44,7 @@ static gonio_meter_usbtmc_config quick(void) {
     gonio_meter_usbtmc_defaults(&config);
     config.match.vendor = MODEL_VENDOR;
     config.timeout_ms = 100;
-    config.replug_s = 0.3;
+    config.scpi.replug_s = 0.3;
     return config;
 }
 
@@ -220,7 +220,7 @@ static void test_unplugged_and_plugged_again(void **state) {
     (void)state;
     need_wrapper();
     gonio_meter_usbtmc_config config = quick();
-    config.replug_s = 5;
+    config.scpi.replug_s = 5;
     void *device = open_meter(&config);
     double value = 0;
     model_unplug();
