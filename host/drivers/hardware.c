@@ -10,6 +10,7 @@
 #include "host/drivers/encoders.h"
 #include "host/drivers/keep_out.h"
 #include "host/drivers/shadow.h"
+#include "host/drivers/stage_modbus_table.h"
 
 // What the drivers behind the controller share.
 typedef struct controller_settings {
@@ -346,6 +347,11 @@ static gonio_status open_slot(gonio_hardware *h, slot *s, gonio_rig *rig, bool s
     return status;
 }
 
+static void *opened(const gonio_hardware *h, gonio_device device, const void *ops) {
+    const slot *s = &h->slots[device];
+    return s->driver != NULL && s->driver->ops == ops ? s->device : NULL;
+}
+
 gonio_status gonio_hardware_open(gonio_hardware *h, gonio_rig *rig, bool simulated, gonio_error *error) {
     gonio_status status = open_controller(h, error);
     for (int k = 0; k < GONIO_DEVICES && status == GONIO_OK; k++) {
@@ -354,16 +360,13 @@ gonio_status gonio_hardware_open(gonio_hardware *h, gonio_rig *rig, bool simulat
         }
     }
     if (status == GONIO_OK && gonio_encoders_any(&h->encoders)) {
-        const gonio_encoder_lines lines = {h->controller, NULL, h->line.config.event, h->line.config.event_context};
+        const void *drives = opened(h, GONIO_DEVICE_STAGE, &gonio_stage_modbus_table);
+        const gonio_encoder_lines lines = {h->controller, drives != NULL ? gonio_stage_modbus_table_bus(drives) : NULL,
+                                           h->line.config.event, h->line.config.event_context};
         status = gonio_encoders_guard(&h->encoders, &lines, rig, &h->compared, error);
     }
     const bool guarded = h->keep_out.n > 0 || h->keep_out.retro_deg > 0;
     return status == GONIO_OK && guarded ? gonio_keep_out_guard(&h->keep_out, rig, error) : status;
-}
-
-static void *opened(const gonio_hardware *h, gonio_device device, const void *ops) {
-    const slot *s = &h->slots[device];
-    return s->driver != NULL && s->driver->ops == ops ? s->device : NULL;
 }
 
 const char *gonio_hardware_line(const gonio_hardware *h) {

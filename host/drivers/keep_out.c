@@ -75,9 +75,9 @@ static gonio_status check_line(const gonio_keep_out *keep_out, const double from
         if (keep_out->independent && sweeps(zone, from_deg, to_deg)) {
             return gonio_fail(
                 error, GONIO_E_RANGE,
-                "keep-out zone '%s': the axes move each at its own pace and may meet it on the way; go by "
+                "keep-out zone '%s': the axes move each at its own pace and may meet it on the way%s; go by "
                 "places from which single axes lead past it",
-                zone->name);
+                zone->name, what);
         }
         if (meets(zone, from_deg, to_deg, &where)) {
             double at[GONIO_AXES];

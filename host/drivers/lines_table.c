@@ -10,13 +10,11 @@
 
 #include "base/keys.h"
 #include "base/number.h"
-#include "base/text.h"
+#include "host/drivers/table_file.h"
 
 // ---- the tables that come with Gonio ----
 
-static const struct {
-    const char *name, *text;
-} tables[] = {
+static const gonio_table_text tables[] = {
     // GRBL 1.1 (its wiki: "Grbl v1.1 Interface", "Commands"): one line moves all axes; ? is a real-time command without
     // a
     // line's end. A hold ends in Hold:0, from where a reset loses no position.
@@ -78,6 +76,7 @@ static const struct {
                  "position = {axis}gp\n"
                  "position_answer = {axis}PO{value}\n"
                  "number = hex8\n"},
+    {0},
 };
 
 GONIO_KEY_NAMES(numbers, "decimal", "integer", "hex8")
@@ -107,85 +106,18 @@ static const gonio_key keys[] = {
     {0},
 };
 
-static gonio_status read_line(const gonio_text *text, char *line, gonio_lines_table *table, gonio_error *error) {
-    char *equals = strchr(line, '=');
-    if (equals == NULL) {
-        return gonio_text_fail(text, error, "expected key = value, found '%.60s'", line);
-    }
-    char *last = equals;
-    while (last > line && (last[-1] == ' ' || last[-1] == '\t')) {
-        last--;
-    }
-    *last = 0;
-    const gonio_key *key = gonio_key_find(keys, "", line);
-    if (key == NULL) {
-        char list[400] = "";
-        gonio_key_list(keys, "", list, sizeof list);
-        return gonio_text_fail(text, error, "unknown key '%.40s'; expected one of:%s", line, list);
-    }
-    gonio_error why = {0};
-    return gonio_key_parse(key, table, equals + 1 + strspn(equals + 1, " \t"), &why) == GONIO_OK
-               ? GONIO_OK
-               : gonio_text_fail(text, error, "%s", why.message);
-}
-
-// A comment begins behind blanks, so that ; and # can stand in a command.
-static void cut_comment(char *line) {
-    for (char *at = line; *at != 0; at++) {
-        if ((*at == ';' || *at == '#') && (at == line || at[-1] == ' ' || at[-1] == '\t')) {
-            *at = 0;
-            break;
-        }
-    }
-    for (char *end = line + strlen(line); end > line && (end[-1] == ' ' || end[-1] == '\t'); end--) {
-        end[-1] = 0;
-    }
-}
-
-static gonio_status read_text(const char *path, char *data, size_t size, gonio_lines_table *table, gonio_error *error) {
-    gonio_text text = gonio_text_begin(path, data, size);
-    *table = (gonio_lines_table){0};
-    for (char *line; (line = gonio_text_line(&text)) != NULL;) {
-        cut_comment(line);
-        const gonio_status status = line[0] != 0 ? read_line(&text, line, table, error) : GONIO_OK;
-        if (status != GONIO_OK) {
-            return status;
-        }
-    }
+static const char *lacks(const void *given) {
+    const gonio_lines_table *table = given;
     return table->home[0] != 0 && table->move[0] != 0 && table->state[0] != 0 && table->idle[0] != 0 &&
                    table->position[0] != 0 && strstr(table->position_answer, "{value") != NULL
-               ? GONIO_OK
-               : gonio_text_fail(
-                     &text, error,
-                     "a table of commands needs home, move, state, idle, position and a position_answer with "
-                     "{value} or {values}");
+               ? NULL
+               : "home, move, state, idle, position and a position_answer with {value} or {values}";
 }
 
 gonio_status gonio_lines_table_read(const char *name, gonio_lines_table *table, gonio_error *error) {
-    char names[100] = "";
-    for (size_t k = 0; k < sizeof tables / sizeof *tables; k++) {
-        if (strcmp(tables[k].name, name) == 0) {
-            char *copy = strdup(tables[k].text);
-            const gonio_status status = copy != NULL
-                                            ? read_text(name, copy, strlen(copy), table, error)
-                                            : gonio_fail(error, GONIO_E_MEMORY, "no memory for a table of commands");
-            free(copy);
-            return status;
-        }
-        gonio_text_append(names, sizeof names, " %s", tables[k].name);
-    }
-    if (strpbrk(name, "./") == NULL) {
-        return gonio_fail(error, GONIO_E_INPUT, "table of commands '%.60s': expected one of:%s, or a file", name,
-                          names);
-    }
-    char *data;
-    size_t size;
-    gonio_status status = gonio_file_read(name, 1 << 20, &data, &size, error);
-    if (status == GONIO_OK) {
-        status = read_text(name, data, size, table, error);
-        free(data);
-    }
-    return status;
+    static const gonio_table_form form = {"table of commands", tables, keys, lacks};
+    *table = (gonio_lines_table){0};
+    return gonio_table_file_read(&form, name, table, error);
 }
 
 // ---- commands ----

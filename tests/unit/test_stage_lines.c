@@ -42,21 +42,24 @@ static gonio_stage_lines_config config_of(int family, const emulator *e) {
     c.line.timeout_ms = 100;
     for (int k = 0; k < 4; k++) {
         snprintf(c.axes[k].name, sizeof c.axes[k].name, "%s", families[family].axes[k]);
-        c.axes[k].units_per_deg = families[family].units_per_deg;
-        c.axes[k].min_deg = -100;
-        c.axes[k].max_deg = 100;
+        c.axes[k].free.units_per_deg = families[family].units_per_deg;
+        c.axes[k].free.min_deg = -100;
+        c.axes[k].free.max_deg = 100;
     }
     return c;
 }
+
+static gonio_driver_context around; // of the stage that is opened next
 
 static bench begin_with(int family, double deg_per_s, void (*change)(gonio_stage_lines_config *c)) {
     bench b = {emulator_start(families[family].kind, deg_per_s * families[family].units_per_deg), NULL, family};
     gonio_stage_lines_config c = config_of(family, b.e);
     gonio_error error = {0};
+    around = (gonio_driver_context){0};
     if (change != NULL) {
         change(&c);
     }
-    if (gonio_stage_lines_open(&c, &b.stage, &error) != GONIO_OK) {
+    if (gonio_stage_lines_open(&c, &around, &b.stage, &error) != GONIO_OK) {
         fail_msg("%s: %s", families[family].table, error.message);
     }
     return b;
@@ -141,12 +144,12 @@ static void limits_hold(void **state) {
 }
 
 static void with_backlash(gonio_stage_lines_config *c) {
-    c->axes[0].backlash_deg = 5;
-    c->axes[0].min_deg = -10;
-    c->axes[1].invert = true;
-    c->axes[1].zero_deg = 3;
+    c->axes[0].free.backlash_deg = 5;
+    c->axes[0].free.min_deg = -10;
+    c->axes[1].free.invert = true;
+    c->axes[1].free.zero_deg = 3;
     c->axes[3].name[0] = 0;
-    c->axes[3].fixed_deg = 7;
+    c->axes[3].free.fixed_deg = 7;
 }
 
 // The take-up passes the target, never a limit.
@@ -229,9 +232,9 @@ static gonio_status struck(void *device, gonio_error *error) {
     return strikes_after-- > 0 ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "the door is open");
 }
 static const gonio_interlock_ops door = {.name = "door", .check = struck};
-static void with_door(gonio_stage_lines_config *c) { c->interlock = &door; }
+static void with_door(gonio_stage_lines_config *c) { (void)c, around.interlock = &door; }
 static bool asked(void *context) { return struck(context, NULL) != GONIO_OK; }
-static void with_stop(gonio_stage_lines_config *c) { c->cancelled = asked; }
+static void with_stop(gonio_stage_lines_config *c) { (void)c, around.cancelled = asked; }
 
 static void stopped_by(void (*change)(gonio_stage_lines_config *), gonio_status status, const char *says) {
     for (int f = 0; f < FAMILIES; f++) {
@@ -305,6 +308,31 @@ static void zones_count_for_the_box(void **state) {
     emulator_stop(b.e);
 }
 
+// A zone behind the target, into which only the take-up of backlash leads.
+static void zones_hold_for_the_take_up(void **state) {
+    (void)state;
+    for (int f = 0; f < FAMILIES; f++) {
+        bench b = begin_with(f, 2000, with_backlash);
+        gonio_rig rig = {.stage = &gonio_stage_lines, .stage_device = b.stage};
+        gonio_keep_out keep_out = {0};
+        const int zone = gonio_keep_out_zone(&keep_out, "post");
+        keep_out.zones[zone].minimum_deg[0] = 4;
+        keep_out.zones[zone].maximum_deg[0] = 8;
+        gonio_error error = {0};
+        assert_int_equal(gonio_keep_out_guard(&keep_out, &rig, &error), GONIO_OK);
+        double from[4] = {gonio_radians(30), 0, 0, gonio_radians(7)}, to[4] = {gonio_radians(10), 0, 0, from[3]};
+        assert_int_equal(rig.stage->check(rig.stage_device, from, to, &error), GONIO_E_RANGE); // by way of 5 deg
+        assert_non_null(strstr(error.message, "take-up"));
+        to[0] = gonio_radians(14);
+        good(rig.stage->check(rig.stage_device, from, to, &error), &error);
+        from[0] = gonio_radians(9);
+        to[0] = gonio_radians(10);
+        good(rig.stage->check(rig.stage_device, from, to, &error), &error); // upwards: there is nothing to take up
+        rig.stage->close(rig.stage_device);
+        emulator_stop(b.e);
+    }
+}
+
 // ---- tables ----
 
 static void tables_are_checked(void **state) {
@@ -366,13 +394,13 @@ static void a_tape_plays_back(void **state) {
     gonio_stage_lines_config c = config_of(2, b.e);
     snprintf(c.record, sizeof c.record, "%s", path);
     gonio_error error = {0};
-    good(gonio_stage_lines_open(&c, &b.stage, &error), &error);
+    good(gonio_stage_lines_open(&c, &around, &b.stage, &error), &error);
     stands_at(&b, 0, 0, 0, 0);
     end(&b);
     c.record[0] = 0;
     snprintf(c.replay, sizeof c.replay, "%s", path);
     c.line.port[0] = 0;
-    good(gonio_stage_lines_open(&c, &b.stage, &error), &error);
+    good(gonio_stage_lines_open(&c, &around, &b.stage, &error), &error);
     stands_at(&b, 0, 0, 0, 0);
     gonio_stage_lines.close(b.stage);
     unlink(path);
@@ -391,6 +419,7 @@ int main(void) {
         cmocka_unit_test(whoever_asks_stops_it),
         cmocka_unit_test(a_move_without_end_is_stopped),
         cmocka_unit_test(zones_count_for_the_box),
+        cmocka_unit_test(zones_hold_for_the_take_up),
         cmocka_unit_test(tables_are_checked),
         cmocka_unit_test(a_tape_plays_back),
     };
