@@ -95,32 +95,31 @@ static bool parse_register(const char *text, void *value) {
     return true;
 }
 
+static const char *parse_term(const char *at, struct gonio_modbus_term *t) {
+    int64_t mask = UINT32_MAX, value = 0;
+    at = parse_register_at(at, &t->at);
+    if (at != NULL && *at == '&') {
+        at = number(at + 1, 0, UINT32_MAX, &mask);
+    }
+    t->equals = at != NULL && strncmp(at, "==", 2) == 0;
+    if (t->equals) {
+        at = number(at + 2, 0, UINT32_MAX, &value);
+    }
+    t->mask = (uint32_t)mask;
+    t->value = (uint32_t)value;
+    return at;
+}
+
 static bool parse_condition(const char *text, void *value) {
     gonio_modbus_condition c = {0};
-    const char *at = text;
-    do {
-        if (c.n == GONIO_MODBUS_TERMS) {
-            return false;
+    for (const char *at = text; c.n < GONIO_MODBUS_TERMS; at++) {
+        at = parse_term(at, &c.terms[c.n++]);
+        if (at == NULL || *at != '|') {
+            *(gonio_modbus_condition *)value = at != NULL && *at == 0 ? c : *(gonio_modbus_condition *)value;
+            return at != NULL && *at == 0;
         }
-        struct gonio_modbus_term *t = &c.terms[c.n++];
-        int64_t one;
-        at = parse_register_at(at, &t->at);
-        t->mask = UINT32_MAX;
-        if (at != NULL && *at == '&') {
-            at = number(at + 1, 0, UINT32_MAX, &one);
-            t->mask = (uint32_t)one;
-        }
-        if (at != NULL && strncmp(at, "==", 2) == 0) {
-            at = number(at + 2, 0, UINT32_MAX, &one);
-            t->value = (uint32_t)one;
-            t->equals = true;
-        }
-    } while (at != NULL && *at == '|' && *(at = skip(at + 1)) != 0);
-    if (at == NULL || *at != 0) {
-        return false;
     }
-    *(gonio_modbus_condition *)value = c;
-    return true;
+    return false;
 }
 
 // One thing to write; what follows it.
@@ -141,18 +140,14 @@ static const char *parse_item(const char *at, struct gonio_modbus_item *item) {
 
 static bool parse_command(const char *text, void *value) {
     gonio_modbus_command c = {0};
-    const char *at = text;
-    do {
-        if (c.n == GONIO_MODBUS_WRITES) {
-            return false;
-        }
+    for (const char *at = text; c.n < GONIO_MODBUS_WRITES; at += 2) {
         at = parse_item(at, &c.writes[c.n++]);
-    } while (at != NULL && strncmp(at, "&&", 2) == 0 && *(at = skip(at + 2)) != 0);
-    if (at == NULL || *at != 0) {
-        return false;
+        if (at == NULL || strncmp(at, "&&", 2) != 0) {
+            *(gonio_modbus_command *)value = at != NULL && *at == 0 ? c : *(gonio_modbus_command *)value;
+            return at != NULL && *at == 0;
+        }
     }
-    *(gonio_modbus_command *)value = c;
-    return true;
+    return false;
 }
 
 static bool parse_faults(const char *text, void *value) {

@@ -132,6 +132,20 @@ audited --set faults.lost_steps=17x1 "$work/l" >"$work/l.json" 2>"$work/l.log"
 check "lost steps are found and measured again" same_results "$work/b.json" "$work/l.json"
 check "and told" grep -q "steps were lost.*10 steps are measured again" "$work/l.log"
 check "and journalled" tells 0 "audit: steps were lost" "$GONIO" doctor "$work/l"
+encoders=
+for axis in light_theta light_phi camera_theta camera_phi; do encoders="$encoders,encoder $axis.encoder_deg=0.1"; done
+compared() { audited --set "${encoders#,},scan.encoder_audit_poses=0" "$@"; }
+compared --set faults.lost_steps=17x1 "$work/e" >"$work/e.json" 2>"$work/e.log"
+check "with encoders lost steps are found at their pose" tells 0 "step 17: lost steps:" cat "$work/e.log"
+check "and no other is measured again" sh -c "! grep -q 'steps are measured again' '$work/e.log'"
+check "nor do the samples differ" [ "$(field samples_sha256 "$work/e.json")" = "$(field samples_sha256 "$work/l.json")" ]
+check "an axis that loses them at every pose is a fault" tells 1 "3 times in a row, lost steps" compared --set faults.lost_steps=17 "$work/e1"
+check "an encoder that is silent is a named fault" tells 1 "encoder of light_theta: it does not answer" compared --set faults.encoder_silent=17 "$work/e2"
+check "and so is one that stands still" tells 1 "is frozen, or its axis is blocked" compared --set faults.encoder_frozen=18 "$work/e3"
+"$GONIO" resume --json --set faults.encoder_frozen=never "$work/e3" >"$work/e3.json" 2>/dev/null
+check "after which resume has the same samples" [ "$(field samples_sha256 "$work/e3.json")" = "$(field samples_sha256 "$work/l.json")" ]
+check "rig status shows encoders" tells 0 '"encoders":{"light_theta":{"counts":0.0,"deg":0.0}' "$GONIO" rig status --rig sim --set "${encoders#,}" --json
+check "a stage without an encoder of its own says so" tells 3 "this stage has no encoder of its own" "$GONIO" rig status --rig sim --set "stage.driver=null,encoder light_phi.encoder_deg=0.1"
 check "an axis that goes on losing them is a fault" tells 1 "audits in a row" audited --set faults.lost_steps=17 "$work/l2"
 "$GONIO" resume --json --set faults.lost_steps=never "$work/l2" >"$work/l2.json" 2>/dev/null
 check "mended, it resumes to the same samples" same_results "$work/b.json" "$work/l2.json"

@@ -10,6 +10,7 @@
 #include "host/cli/rig/actions.h"
 #include "host/cli/steering.h"
 #include "host/drivers/controller_map.h"
+#include "host/drivers/encoders.h"
 
 static int run(int argc, char **argv);
 const cli_verb cmd_rig = {"rig", "ACTION [AXIS=DEG ...] --rig RIG.ini|sim",
@@ -29,6 +30,23 @@ static json_t *describe_controller(const gonio_controller_status *now) {
                      gonio_controller_cause_text(now->reset_cause), "held",
                      now->owner != 0 ? "by a program" : "by nobody", "parameter_changes", (json_int_t)now->generation,
                      "parameter_checksum", checksum);
+}
+
+static json_t *describe_encoders(void *encoders) {
+    gonio_encoder_reading r[GONIO_AXES];
+    gonio_error why = {.line = -1, .byte = -1};
+    if (gonio_encoders_read(encoders, r, &why) != GONIO_OK) {
+        return json_string(why.message);
+    }
+    json_t *object = json_object();
+    for (int k = 0; k < GONIO_AXES; k++) {
+        if (r[k].there) {
+            json_object_set_new(object, rig_axes[k],
+                                json_pack("{s:f,s:o}", "counts", r[k].counts, "deg",
+                                          r[k].known ? json_real(gonio_degrees(r[k].position_rad)) : json_null()));
+        }
+    }
+    return object;
 }
 
 static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *error) {
@@ -52,6 +70,9 @@ static gonio_status read_status(const cli_rig *rig, json_t **out, gonio_error *e
             return status;
         }
         json_object_set_new(*out, "controller", describe_controller(&now));
+    }
+    if (gonio_hardware_encoders(rig->hardware) != NULL) {
+        json_object_set_new(*out, "encoders", describe_encoders(gonio_hardware_encoders(rig->hardware)));
     }
     if (r->interlock != NULL) {
         status = r->interlock->check(r->interlock_device, &why);
@@ -88,7 +109,11 @@ static void print(const char *prefix, json_t *object) {
         char name[64];
         snprintf(name, sizeof name, "%s%s", prefix, key);
         if (json_is_object(value)) {
-            print("  ", value);
+            const bool named = prefix[0] != 0 || json_is_object(json_object_iter_value(json_object_iter(value)));
+            if (named) { // its members' names alone would say nothing
+                printf("%s\n", name);
+            }
+            print(prefix[0] == 0 ? "  " : "    ", value);
         } else if (json_is_array(value) && !json_is_number(json_array_get(value, 0))) {
             print_list(name, value);
         } else if (json_is_array(value)) {
