@@ -208,6 +208,15 @@ static gonio_status start_stream(camera *c, gonio_error *error) {
     return told(c, why, "stream", error);
 }
 
+bool gonio_camera_aravis_listed(int number, char id[128]) {
+    if (number == 0) {
+        arv_update_device_list();
+    }
+    const bool there = number >= 0 && (guint)number < arv_get_n_devices();
+    snprintf(id, 128, "%s", there ? arv_get_device_id((guint)number) : "");
+    return there;
+}
+
 static gonio_status find(camera *c, gonio_error *error) {
     GError *why = NULL;
     const char *id = c->id[0] != 0 ? c->id : c->config.id;

@@ -23,4 +23,7 @@ extern const gonio_camera_ops gonio_camera_aravis;
 // Automatic functions are switched off and read back here: one that stays on is GONIO_E_DEVICE and named.
 gonio_status gonio_camera_aravis_open(const gonio_camera_aravis_config *config, void **device, gonio_error *error);
 
+// The id of one of the cameras that are there, looked for anew with number 0; false past the last.
+bool gonio_camera_aravis_listed(int number, char id[128]);
+
 #endif

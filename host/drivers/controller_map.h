@@ -44,6 +44,10 @@ enum controller_contact {
 #define CONTACT(address, name, text) CONTROLLER_CONTACT_##name = (address),
 #include "firmware/regmap.def"
 };
+enum controller_output {
+#define OUTPUT(address, name, text) CONTROLLER_OUTPUT_##name = (address),
+#include "firmware/regmap.def"
+};
 enum controller_coil {
 #define COIL(address, name, text) CONTROLLER_COIL_##name = (address),
 #include "firmware/regmap.def"

@@ -5,7 +5,8 @@
 work=$(mktemp -d "${TMPDIR:-/tmp}/gonio-system-XXXXXX")
 XDG_RUNTIME_DIR=$work # of the sockets of running measures
 export XDG_RUNTIME_DIR
-trap 'rm -rf "$work"' EXIT
+pids= # of what runs in the background, killed at the end
+trap 'for pid in $pids; do kill "$pid" 2>/dev/null; done; rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 tests=0 failures=0
 
@@ -70,6 +71,21 @@ wait_for() {
         [ $tries -lt 0 ] && return 1
         sleep 0.05
     done
+}
+# start_controller DESCRIPTOR NAME ARGUMENTS ...: gonio-controller in the background, its output in $work/NAME.out; it
+# takes commands through the descriptor, whose end is its end. With --tcp its port is in $port. False: it is not built.
+start_controller() {
+    [ -x "${GONIO%/*}/gonio-controller" ] || return 1
+    descriptor=$1 name=$2
+    shift 2
+    mkfifo "$work/$name.in"
+    "${GONIO%/*}/gonio-controller" "$@" <"$work/$name.in" >"$work/$name.out" 2>&1 &
+    pids="$pids $!"
+    eval "exec $descriptor>\"$work/$name.in\""
+    case $1 in
+    --tcp) wait_for 30 grep -q '^port' "$work/$name.out" && port=$(sed -n 's/^port //p' "$work/$name.out") ;;
+    --pty) wait_for 30 test -e "$2" ;;
+    esac
 }
 # field NAME FILE: a member of a one-line JSON object, without quotes.
 field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }

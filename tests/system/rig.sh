@@ -3,34 +3,12 @@
 # Real drivers through the program: the controller as a process (TCP and pty), an independent Modbus slave, simulated
 # camera on real arms, and the actions of `gonio rig`.
 . tests/system/lib.sh
-controller=${GONIO%/*}/gonio-controller
-if [ ! -x "$controller" ]; then
-    skip "real drivers" "$controller is not built"
+if ! start_controller 9 pty --pty "$work/controller" --speed 30; then
+    skip "real drivers" "gonio-controller is not built"
     finish
     exit
 fi
-
-# start NAME ARGUMENTS ...: a controller in the background; its first line of output is in $work/NAME.out.
-controllers=
-start() {
-    name=$1
-    shift
-    mkfifo "$work/$name.in"
-    "$controller" "$@" <"$work/$name.in" >"$work/$name.out" 2>&1 &
-    controllers="$controllers $!"
-    eval "exec $descriptor>\"$work/$name.in\"" # held open: its end is the controller's end
-}
-stop_all() {
-    for pid in $controllers; do kill "$pid" 2>/dev/null; done
-    rm -rf "$work"
-}
-trap stop_all EXIT
-
-descriptor=8 start tcp --tcp 0 --speed 30
-descriptor=9 start pty --pty "$work/controller" --speed 30
-wait_for 5 grep -q '^port' "$work/tcp.out"
-wait_for 5 test -e "$work/controller"
-port=$(sed -n 's/^port //p' "$work/tcp.out")
+start_controller 8 tcp --tcp 0 --speed 30
 
 # Nothing tells where the switches are: the controller's own parameters do.
 rig() {
@@ -227,9 +205,8 @@ exits "nor does --rig sim" 0 "$GONIO" rig status --rig sim
 exits "a zone of no width is bad input" 3 sh -c "(cat $work/plain.ini; printf '[keep-out post]\nlight_theta = 30 20\n') > $work/bad.ini; $GONIO plan $work/clear.csv --check $work/bad.ini --sample $sample"
 
 # Other arms: the simulated switches stand where the rig file has them.
-descriptor=7 start other --tcp 0 --speed 30
-wait_for 5 grep -q '^port' "$work/other.out"
-rig "tcp:127.0.0.1:$(sed -n 's/^port //p' "$work/other.out")" |
+start_controller 7 other --tcp 0 --speed 30
+rig "tcp:127.0.0.1:$port" |
     sed -e 's/^steps_per_deg = 100/steps_per_deg = 888.889\nmin_deg = -5\nmax_deg = 92\nhome_deg = -4.5/' \
         -e 's/^speed_deg_per_s = 300/speed_deg_per_s = 40/' -e 's/^home_fast_deg_per_s = 200/home_fast_deg_per_s = 30/' \
         -e 's/^jerk_deg_per_s3 = 40000/jerk_deg_per_s3 = 0/' >"$work/other.ini"
@@ -239,7 +216,7 @@ exits "and move over all of their range" 0 "$GONIO" rig move light_theta=92 ligh
 # An independent slave: another implementation of the protocol, with this table's first registers.
 if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then
     /usr/bin/python3 tests/system/pymodbus_slave.py "$work/slave.port" >"$work/slave.log" 2>&1 &
-    controllers="$controllers $!"
+    pids="$pids $!"
     wait_for 5 test -s "$work/slave.port"
     sed "s/^port = .*/port = tcp:127.0.0.1:$(cat "$work/slave.port")/" "$work/tcp.ini" >"$work/slave.ini"
     exits "an independent slave is identified" 0 "$GONIO" rig identify --rig "$work/slave.ini" --sample $sample --json

@@ -3,25 +3,12 @@
 # From a controller that nobody has set up to a homed rig, by answers from a pipe; the controller's parameters by name;
 # single axes.
 . tests/system/lib.sh
-controller=${GONIO%/*}/gonio-controller
-if [ ! -x "$controller" ]; then
-    skip "setting a rig up" "$controller is not built"
+unset GONIO_RIG
+if ! start_controller 8 controller --tcp 0 --speed 30 --flash "$work/flash"; then
+    skip "setting a rig up" "gonio-controller is not built"
     finish
     exit
 fi
-unset GONIO_RIG
-pids=
-stop_all() {
-    for pid in $pids; do kill "$pid" 2>/dev/null; done
-    rm -rf "$work"
-}
-trap stop_all EXIT
-mkfifo "$work/in"
-"$controller" --tcp 0 --speed 30 --flash "$work/flash" <"$work/in" >"$work/controller.out" 2>&1 &
-pids=$!
-exec 8>"$work/in"
-wait_for 30 grep -q '^port' "$work/controller.out"
-port=$(sed -n 's/^port //p' "$work/controller.out")
 ini=$work/rig.ini
 
 # ---- setup: an emergency stop that reads high at rest, three home switches, one axis of a wrong direction ----
@@ -45,7 +32,10 @@ echo "hold estop 0" >&8 # the simulated contact follows input_invert
 printf '%s\n' 100 20 -10 80 lower "" yes smaller yes turn again >&7 # light_theta turns the right way already
 printf '%s\n' 100 900 20 -90 90 sideways upper "" yes larger yes >&7
 printf '%s\n' 100 20 -90 90 "" "" no yes >&7
-printf '%s\n' 0 yes >&7
+printf '%s\n' 0 >&7
+printf '%s\n' modbus yes turn yes turn yes yes >&7 # it burned at once; and now it does not: as it was, then
+printf '%s\n' /dev/gonio-absent again none >&7
+printf '%s\n' scpi tcp:127.0.0.1:1 again modbus yes >&7
 exec 7>&-
 wait $setup
 ok $? "setup ends well" "$(tail -n 5 "$work/err")"
@@ -54,6 +44,12 @@ check "it told of the wrong direction" grep -q 'no home switch within home_trave
 check "and of numbers that cannot be" grep -q 'expected a number from 0.001 to 625' "$work/err"
 check "and of words" grep -q 'expected lower, upper' "$work/err"
 check "the file names the wired inputs" grep -q '^input_enable = home_light_theta,home_light_phi,home_camera_theta,estop$' "$ini"
+check "lamp and meter were tried" sh -c "grep -q 'it reads 0' '$work/err' && grep -q 'look away from it' '$work/err'"
+check "and stand in the file" sh -c "grep -A1 '^.lamp.$' '$ini' | grep -q modbus && grep -A1 '^.meter.$' '$ini' | grep -q modbus"
+check "the lamp's output as it was in the end" grep -q '^output_invert = none$' "$ini"
+check "a camera that is not there is told" sh -c "grep -A1 'or none .*/dev/gonio-absent' '$work/err' | grep -q 'cannot be opened'"
+check "and is not in the file" sh -c "! grep -q '^.camera.$' '$ini'"
+check "and so is a meter" grep -q '127.0.0.1:1' "$work/err"
 check "and their polarity" grep -q '^input_invert = estop$' "$ini"
 exits "status of that rig" 0 "$GONIO" rig status --rig "$ini" --json
 check "homed, without an alarm" grep -q '"alarm":"0 NONE","homed":15' "$work/out"
@@ -122,7 +118,7 @@ check "but the other" grep -q '"homed":12' "$work/out"
 exits "an axis that is none" 2 "$GONIO" rig home shoulder $bare
 exits "nor has the simulator single ones" 1 "$GONIO" rig home light_phi --rig sim
 exits "home all" 0 "$GONIO" rig home $bare
-"$GONIO" rig move camera_theta=-60 $bare --set "axis camera_theta.speed_deg_per_s=0.2" >"$work/move.out" 2>&1 &
+"$GONIO" rig move camera_theta=-60 $bare --set "axis camera_theta.speed_deg_per_s=0.02" >"$work/move.out" 2>&1 &
 moving=$!
 pids="$pids $moving"
 check "a move" wait_for 30 sh -c "'$GONIO' rig status $bare --json | grep -q 'a move is under way'"

@@ -1,21 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gonio rig setup: from a controller that nobody has set up to a homed rig and its rig file, by questions. The
-// questions go to stderr, the answers come from the terminal or from a pipe, one a line.
-#include <ctype.h>
-#include <errno.h>
+// gonio rig setup: from a controller that nobody has set up to a homed rig and its rig file, by questions.
 #include <math.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include "base/number.h"
 #include "base/text.h"
 #include "gonio/output.h"
-#include "host/cli/rig/actions.h"
+#include "host/cli/rig/setup_ask.h"
 
-enum { WATCH_MS = 100, HOME_TIMEOUT_S = 600, ALL_INPUTS = (1 << 14) - 1 };
+enum { HOME_TIMEOUT_S = 600, ALL_INPUTS = (1 << 14) - 1 };
 #define JOG_DEG 2.0
 #define BACKOFF_DEG 2.0
 
@@ -26,129 +21,10 @@ typedef struct setup {
     int64_t enable, invert, direction; // the registers input_enable, input_invert, direction_invert
     unsigned present, homed;           // axes
     bool trying_inputs;                // alarms of contacts say nothing new then
+    char devices[1600];                // their sections of the rig file
 } setup;
 
-// ---- questions ----
-
 static const controller_register_info *parameter(const char *name) { return gonio_parameter_find(name); }
-
-// Print the levels of a contact as they change, while an answer is waited for.
-typedef struct watched {
-    setup *s;
-    int contact; // -1: none
-    bool level, moved;
-} watched;
-
-static gonio_status look(watched *w, gonio_error *error) {
-    gonio_controller_status now;
-    if (w == NULL || w->contact < 0) {
-        return GONIO_OK;
-    }
-    const gonio_status status = gonio_controller_read_status(w->s->c, &now, error);
-    const bool level = status == GONIO_OK && (now.inputs >> w->contact & 1) != 0;
-    if (status == GONIO_OK && level != w->level) {
-        fprintf(stderr, "\n    %s: %s ", gonio_parameter_contacts()[w->contact], level ? "high" : "low");
-        w->level = level;
-        w->moved = true;
-    }
-    return status;
-}
-
-// One line of standard input, read byte by byte so that poll tells of what is left. What is watched is looked at until
-// it is there, and once more then.
-static gonio_status read_line(watched *w, char *line, size_t size, gonio_error *error) {
-    size_t n = 0;
-    for (;;) {
-        struct pollfd in = {STDIN_FILENO, POLLIN, 0};
-        const int ready = poll(&in, 1, WATCH_MS);
-        char byte;
-        if (cli_interrupted()) {
-            return gonio_fail(error, GONIO_E_INTERRUPTED, "setup: interrupted; no rig file was written");
-        }
-        if (ready <= 0) {
-            const gonio_status status = look(w, error);
-            if (status != GONIO_OK) {
-                return status;
-            }
-            continue;
-        }
-        const ssize_t got = read(STDIN_FILENO, &byte, 1);
-        if (got < 0 && errno == EINTR) {
-            continue;
-        }
-        if (got <= 0) {
-            return gonio_fail(error, GONIO_E_USAGE, "setup: the answers ended; no rig file was written");
-        }
-        if (byte == '\n') {
-            line[n] = 0;
-            return look(w, error);
-        }
-        if (n + 1 < size && byte != '\r') {
-            line[n++] = byte;
-        }
-    }
-}
-
-// Ask; an empty answer is the one in brackets. A pipe's answers are shown, so that the dialogue can be read.
-static gonio_status ask(watched *w, const char *question, const char *usual, char *answer, size_t size,
-                        gonio_error *error) {
-    fprintf(stderr, "%s [%s]: ", question, usual);
-    fflush(stderr);
-    const gonio_status status = read_line(w, answer, size, error);
-    if (status == GONIO_OK && isatty(STDIN_FILENO) != 1) {
-        fprintf(stderr, "%s\n", cli_text(answer));
-    }
-    if (status == GONIO_OK && answer[0] == 0) {
-        snprintf(answer, size, "%s", usual);
-    }
-    return status;
-}
-
-static gonio_status ask_number(const char *question, double usual, double low, double high, double *value,
-                               gonio_error *error) {
-    char text[32], answer[64];
-    snprintf(text, sizeof text, "%.9g", usual);
-    for (;;) {
-        const gonio_status status = ask(NULL, question, text, answer, sizeof answer, error);
-        char *end;
-        *value = gonio_number_parse(answer, &end);
-        if (status != GONIO_OK || (end != answer && *end == 0 && *value >= low && *value <= high)) {
-            return status;
-        }
-        fprintf(stderr, "    expected a number from %.9g to %.9g\n", low, high);
-    }
-}
-
-// One of some words, by its first letters; *which counts them.
-static gonio_status ask_word(watched *w, const char *question, const char *const *words, int usual, int *which,
-                             gonio_error *error) {
-    char answer[32];
-    for (;;) {
-        const gonio_status status = ask(w, question, words[usual], answer, sizeof answer, error);
-        for (int i = 0; status == GONIO_OK && words[i] != NULL; i++) {
-            if (strncmp(words[i], answer, strlen(answer)) == 0) {
-                *which = i;
-                return GONIO_OK;
-            }
-        }
-        if (status != GONIO_OK) {
-            return status;
-        }
-        fprintf(stderr, "    expected");
-        for (int i = 0; words[i] != NULL; i++) {
-            fprintf(stderr, "%s %s", i > 0 ? "," : "", words[i]);
-        }
-        fprintf(stderr, "\n");
-    }
-}
-
-static gonio_status ask_yes(const char *question, bool *yes, gonio_error *error) {
-    static const char *const words[] = {"yes", "no", NULL};
-    int which = 0;
-    const gonio_status status = ask_word(NULL, question, words, 0, &which, error);
-    *yes = which == 0;
-    return status;
-}
 
 // ---- the controller ----
 
@@ -167,11 +43,11 @@ static bool cancelled(void *context) {
 static gonio_status open_controller(setup *s, gonio_error *error) {
     char port[sizeof s->config.modbus.port];
     gonio_controller_defaults(&s->config);
-    gonio_status status = ask(NULL, "port of the controller, a serial device or tcp:HOST:PORT", "/dev/gonio-controller",
-                              port, sizeof port, error);
+    gonio_status status = setup_ask(NULL, "port of the controller, a serial device or tcp:HOST:PORT",
+                                    "/dev/gonio-controller", port, sizeof port, error);
     if (status == GONIO_OK) {
-        status = ask_number("seconds without this program after which the controller makes itself safe",
-                            s->config.deadman_s, 1, 3600, &s->config.deadman_s, error);
+        status = setup_ask_number("seconds without this program after which the controller makes itself safe",
+                                  s->config.deadman_s, 1, 3600, &s->config.deadman_s, error);
     }
     if (status != GONIO_OK) {
         return status;
@@ -202,12 +78,12 @@ static gonio_status ask_contact(setup *s, int contact, const char *what, gonio_e
     gonio_controller_status now;
     gonio_status status = gonio_controller_read_status(s->c, &now, error);
     const bool first = status == GONIO_OK && (now.inputs >> contact & 1) != 0;
-    watched w = {s, contact, first, false}; // over all of the questions: it may have come back between two
+    setup_watched w = {s->c, contact, first, false}; // over all of the questions: it may have come back between two
     for (int which = -1; status == GONIO_OK && which < 0;) {
         char question[200];
         snprintf(question, sizeof question, "%s (%s) reads %s", gonio_parameter_contacts()[contact], what,
                  w.level ? "high" : "low");
-        status = ask_word(&w, question, words, 0, &which, error);
+        status = setup_ask_word(&w, question, words, 0, &which, error);
         if (status == GONIO_OK && which == 1 && (!w.moved || w.level != first)) {
             fprintf(stderr, "    %s\n", w.moved ? "it is not back at rest" : "it has not changed: is it wired?");
             which = -1;
@@ -235,7 +111,7 @@ static gonio_status ask_inputs(setup *s, gonio_error *error) {
     }
     for (int i = 0; i < 3 * GONIO_AXES && status == GONIO_OK; i++) {
         if (i == GONIO_AXES) {
-            status = ask_word(NULL, "are there limit switches as well", no_yes, 0, &limits, error);
+            status = setup_ask_word(NULL, "are there limit switches as well", no_yes, 0, &limits, error);
         }
         if (status == GONIO_OK && (i < GONIO_AXES || limits != 0)) {
             status = ask_contact(s, i, kinds[i / GONIO_AXES], error);
@@ -257,18 +133,19 @@ static gonio_status ask_axis(setup *s, int k, gonio_error *error) {
     char question[120];
     snprintf(question, sizeof question, "%s: motor steps (with microsteps and gear) a degree; 0: no such axis",
              rig_axes[k]);
-    gonio_status status = ask_number(question, 100, 0, 4e6, &a->steps_per_deg, error);
+    gonio_status status = setup_ask_number(question, 100, 0, 4e6, &a->steps_per_deg, error);
     if (status != GONIO_OK || a->steps_per_deg == 0) {
         *a = (gonio_axis_config){NAN, NAN, NAN, NAN, 0, 0, NAN, 0, NAN, NAN, NAN, NAN, 0, -1, 0, false};
         return status;
     }
     s->present |= 1u << k;
-    status = ask_number("    its speed in deg/s", fmin(10, 4000 / a->steps_per_deg), 1e-3, 62500 / a->steps_per_deg,
-                        &a->speed_deg_per_s, error);
-    status =
-        status == GONIO_OK ? ask_number("    its lowest angle in deg", -90, -720, 720, &a->min_deg, error) : status;
+    status = setup_ask_number("    its speed in deg/s", fmin(10, 4000 / a->steps_per_deg), 1e-3,
+                              62500 / a->steps_per_deg, &a->speed_deg_per_s, error);
+    status = status == GONIO_OK ? setup_ask_number("    its lowest angle in deg", -90, -720, 720, &a->min_deg, error)
+                                : status;
     if (status == GONIO_OK) {
-        status = ask_number("    its highest angle in deg", fmax(90, a->min_deg), a->min_deg, 720, &a->max_deg, error);
+        status =
+            setup_ask_number("    its highest angle in deg", fmax(90, a->min_deg), a->min_deg, 720, &a->max_deg, error);
     }
     a->acceleration_deg_per_s2 = 2 * a->speed_deg_per_s;
     a->jerk_deg_per_s3 = 20 * a->speed_deg_per_s;
@@ -284,16 +161,16 @@ static gonio_status ask_switch(setup *s, int k, gonio_error *error) {
     gonio_axis_config *a = &s->stage.axes[k];
     if ((s->enable >> k & 1) == 0) {
         a->home_order = 0;
-        return ask_number("    it has no home switch: at what angle does it stand when `home` is asked for", 0,
-                          a->min_deg, a->max_deg, &a->home_deg, error);
+        return setup_ask_number("    it has no home switch: at what angle does it stand when `home` is asked for", 0,
+                                a->min_deg, a->max_deg, &a->home_deg, error);
     }
     a->home_order = k + 1;
     const gonio_status status =
-        ask_word(NULL, "    its home switch is at the lower or the upper end", ends, 0, &a->home_up, error);
+        setup_ask_word(NULL, "    its home switch is at the lower or the upper end", ends, 0, &a->home_up, error);
     return status != GONIO_OK ? status
-                              : ask_number("    angle of the switch in deg",
-                                           a->home_up == 1 ? a->max_deg + BACKOFF_DEG : a->min_deg - BACKOFF_DEG, -720,
-                                           720, &a->home_deg, error);
+                              : setup_ask_number("    angle of the switch in deg",
+                                                 a->home_up == 1 ? a->max_deg + BACKOFF_DEG : a->min_deg - BACKOFF_DEG,
+                                                 -720, 720, &a->home_deg, error);
 }
 
 static gonio_status open_stage(setup *s, void **stage, gonio_error *error) {
@@ -351,8 +228,8 @@ static gonio_status attempt(setup *s, int k, gonio_status (*act)(setup *s, int k
             return status;
         }
         fprintf(stderr, "    %s\n", cli_text(why.message));
-        status =
-            ask_word(NULL, "    try again, turn its direction over and try again, or skip it", words, 0, &next, error);
+        status = setup_ask_word(NULL, "    try again, turn its direction over and try again, or skip it", words, 0,
+                                &next, error);
         status = status == GONIO_OK && next == 1 ? turn_over(s, k, error) : status;
         if (status != GONIO_OK) {
             return status;
@@ -367,13 +244,14 @@ static gonio_status find_direction(setup *s, int k, gonio_error *error) {
     snprintf(question, sizeof question, "    clear its way: move %s a little and slowly, to see its direction",
              rig_axes[k]);
     bool go;
-    gonio_status status = ask_yes(question, &go, error);
+    gonio_status status = setup_ask_yes(question, &go, error);
     while (status == GONIO_OK && go) {
         int which = 0;
         status = attempt(s, k, jog, &go, error);
         if (status == GONIO_OK && go) {
-            status = ask_word(NULL, "    it moved towards larger or smaller angles; or again; or it did not move: not",
-                              words, 0, &which, error);
+            status =
+                setup_ask_word(NULL, "    it moved towards larger or smaller angles; or again; or it did not move: not",
+                               words, 0, &which, error);
         }
         go = go && which >= 2;
         if (status == GONIO_OK && which == 1) {
@@ -398,7 +276,7 @@ static gonio_status set_up_axis(setup *s, int k, gonio_error *error) {
     status = ask_switch(s, k, error);
     status = status == GONIO_OK ? find_direction(s, k, error) : status;
     bool yes = false, done;
-    status = status == GONIO_OK ? ask_yes("    home it now, with a hand on the stop", &yes, error) : status;
+    status = status == GONIO_OK ? setup_ask_yes("    home it now, with a hand on the stop", &yes, error) : status;
     return status == GONIO_OK && yes ? attempt(s, k, home, &done, error) : status;
 }
 
@@ -441,14 +319,15 @@ static void put_axis(FILE *out, const char *name, const gonio_axis_config *a) {
 }
 
 static gonio_status write_file(setup *s, const char *path, gonio_error *error) {
-    static const char *const bits[] = {"input_enable", "input_invert", "direction_invert", "motors_invert"};
+    static const char *const bits[] = {"input_enable", "input_invert", "direction_invert", "motors_invert",
+                                       "output_invert"};
     gonio_output *output;
     gonio_status status = gonio_output_open(path, &output, error);
     if (status != GONIO_OK) {
         return status;
     }
     FILE *out = gonio_output_stream(output);
-    fprintf(out, "; made by gonio rig setup; docs/hardware.md tells the keys, and those of lamp, camera and meter\n");
+    fprintf(out, "; made by gonio rig setup; docs/hardware.md tells the keys\n");
     fprintf(out, "[rig]\ndriver = null\n[controller]\nport = %s\n", s->config.modbus.port);
     put_number(out, "deadman_s", s->config.deadman_s);
     for (size_t i = 0; i < sizeof bits / sizeof *bits && status == GONIO_OK; i++) {
@@ -458,6 +337,7 @@ static gonio_status write_file(setup *s, const char *path, gonio_error *error) {
     for (int k = 0; k < GONIO_AXES; k++) {
         put_axis(out, rig_axes[k], &s->stage.axes[k]);
     }
+    fputs(s->devices, out);
     if (status != GONIO_OK) {
         gonio_output_abandon(output);
         return status;
@@ -476,8 +356,9 @@ static gonio_status set_up(setup *s, const char *path, gonio_error *error) {
         status = set_up_axis(s, k, error);
     }
     bool save = false;
+    status = status == GONIO_OK ? setup_devices(s->c, s->devices, sizeof s->devices, error) : status;
     status = status == GONIO_OK ? write_file(s, path, error) : status;
-    status = status == GONIO_OK ? ask_yes("keep the parameters in the controller as well", &save, error) : status;
+    status = status == GONIO_OK ? setup_ask_yes("keep the parameters in the controller as well", &save, error) : status;
     return status == GONIO_OK && save ? gonio_controller_command(s->c, CONTROLLER_COMMAND_SAVE, 0, NULL, NULL, error)
                                       : status;
 }
