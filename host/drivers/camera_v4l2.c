@@ -13,6 +13,7 @@
 #include "host/transport/clock.h"
 
 enum { BAD_FRAMES_MAX = 16, OFFERED_MAX = 64, TRIES = 3 };
+#define UNTOLD_INTERVAL_S 0.1 // between frames of a camera that does not tell
 
 typedef struct camera {
     gonio_camera_v4l2_config config;
@@ -32,6 +33,7 @@ typedef struct camera {
     char warning[80];
     int stale_left; // frames that may have been in the queue already, counted where they carry no usable time
     int to_discard; // frames that may still have older settings
+    bool proven;    // no frame comes without a trigger pulse, since the stream began
     bool sequence_known;
     uint32_t sequence; // of the last frame
     int64_t time_ns;   // its stamp
@@ -110,7 +112,7 @@ static gonio_status configure(camera *c, gonio_error *error) {
 
 static gonio_status start(camera *c, gonio_error *error) {
     c->exposure_steps = c->gain_steps = -1;
-    c->sequence_known = false;
+    c->sequence_known = c->proven = false;
     c->to_discard = c->config.settle_frames;
     return gonio_v4l2_start(c->v4l2, c->config.buffers, error);
 }
@@ -315,6 +317,31 @@ static gonio_status drop_waiting(camera *c, gonio_error *error) {
     return GONIO_OK;
 }
 
+// Once a stream: a camera whose trigger is off gives frames without a pulse, and nobody knows of which moment. A single
+// one may be somebody else's pulse.
+static gonio_status prove_trigger(camera *c, gonio_error *error) {
+    gonio_v4l2_buffer buffer;
+    const double interval_s = c->interval_s > 0 ? c->interval_s : UNTOLD_INTERVAL_S;
+    for (int frames = 0; frames < 2 && !c->proven; frames++) {
+        gonio_status status = gonio_v4l2_take(c->v4l2, (int)ceil(2e3 * interval_s), &buffer, error);
+        c->proven = status == GONIO_E_TIMEOUT;
+        if (status == GONIO_OK) {
+            note_sequence(c, &buffer);
+            status = gonio_v4l2_give(c->v4l2, buffer.index, error);
+        }
+        if (status != GONIO_OK && !c->proven) {
+            return status;
+        }
+    }
+    if (c->proven) {
+        return GONIO_OK;
+    }
+    return gonio_fail(error, GONIO_E_UNSUPPORTED,
+                      "camera %s gives frames without a trigger pulse: switch its external trigger on, or leave "
+                      "trigger_line out",
+                      c->config.path);
+}
+
 static gonio_status wait_frame(camera *c, int64_t since_ns, gonio_deadline deadline, gonio_v4l2_buffer *buffer,
                                gonio_error *error) {
     int bad = 0;
@@ -362,6 +389,7 @@ static gonio_status attempt(camera *c, const gonio_window *window, double exposu
     c->stale_left = c->config.buffers + 2; // the queue's, the one that is read out, and the one that is exposed
     if (c->config.trigger != NULL) {
         status = drop_waiting(c, error);
+        status = status == GONIO_OK ? prove_trigger(c, error) : status;
         if (status != GONIO_OK) {
             return status;
         }

@@ -308,6 +308,32 @@ static void test_one_pulse_a_frame(void **state) {
     gonio_camera_v4l2.close(device);
 }
 
+// A camera that runs freely, whatever pulses come: no frame of it is of a known moment. One stray frame is no such
+// sign.
+static void test_a_trigger_that_is_off_is_told(void **state) {
+    (void)state;
+    for (int with_intervals = 0; with_intervals < 2; with_intervals++) {
+        cam_new(&model);
+        model.has_intervals = with_intervals;
+        gonio_camera_v4l2_config c = config();
+        c.settle_frames = 0;
+        c.trigger = fire;
+        c.trigger_context = &model;
+        void *device = open_camera(&c);
+        gonio_frame frame = {0};
+        gonio_error error = {0};
+        fires = 0;
+        assert_int_equal(capture(device, 0.001, &frame, &error), GONIO_E_UNSUPPORTED);
+        assert_non_null(strstr(error.message, "without a trigger pulse"));
+        assert_int_equal(fires, 0);
+        model.triggered = true; // somebody switches it on
+        model.fired = 1;
+        assert_int_equal(capture(device, 0.001, &frame, &error), GONIO_OK);
+        assert_int_equal(fires, 1);
+        gonio_camera_v4l2.close(device);
+    }
+}
+
 static void test_gain_is_as_asked_or_refused(void **state) {
     (void)state;
     cam_new(&model);
@@ -452,6 +478,7 @@ int main(void) {
         cmocka_unit_test(test_info),
         cmocka_unit_test(test_bad_frames_are_left_out),
         cmocka_unit_test(test_one_pulse_a_frame),
+        cmocka_unit_test(test_a_trigger_that_is_off_is_told),
         cmocka_unit_test(test_gain_is_as_asked_or_refused),
         cmocka_unit_test(test_every_frame_of_a_stream),
         cmocka_unit_test(test_silence_restarts_the_stream),

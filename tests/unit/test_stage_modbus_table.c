@@ -502,6 +502,46 @@ static void encoders_share_the_line(void **state) {
     drives_shut_down(b.d);
 }
 
+// An absolute encoder on a line of its own: right from the first moment, and a homing that finds another place is told.
+static void an_absolute_encoder_holds_homing_against_it(void **state) {
+    (void)state;
+    bench b = begin(0);
+    gonio_encoders encoders;
+    const gonio_encoder_lines none = {0};
+    gonio_error error = {0};
+    void *device;
+    gonio_encoders_defaults(&encoders);
+    gonio_encoder *one = &encoders.axes[2];
+    one->encoder_deg = 0.5;
+    one->slave = 3;
+    one->address = 0x1015; // the low word alone: it wraps
+    one->counts_per_deg = 100;
+    one->zero_counts = 0;
+    gonio_rig rig = {.stage = &gonio_stage_modbus_table, .stage_device = b.stage};
+    assert_int_equal(gonio_encoders_guard(&encoders, &none, &rig, &device, &error), GONIO_E_INPUT);
+    assert_non_null(strstr(error.message, "has no Modbus line"));
+    const gonio_encoder_lines lines = {.bus = gonio_stage_modbus_table_bus(b.stage)};
+    one->counts_per_deg = 0;
+    assert_int_equal(gonio_encoders_guard(&encoders, &lines, &rig, &device, &error), GONIO_E_INPUT);
+    one->counts_per_deg = 100;
+    one->slave = 77;
+    assert_int_equal(gonio_encoders_guard(&encoders, &lines, &rig, &device, &error), GONIO_E_TIMEOUT);
+    assert_non_null(strstr(error.message, "encoder of camera_theta"));
+    one->slave = 3;
+    one->zero_counts = 65000; // 5.36 deg off, beyond the end of its 16 bits
+    good(gonio_encoders_guard(&encoders, &lines, &rig, &device, &error), &error);
+    gonio_encoder_reading r[4];
+    good(gonio_encoders_read(device, r, &error), &error);
+    assert_near(gonio_degrees(r[2].difference_rad), 5.36, 1e-9);
+    assert_int_equal(rig.stage->home(rig.stage_device, 5, &error), GONIO_E_DEVICE);
+    assert_non_null(strstr(error.message, "has moved"));
+    const double to[4] = {0, 0, gonio_radians(20), 0};
+    assert_int_equal(rig.stage->move(rig.stage_device, to, 1, NULL, 5, &error), GONIO_E_MISMATCH);
+    assert_non_null(strstr(error.message, "lost steps: camera_theta"));
+    rig.stage->close(rig.stage_device);
+    drives_shut_down(b.d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(goes_where_it_is_sent),
@@ -519,6 +559,7 @@ int main(void) {
         cmocka_unit_test(tables_are_checked),
         cmocka_unit_test(words_keep_their_sign_and_order),
         cmocka_unit_test(encoders_share_the_line),
+        cmocka_unit_test(an_absolute_encoder_holds_homing_against_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
