@@ -279,7 +279,8 @@ bool gonio_hardware_reach(gonio_hardware *h, char *text, size_t size) {
     tables_of(h, tables);
     for (const table *t = tables; t->keys != NULL && text[0] != 0; t++) {
         for (const gonio_key *key = t->keys; key->name != NULL; key++) {
-            const bool names = key->kind == GONIO_KEY_LINE || key->kind == GONIO_KEY_TEXT;
+            const bool text_key = key->kind == GONIO_KEY_LINE || key->kind == GONIO_KEY_TEXT;
+            const bool names = text_key && strcmp(key->section, "drive") != 0; // those are registers
             const char *value = names ? (const char *)t->settings + key->offset : "";
             if (value[0] != 0) {
                 char shown[128];

@@ -18,7 +18,9 @@
 #include "gonio/sim.h"
 #include "host/drivers/driver.h"
 #include "host/drivers/hardware.h"
+#include "host/drivers/keep_out.h"
 #include "host/drivers/null.h"
+#include "host/drivers/shadow.h"
 #include "tests/fuzz/memory_file.h"
 
 static size_t cases; // of the test that runs
@@ -124,6 +126,28 @@ static void drivers_are_whole(void **state) {
     }
     for (int k = 0; k < GONIO_DEVICES; k++) { // a rig of null devices has every one
         assert_non_null(gonio_driver_find((gonio_device)k, "null"));
+    }
+}
+
+// A stage behind keep-out zones, or in front of a simulated one, is what it was: no operation is made up or lost.
+static void a_wrapped_stage_stays_what_it_is(void **state) {
+    (void)state;
+    for (int i = 0; gonio_driver_at(i) != NULL; i++) {
+        const gonio_driver *d = gonio_driver_at(i);
+        const gonio_stage_ops *inner = d->ops;
+        const gonio_keep_out zones = {0};
+        for (int how = 0; how < 2 && d->device == GONIO_DEVICE_STAGE; how++) {
+            gonio_rig rig = {.stage = inner};
+            assert_int_equal(how == 0 ? gonio_keep_out_guard(&zones, &rig, NULL)
+                                      : gonio_shadow_stage(&rig, inner, NULL, NULL),
+                             GONIO_OK);
+            assert_true((rig.stage->audit != NULL) == (inner->audit != NULL));
+            assert_true((rig.stage->verify != NULL) == (inner->verify != NULL));
+            assert_true(how == 0 || (rig.stage->encoders != NULL) == (inner->encoders != NULL));
+            assert_true(rig.stage->independent == inner->independent && rig.stage->real == inner->real);
+            free(rig.stage_device); // the wrapping alone: there is no device in it
+            cases++;
+        }
     }
 }
 
@@ -518,6 +542,7 @@ static void the_documentation_names_every_key(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(drivers_are_whole, tell),
+        cmocka_unit_test_teardown(a_wrapped_stage_stays_what_it_is, tell),
         cmocka_unit_test_teardown(null_devices_answer, tell),
         cmocka_unit_test_teardown(unknown_keys_are_refused, tell),
         cmocka_unit_test_teardown(a_key_of_another_driver_says_so, tell),
