@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What devices answer and what a rig file asks of them: keys, tapes of a controller and of a camera, raw frames.
+// What devices answer and what a rig file asks of them: keys, tables of drives, tapes of a controller, of drives and of
+// a camera, raw frames.
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "host/drivers/hardware.h"
 #include "host/drivers/stage_modbus.h"
+#include "host/drivers/stage_modbus_table.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -65,6 +68,34 @@ static void controller(const char *path) {
     gonio_tape_close(tape);
 }
 
+static void drives(const char *path) {
+    gonio_stage_modbus_table_config config;
+    const gonio_driver_context context = {0};
+    void *stage;
+    double rad[GONIO_AXES] = {0.1, 0.2, 0.3, 0.4};
+    gonio_stage_modbus_table_defaults(&config);
+    strcpy(config.line.modbus.port, "tape");
+    snprintf(config.line.replay, sizeof config.line.replay, "%s", path);
+    strcpy(config.table, "leadshine");
+    config.line.replug_s = 0;
+    config.axes[0].slave = 1;
+    if (gonio_stage_modbus_table_open(&config, &context, &stage, NULL) == GONIO_OK) {
+        gonio_stage_modbus_table.home(stage, 0.01, NULL);
+        gonio_stage_modbus_table.move(stage, rad, 1, NULL, 0.01, NULL);
+        gonio_stage_modbus_table.position(stage, rad, NULL);
+        gonio_stage_modbus_table.close(stage);
+    }
+}
+
+static void table(const char *path) {
+    const gonio_modbus_texts none = {.read = ""};
+    gonio_modbus_table read;
+    gonio_error error = {0};
+    if (gonio_modbus_table_read(path, &none, &read, &error) != GONIO_OK && error.message[0] == 0) {
+        abort();
+    }
+}
+
 static void camera(const char *path) {
     gonio_tape *tape;
     gonio_v4l2_recorder *recorder;
@@ -109,7 +140,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (size == 0) {
         return 0;
     }
-    switch (data[0] % 4) {
+    switch (data[0] % 6) {
     case 0:
         keys(data + 1, size - 1);
         break;
@@ -119,8 +150,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     case 2:
         camera(memory_file(data + 1, size - 1));
         break;
-    default:
+    case 3:
         frame(data + 1, size - 1);
+        break;
+    case 4:
+        drives(memory_file(data + 1, size - 1));
+        break;
+    default:
+        table(memory_file(data + 1, size - 1));
     }
     return 0;
 }

@@ -172,7 +172,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     left = size;
     gonio_meter_usbtmc_config config;
     gonio_meter_usbtmc_defaults(&config);
-    config.replug_s = 0;
+    config.scpi.replug_s = 0;
     config.timeout_ms = 1000;
     strcpy(config.scpi.setup, "SENS:CORR:WAV 550");
     void *device = NULL;
