@@ -158,7 +158,7 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
                                 "\0\0\0\0\1\0\0\0\2\0\0\0\0\0\x80\x3f\0\0\0\x3f";
     static const char stream[] = "#DIM 2 1\n#PARAM_IN COS_TH_TD\n#PARAM_OUT INV_STERADIAN\n#FORMAT binary\n#VERSION 0\n"
                                  "#PRECISION ieee754-double\n#SAMPLE_COUNT 1\n#VS 0\n#ENDIAN little\n#BEGIN_STREAM\n"
-                                 "\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xe0\x3f\n#END_STREAM\n";
+                                 "\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\xe0\x3f\n#END_STREAM";
     static char curet[8 * (FORMAT_CURET + 1)];
     int k = 0;
     for (; k < FORMAT_TEXTS; k++) {

@@ -237,7 +237,8 @@ static gonio_status read_header(alta *a, const gonio_source *source, char **line
     gonio_status status = GONIO_OK;
     while (status == GONIO_OK && (*line = gonio_text_line(&a->text)) != NULL) {
         if (strcmp(*line, "#BEGIN_STREAM") == 0) {
-            a->stream = (size_t)(a->text.next - source->data);
+            a->stream = (size_t)(a->text.next - source->data); // beyond the end behind a line without one
+            a->stream = a->stream < source->size ? a->stream : source->size;
             break;
         }
         if (**line != '#' && **line != 0) {
@@ -417,7 +418,7 @@ static gonio_status read_alta(const gonio_source *source, const gonio_format_val
     gonio_status status = gonio_row_collector_begin(&a.collector, &a.text, &head, values, declarations, "alta", error);
     status = status == GONIO_OK ? read_header(&a, source, &line, error) : status;
     if (a.binary) {
-        a.collector.report.open_end = source->data[source->size - 1] != '\n';
+        a.collector.report.open_end = false; // its last word shows that it is whole
     }
     status = status == GONIO_OK ? read_rows(&a, source, line, error) : status;
     return gonio_row_collector_end(&a.collector, status, out, report, error);

@@ -317,8 +317,12 @@ static void cut_at(const gonio_format *f, const char *path, size_t cut, bool lin
     gonio_samples *s;
     gonio_read_report report;
     gonio_error error = {.line = -1, .byte = -1};
-    const gonio_read_options options = all_of(f, "3k");
-    const gonio_status status = gonio_read(path, &options, &s, &report, &error);
+    gonio_read_options options = all_of(f, "3k");
+    gonio_status status = gonio_read(path, &options, &s, &report, &error);
+    if (status == GONIO_E_USAGE) { // a beginning may be another format's file
+        options.settings[0].name = NULL;
+        status = gonio_read(path, &options, &s, &report, &error);
+    }
     if (status != GONIO_OK) {
         refused_with_its_place(f, cut, status, s, &error);
     } else {
@@ -369,7 +373,7 @@ static void a_bad_row_is_named(void **state) {
         char *copy = malloc(size);
         memcpy(copy, files[k].data, size);
         size_t at = size - 1;
-        while (copy[at - 1] != '\n') {
+        while (at > 0 && copy[at - 1] != '\n') {
             at--;
         }
         copy[at] = 'x';
