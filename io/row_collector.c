@@ -316,7 +316,8 @@ gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channe
 gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error) {
     settle_missing(collector);
-    if (status == GONIO_OK && collector->report.rows == 0 && collector->refused == 0) {
+    // Rows that the reader itself left out, below the horizon, count as rows and are no samples.
+    if (status == GONIO_OK && (collector->samples == NULL || collector->samples->n == 0) && collector->refused == 0) {
         status = gonio_text_fail(collector->text, error, "no samples in it");
     }
     status = status == GONIO_OK && collector->refused > 0 ? refuse(collector, error) : status;
