@@ -67,10 +67,10 @@ static double noise_about_zero(const gonio_pair *p, size_t index, const double *
 }
 
 static const extreme extremes[] = {
-    {"a mirror's peak", 36, true, mirror_peak, false}, {"a constant", 20, true, constant, false},
-    {"five samples", 5, true, plain, false},           {"half zeros", 24, true, half_zeros, false},
-    {"all zeros", 20, true, all_zeros, false},         {"noise about zero", 20, true, noise_about_zero, false},
-    {"collinear columns", 20, true, plain, true},      {"four dimensions", 30, false, plain, false},
+    {"a mirror's peak", 24, true, mirror_peak, false}, {"a constant", 12, true, constant, false},
+    {"five samples", 5, true, plain, false},           {"half zeros", 16, true, half_zeros, false},
+    {"all zeros", 12, true, all_zeros, false},         {"noise about zero", 12, true, noise_about_zero, false},
+    {"collinear columns", 14, true, plain, true},      {"four dimensions", 16, false, plain, false},
 };
 #define EXTREMES (sizeof extremes / sizeof *extremes)
 

@@ -161,7 +161,9 @@ static void test_what_was_asked_for(void **state) {
     for (; gonio_method_at(methods) != NULL; methods++) {
         for (int c = GONIO_COORDINATES_AUTO; c < GONIO_COORDINATES; c++) {
             // In three dimensions; a domain left open in coordinates that are not is for the four.
-            for (int d = c == GONIO_COORDINATES_AUTO ? GONIO_DOMAIN_AUTO : 0; d < GONIO_DOMAINS; d++) {
+            // All coordinates left open: every domain; else one domain after the other.
+            for (int d = c == GONIO_COORDINATES_AUTO ? GONIO_DOMAIN_AUTO : c % GONIO_DOMAINS; d < GONIO_DOMAINS;
+                 d += c == GONIO_COORDINATES_AUTO ? 1 : GONIO_DOMAINS) {
                 check_case(isotropic, gonio_method_at(methods), (gonio_coordinates)c, (gonio_domain)d, &n);
             }
             check_case(anisotropic, gonio_method_at(methods), (gonio_coordinates)c, GONIO_DOMAIN_AUTO, &n);
@@ -170,7 +172,7 @@ static void test_what_was_asked_for(void **state) {
     print_message("# %d methods x %d coordinates x %d domains, auto among both, and 4-D: %d fits say what was asked "
                   "for, %d are refused\n",
                   methods, 1 + GONIO_COORDINATES, 1 + GONIO_DOMAINS, n.fits, n.refusals);
-    assert_int_equal(n.fits + n.refusals, methods * ((1 + GONIO_COORDINATES) * (1 + GONIO_DOMAINS) + 1));
+    assert_int_equal(n.fits + n.refusals, methods * (1 + GONIO_DOMAINS + GONIO_COORDINATES + 1 + GONIO_COORDINATES));
     gonio_samples_free(isotropic);
     gonio_samples_free(anisotropic);
 }
