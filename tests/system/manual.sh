@@ -41,7 +41,7 @@ ok $? "completes verbs, kinds, actions and options, and leaves files to bash"
 # Whatever is in the lists of methods and formats.
 uncompleted=
 for method in $("$GONIO" fit --help | sed -nE 's/^  --method NAME +(.*):.*/\1/p' | sed 's/ or /, /; s/,//g'); do
-    [ "$(complete gonio fit --method "$method")" = "$method" ] && complete gonio measure --method '' | grep -qwF -- "$method" || uncompleted="$uncompleted $method"
+    complete gonio fit --method "$method" | tr ' ' '\n' | grep -qxF -- "$method" && complete gonio measure --method '' | grep -qwF -- "$method" || uncompleted="$uncompleted $method"
 done
 for format in $("$GONIO" formats | awk '/^[a-z].* from / { print $1 }'); do
     [ "$(complete gonio convert in out --to "$format")" = "$format" ] || uncompleted="$uncompleted $format"

@@ -40,7 +40,9 @@ make_kind() {
     analytic) "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/model.gonio" ;;
     lattice) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method mba --hold-out 0 ;;
     cbmba) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method cbmba --hold-out 0 ;;
-    lobe-spline) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method ggx --hold-out 0 ;;
+    lobe-spline) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method lsq --level 2 --hold-out 0 ;;
+    koenderink) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method koenderink --hold-out 0 ;;
+    harmonics) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method spherical-harmonics --hold-out 0 ;;
     *) echo "no command here makes a model of kind $1" >&2 && return 1 ;;
     esac
 }

@@ -38,8 +38,8 @@ static const char *const specs[] = {
     "schlick:rho_d=0.2,rho_s=0.5,r=0.1,p=0.4,f0=0.05",
     "he:rho_d=0.1,sigma=0.28,tau=1.77,f0=0.6",
     "principled:base=0.4/0.3/0.2,metallic=0.3,roughness=0.4,anisotropic=-0.5",
-    "sgd:rho_d=0.048,rho_s=0.0365,alpha=0.0148,p=0.459,f0=6.055,f1=5.055,scale=46.38,lambda=2.6,c=1e-7,k=47.8,theta_0="
-    "0.2",
+    ("sgd:rho_d=0.048,rho_s=0.0365,alpha=0.0148,p=0.459,f0=6.055,f1=5.055,scale=46.38,lambda=2.6,c=1e-7,k=47.8,"
+     "theta_0=0.2"),
     "lambert:rho=0.1/0.2/0.3+ggx:rho_s=0.5,alpha=0.1+ward:rho_s=1e-3,alpha=0.5",
 };
 #define SPECS (sizeof specs / sizeof *specs)
