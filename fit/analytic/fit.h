@@ -18,4 +18,6 @@ gonio_status gonio_analytic_fit_detail(const gonio_analytic_plan *plan, const go
                                        const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
                                        gonio_analytic_detail *detail, gonio_error *error);
 
+extern const gonio_analytic_plan gonio_analytic_plan_lafortune; // for the bench of its starts
+
 #endif

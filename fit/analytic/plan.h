@@ -22,7 +22,7 @@ typedef struct gonio_analytic_variable {
     gonio_vary vary;
     double low, high; // of the value
     int first, last;  // parameters of the formula that have it
-    int over;         // starts are divided by the value of the variable of this number, from 1 on; 0: they are not
+    int over;         // starts are spread and divided by the value of the variable of this number, from 1 on; 0: not
 } gonio_analytic_variable;
 
 typedef struct gonio_analytic_plan {

@@ -14,6 +14,8 @@
 #include "base/thread_pool.h"
 #include "fit/analytic/problem.h"
 
+#define SPREAD 6.0 // of starts that are divided by another value: 6 times their range, over it
+
 enum {
     TRIED = 150, // shapes of the sequence a lobe
     CHOSEN = 6,  // go downhill
@@ -151,7 +153,10 @@ static void sequence(const gonio_analytic_layout *layout, size_t index, int lobe
         double slope;
         if (over > 0) {
             const double *by = shapes + lobe * layout->own + over - 1;
-            shapes[lobe * layout->own + j] /= gonio_analytic_value_of(&layout->variables[over - 1], *by, &slope);
+            const int at = lobe * layout->own + j;
+            const double value =
+                SPREAD * shapes[at] / gonio_analytic_value_of(&layout->variables[over - 1], *by, &slope);
+            shapes[at] = fmin(fmax(value, layout->low[at]), layout->high[at]);
         }
     }
 }
