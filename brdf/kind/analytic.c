@@ -12,25 +12,17 @@ typedef struct analytic_model {
     gonio_model head;
     int n_terms;
     gonio_analytic_term terms[GONIO_ANALYTIC_TERMS_MAX]; // their parameters point into `parameters`
+    bool shared[GONIO_ANALYTIC_TERMS_MAX];               // see is_shared
     char (*names)[32];
     size_t count;
     double *parameters;
     double *sigmas; // of each parameter; NULL: unknown
 } analytic_model;
 
-static double value_of(const analytic_model *m, const gonio_lobe_geometry *g, int channel) {
-    double sum = 0;
-    for (int t = 0; t < m->n_terms; t++) {
-        const gonio_formula *formula = m->terms[t].formula;
-        sum += formula->value(g, m->terms[t].parameters + (ptrdiff_t)channel * formula->n);
-    }
-    return sum;
-}
-
 // Do all channels have the same shapes, so that they differ by strengths alone?
 static bool is_shared(const gonio_analytic_term *term, int channels) {
     const gonio_formula *formula = term->formula;
-    bool same = !formula->absolute;
+    bool same = channels > 1 && !formula->absolute; // one channel alone is quicker by its value
     for (int k = 0; k < formula->n && same; k++) {
         const bool shape = (formula->linear & GONIO_LINEAR(k)) == 0;
         for (int c = 1; c < channels && shape && same; c++) {
@@ -40,41 +32,43 @@ static bool is_shared(const gonio_analytic_term *term, int channels) {
     return same;
 }
 
-// One lobe for all channels: f_r is the sum of strengths times its derivatives by them.
-static void add_shared(const gonio_analytic_term *term, const gonio_lobe_geometry *g, int channels, double *values) {
+// One lobe for all channels: f_r is the sum of strengths times its derivatives by them. Of channels first..first + n -
+// 1, added to values; every channel is summed in the same order, however many are asked for.
+static void add_shared(const gonio_analytic_term *term, const gonio_lobe_geometry *g, int first, int n,
+                       double *values) {
     const gonio_formula *formula = term->formula;
     double d[GONIO_FORMULA_PARAMETERS_MAX];
     formula->slope(g, term->parameters, d);
     for (int k = 0; k < formula->n; k++) {
-        for (int c = 0; c < channels && (formula->linear & GONIO_LINEAR(k)) != 0; c++) {
-            values[c] += term->parameters[c * formula->n + k] * d[k];
+        for (int c = 0; c < n && (formula->linear & GONIO_LINEAR(k)) != 0; c++) {
+            values[c] += term->parameters[(first + c) * formula->n + k] * d[k];
+        }
+    }
+}
+
+static void add_terms(const analytic_model *m, gonio_vec3 wi, gonio_vec3 wo, int first, int n, double *values) {
+    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
+    memset(values, 0, (size_t)n * sizeof *values);
+    for (int t = 0; t < m->n_terms; t++) {
+        const gonio_analytic_term *term = &m->terms[t];
+        if (m->shared[t]) {
+            add_shared(term, &g, first, n, values);
+            continue;
+        }
+        for (int c = 0; c < n; c++) {
+            values[c] += term->formula->value(&g, term->parameters + (ptrdiff_t)(first + c) * term->formula->n);
         }
     }
 }
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const analytic_model *m = (const analytic_model *)model;
-    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
-    if (model->channels == 1) {
-        values[0] = value_of(m, &g, 0);
-        return;
-    }
-    memset(values, 0, (size_t)model->channels * sizeof *values);
-    for (int t = 0; t < m->n_terms; t++) {
-        const gonio_analytic_term *term = &m->terms[t];
-        if (is_shared(term, model->channels)) {
-            add_shared(term, &g, model->channels, values);
-            continue;
-        }
-        for (int c = 0; c < model->channels; c++) {
-            values[c] += term->formula->value(&g, term->parameters + (ptrdiff_t)c * term->formula->n);
-        }
-    }
+    add_terms((const analytic_model *)model, wi, wo, 0, model->channels, values);
 }
 
 static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
-    const gonio_lobe_geometry g = gonio_lobe_geometry_of(wi, wo);
-    return value_of((const analytic_model *)model, &g, channel);
+    double value;
+    add_terms((const analytic_model *)model, wi, wo, channel, 1, &value);
+    return value;
 }
 
 static void release(gonio_model *model) {
@@ -191,6 +185,7 @@ static void fill(analytic_model *m, const gonio_analytic_term *terms, int n_term
         const size_t count = (size_t)channels * (size_t)formula->n;
         memcpy(at, terms[t].parameters, count * sizeof *at);
         m->terms[t] = (gonio_analytic_term){formula, at};
+        m->shared[t] = is_shared(&m->terms[t], channels);
         for (int c = 0; c < channels && formula->isotropic != NULL; c++) {
             m->head.isotropic = m->head.isotropic && formula->isotropic(at + c * formula->n);
         }
