@@ -69,12 +69,28 @@ static bool over(struct fw_core *core, uint32_t since, uint32_t ms) {
     return gonio_fw_board_now(core) - since >= ms * 1000;
 }
 
-static void poll_motors(struct fw_core *core) {
+// Motors whose brakes have had their time. An emergency stop may add one at any moment, and the time begins again.
+static void poll_gripping(struct fw_core *core) {
     struct fw_axis *axis = &core->axis;
-    if (axis->gripping != 0 && over(core, axis->gripping_since, core->registers.brake_delay[0])) {
+    if (!axis->gripping_timed) {
+        axis->gripping_timed = true;
+        axis->gripping_since = gonio_fw_board_now(core);
+        return;
+    }
+    if (!over(core, axis->gripping_since, core->registers.brake_delay[0]))
+        return;
+    gonio_fw_board_lock(core);
+    if (axis->gripping_timed) {
         axis->gripping = 0;
         gonio_fw_axis_enable(core);
     }
+    gonio_fw_board_unlock(core);
+}
+
+static void poll_motors(struct fw_core *core) {
+    struct fw_axis *axis = &core->axis;
+    if (axis->gripping != 0)
+        poll_gripping(core);
     if (!axis->starting || !over(core, axis->starting_since, axis->starting_ms[0]))
         return;
     const uint8_t open = (uint8_t)((axis->up | axis->down) & core->registers.brakes[0]);
@@ -326,7 +342,7 @@ void gonio_fw_axis_release(struct fw_core *core, uint8_t axes) {
     const uint8_t grip = (uint8_t)(axes & axis->energised & axis->opened);
     if (grip != 0) {
         axis->gripping |= grip;
-        axis->gripping_since = gonio_fw_board_now(core);
+        axis->gripping_timed = false;
     }
     axis->energised &= (uint8_t)~axes;
     axis->opened &= (uint8_t)~axes;

@@ -20,6 +20,7 @@ struct fw_axis {
     uint8_t energised;          // axis bits
     uint8_t opened;             // brakes
     uint8_t gripping;           // motors that hold until their brakes do
+    bool gripping_timed;        // since when is known: the main loop asks the clock, which costs an interrupt too much
     uint32_t gripping_since;    // tick
     uint32_t distance[FW_AXES]; // steps, of the move that was begun last
     volatile bool starting;     // it waits for motors and brakes

@@ -321,6 +321,24 @@ static void the_strap_chooses_the_line(void **state) {
     }
 }
 
+// Each axis has a motor enable on port C and a brake of its own on port A, all of them outputs that begin low.
+static void every_axis_has_a_brake(void **state) {
+    (void)state;
+    static const unsigned pins[4] = {7, 11, 12, 15};
+    const uint32_t set_a = 0x40020018, set_c = 0x40020818, all = 1u << 7 | 1u << 11 | 1u << 12 | 1u << 15;
+    power_up(8, 16);
+    assert_int_equal(run(board_start), 0);
+    for (int axis = 0; axis < 4; axis++) {
+        assert_int_equal(*cell(A_A_MODER) >> 2 * pins[axis] & 3, 1);
+        gonio_fw_board_motors(NULL, (uint8_t)(1 << (4 + axis)));
+        assert_int_equal(*cell(set_a), 1u << pins[axis] | (all & ~(1u << pins[axis])) << 16);
+        assert_int_equal(*cell(set_c), 0xF00u << 16);
+        gonio_fw_board_motors(NULL, (uint8_t)(1 << axis));
+        assert_int_equal(*cell(set_a), all << 16);
+        assert_int_equal(*cell(set_c), 0x100u << axis | (0xF00u & ~(0x100u << axis)) << 16);
+    }
+}
+
 static void set_watchdog(void) { gonio_fw_board_watchdog_start(NULL, FW_WATCHDOG_MS); }
 
 static void the_watchdog_takes_what_it_is_told(void **state) {
@@ -417,6 +435,7 @@ int main(void) {
         cmocka_unit_test(an_overrun_ends),
         cmocka_unit_test(every_rate_fits_its_register),
         cmocka_unit_test(the_strap_chooses_the_line),
+        cmocka_unit_test(every_axis_has_a_brake),
         cmocka_unit_test(the_watchdog_takes_what_it_is_told),
         cmocka_unit_test(an_erase_empties_the_caches),
         cmocka_unit_test(the_converter_is_slow_enough_and_sees_an_open_wire),

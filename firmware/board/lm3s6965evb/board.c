@@ -58,9 +58,9 @@ void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     GPIO_DATA(GPIOC, DIRECTIONS) = (uint32_t)levels << 4;
 }
 
-void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
+void gonio_fw_board_motors(struct fw_core *core, uint8_t levels) {
     (void)core;
-    GPIO_DATA(GPIOE, MOTORS) = axes;
+    GPIO_DATA(GPIOE, MOTORS) = levels;
 }
 
 uint16_t gonio_fw_board_inputs(struct fw_core *core) {

@@ -77,9 +77,10 @@ void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     put(DIRECTIONS, (uint32_t)levels << DIRECTION_0);
 }
 
-void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
+// One output for all motors, and none for brakes.
+void gonio_fw_board_motors(struct fw_core *core, uint8_t levels) {
     const unsigned invert = core->registers.motors_invert[0] & 15u;
-    const bool on = axes != invert, low = (invert & 1) != 0;
+    const bool on = (levels & 15u) != invert, low = (invert & 1) != 0;
     put(1 << MOTORS, on != low ? 1 << MOTORS : 0);
 }
 

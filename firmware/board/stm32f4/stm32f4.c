@@ -21,6 +21,8 @@
 enum { CLOCK_HZ = 168000000, TICK_CYCLES = CLOCK_HZ / 1000000 };
 enum { STEPS = 0x000F, DIRECTIONS = 0x00F0, MOTORS = 0x0F00, INPUTS = 0xF7FB, HOME_2 = 1 << 10, ESTOP = 1 << 14 };
 enum { SHUTTER = 1 << 4, TRIGGER = 1 << 5, DRIVER = 1 << 8, PWM_PERIOD = 4200 }; // 20 kHz
+enum { BRAKE_0 = 1 << 7, BRAKE_1 = 1 << 11, BRAKE_2 = 1 << 12, BRAKE_3 = 1 << 15 };
+enum { BRAKES = BRAKE_0 | BRAKE_1 | BRAKE_2 | BRAKE_3 };
 static const struct step_timing timing = {.tick = TICK_CYCLES, .entry = 120, .near = 220, .leave = 36};
 const uint32_t board_tick_cycles = TICK_CYCLES;
 
@@ -59,9 +61,12 @@ void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     put(GPIOC, DIRECTIONS, (uint32_t)levels << 4);
 }
 
-void gonio_fw_board_motors(struct fw_core *core, uint8_t axes) {
+void gonio_fw_board_motors(struct fw_core *core, uint8_t levels) {
     (void)core;
-    put(GPIOC, MOTORS, (uint32_t)axes << 8);
+    put(GPIOC, MOTORS, (uint32_t)levels << 8);
+    put(GPIOA, BRAKES,
+        ((levels & 1 << 4) != 0 ? BRAKE_0 : 0) | ((levels & 1 << 5) != 0 ? BRAKE_1 : 0) |
+            ((levels & 1 << 6) != 0 ? BRAKE_2 : 0) | ((levels & 1 << 7) != 0 ? BRAKE_3 : 0));
 }
 
 uint16_t gonio_fw_board_inputs(struct fw_core *core) {
@@ -341,9 +346,10 @@ static void refuse(void) {
 static void pins_start(void) {
     GPIO_BSRR(GPIOC) = (uint32_t)(STEPS | DIRECTIONS | MOTORS) << 16;
     GPIO_MODER(GPIOC) = 0x00555555;
-    GPIO_BSRR(GPIOA) = (uint32_t)(SHUTTER | TRIGGER | DRIVER) << 16;
-    // PA0, 1 analogue; 4, 5, 8 outputs; 6 TIM 3; 9, 10 USART 1; 13, 14 stay the debugger's
-    GPIO_MODER(GPIOA) = 2u << 28 | 2u << 26 | 2u << 20 | 2u << 18 | 1u << 16 | 2u << 12 | 1u << 10 | 1u << 8 | 15;
+    GPIO_BSRR(GPIOA) = (uint32_t)(SHUTTER | TRIGGER | DRIVER | BRAKES) << 16;
+    // PA0, 1 analogue; 4, 5, 7, 8, 11, 12, 15 outputs; 6 TIM 3; 9, 10 USART 1; 13, 14 stay the debugger's
+    GPIO_MODER(GPIOA) = 1u << 30 | 1u << 24 | 1u << 22 | 1u << 14 | 2u << 28 | 2u << 26 | 2u << 20 | 2u << 18 |
+                        1u << 16 | 2u << 12 | 1u << 10 | 1u << 8 | 15;
     GPIO_AFRL(GPIOA) = 2u << 24;
     GPIO_AFRH(GPIOA) = 7u << 4 | 7u << 8;
     GPIO_MODER(GPIOB) = 0;
