@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "fit/options.h"
 #include "gonio/output.h"
 
 #define WIDTH 900
@@ -96,13 +97,16 @@ static void draw_grid(const plot *p, int k) {
 }
 
 static void set_colour(cairo_t *c, const char *method) {
+    // Of a method, or of all that make a kind.
     static const struct {
-        const char *method;
+        const char *name;
         double r, g, b;
-    } colours[] = {{"mba", 0.12, 0.47, 0.71},  {"cbmba", 0.20, 0.63, 0.17}, {"lsq", 0.89, 0.47, 0.10},
-                   {"auto", 0.84, 0.15, 0.16}, {"ggx", 0.58, 0.40, 0.74},   {"cook-torrance", 0.55, 0.34, 0.29}};
+    } colours[] = {{"mba", 0.12, 0.47, 0.71},      {"cbmba", 0.20, 0.63, 0.17},    {"lsq", 0.89, 0.47, 0.10},
+                   {"auto", 0.84, 0.15, 0.16},     {"analytic", 0.58, 0.40, 0.74}, {"koenderink", 0.09, 0.60, 0.60},
+                   {"harmonics", 0.09, 0.60, 0.60}};
+    const gonio_method *about = gonio_method_find(&method);
     for (size_t i = 0; i < sizeof colours / sizeof *colours; i++) {
-        if (strcmp(colours[i].method, method) == 0) {
+        if (strcmp(colours[i].name, method) == 0 || (about != NULL && strcmp(colours[i].name, about->kind) == 0)) {
             cairo_set_source_rgb(c, colours[i].r, colours[i].g, colours[i].b);
             return;
         }
@@ -118,7 +122,10 @@ static void draw_row(const plot *p, const gonio_tradeoff_row *row) {
     if (row->pareto) {
         cairo_fill(p->cairo);
         char label[64];
-        snprintf(label, sizeof label, "%s %d", row->form.method, row->report.level);
+        snprintf(label, sizeof label, "%s", row->form.method);
+        if (gonio_method_has_member(row->form.method, offsetof(gonio_fit_options, level))) {
+            snprintf(label + strlen(label), sizeof label - strlen(label), " %d", row->report.level);
+        }
         text_at(p->cairo, x + 8, y - 6, x > WIDTH - 150 ? 1.1 : 0, label);
     } else {
         cairo_stroke(p->cairo);

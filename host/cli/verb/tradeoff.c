@@ -198,9 +198,12 @@ static void print(const table *t, const char *folder) {
         const gonio_errors *e = r->report.held_out.samples > 0 ? &r->report.held_out : &r->report.train;
         char text[512];
         describe(r, text, sizeof text);
-        printf("%-19s %5d %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, r->report.level,
-               r->report.fit_seconds, r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log,
-               r->pareto ? '*' : ' ', text);
+        char level[16] = "-";
+        if (gonio_method_has_member(r->form.method, offsetof(gonio_fit_options, level))) {
+            snprintf(level, sizeof level, "%d", r->report.level);
+        }
+        printf("%-19s %5s %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, level, r->report.fit_seconds,
+               r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log, r->pareto ? '*' : ' ', text);
     }
     printf("%s/tradeoff.csv, error_bytes.png, error_ns.png\n", folder);
 }
