@@ -22,7 +22,7 @@
 
 typedef struct plan_options {
     double theta_max_deg;
-    bool anisotropic;
+    bool anisotropic, centred;
 } plan_options;
 
 static gonio_status allocate(size_t n, gonio_plan **out, gonio_error *error) {
@@ -49,16 +49,19 @@ void gonio_plan_free(gonio_plan *plan) {
 
 typedef struct grid {
     double step_deg;
-    int n_theta, n_phi; // theta = 0, step ...; phi = 0, step ... over half a turn (both ends) or a whole one
+    int n_theta, n_phi; // theta = first, first + step ...; phi = 0, step ... over half a turn (both ends) or a whole one
+    double first_deg;   // 0, or half a step: the middles of cells that fill the hemisphere
     bool anisotropic;
 } grid;
 
 // At the pole every azimuth is the same direction, so one is enough (isotropic samples do not tell phi_i apart either).
-static int azimuths(const grid *g, int theta) { return theta == 0 ? 1 : g->n_phi; }
+static bool is_pole(const grid *g, int theta) { return theta == 0 && g->first_deg == 0; }
+static int azimuths(const grid *g, int theta) { return is_pole(g, theta) ? 1 : g->n_phi; }
 
 static gonio_pair grid_pose(const grid *g, int ti, int pi, int to, int po) {
-    const double s = g->step_deg;
-    return (gonio_pair){gonio_radians(ti * s), gonio_radians(pi * s), gonio_radians(to * s), gonio_radians(po * s)};
+    const double s = g->step_deg, first = g->first_deg;
+    return (gonio_pair){gonio_radians(first + ti * s), gonio_radians(pi * s), gonio_radians(first + to * s),
+                        gonio_radians(po * s)};
 }
 
 static size_t fill_grid(const grid *g, gonio_pair *poses) {
@@ -67,7 +70,7 @@ static size_t fill_grid(const grid *g, gonio_pair *poses) {
         const int turns = g->anisotropic ? azimuths(g, ti) : 1;
         for (int pi = 0; pi < turns; pi++) {
             for (int to = 0; to < g->n_theta; to++) {
-                const bool around = to > 0 && (ti > 0 || g->anisotropic);
+                const bool around = !is_pole(g, to) && (!is_pole(g, ti) || g->anisotropic);
                 for (int po = 0; po < (around ? g->n_phi : 1); po++) {
                     if (poses != NULL) {
                         poses[n] = grid_pose(g, ti, pi, to, po);
@@ -86,8 +89,8 @@ static gonio_status make_uniform(double step, const plan_options *options, gonio
     }
     // 1e-9: 85/0.1 must count as 850 steps although it rounds below.
     const double turn = options->anisotropic ? 360 : 180;
-    grid g = {.step_deg = step, .anisotropic = options->anisotropic};
-    g.n_theta = (int)floor(options->theta_max_deg / step + 1e-9) + 1;
+    grid g = {.step_deg = step, .anisotropic = options->anisotropic, .first_deg = options->centred ? step / 2 : 0};
+    g.n_theta = options->centred ? (int)floor(90 / step + 1e-9) : (int)floor(options->theta_max_deg / step + 1e-9) + 1;
     g.n_phi = options->anisotropic ? (int)ceil(turn / step - 1e-9) : (int)floor(turn / step + 1e-9) + 1;
     const double thetas = g.n_theta, phis = g.n_phi;
     const double estimate = thetas * thetas * phis * (options->anisotropic ? phis : 1);
@@ -158,8 +161,14 @@ static gonio_status parse_options(const char *preset, char *text, plan_options *
                 return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected anisotropic=0 or 1", preset, item);
             }
             options->anisotropic = value == 1;
+        } else if (strncmp(item, "centred=", 8) == 0) {
+            if (!number || (value != 0 && value != 1) || preset[0] != 'u') {
+                return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected centred=0 or 1, of a uniform plan", preset,
+                                  item);
+            }
+            options->centred = value == 1;
         } else {
-            return gonio_fail(error, GONIO_E_USAGE, "%s: unknown option '%s'; expected theta_max=DEG or anisotropic=1",
+            return gonio_fail(error, GONIO_E_USAGE, "%s: unknown option '%s'; expected theta_max=DEG, anisotropic=1 or centred=1",
                               preset, item);
         }
     }
@@ -177,7 +186,7 @@ static gonio_status make_preset(const char *text, uint64_t seed, gonio_plan **ou
     if (end == number || (*end != 0 && *end != ',')) {
         return gonio_fail(error, GONIO_E_USAGE, "plan '%s': expected a number after the colon", text);
     }
-    plan_options options = {THETA_MAX_DEG, false};
+    plan_options options = {THETA_MAX_DEG, false, false};
     const gonio_status status = parse_options(text, end, &options, error);
     if (status != GONIO_OK) {
         return status;

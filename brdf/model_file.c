@@ -194,7 +194,7 @@ static gonio_status read_mapped(gonio_mapped *mapped, const char *path, bool who
 
 static gonio_status open_file(const char *path, bool whole, gonio_model **out, gonio_error *error) {
     *out = NULL;
-    gonio_mapped mapped = {0};
+    gonio_mapped mapped = {.open = gonio_model_open_memory};
     gonio_status status = map_file(path, whole, &mapped, error);
     if (status == GONIO_OK) {
         status = read_mapped(&mapped, path, whole, out, error);
@@ -238,7 +238,7 @@ static gonio_status place(const void *data, size_t length, gonio_mapped *mapped,
 
 gonio_status gonio_model_open_memory(const void *data, size_t length, gonio_model **out, gonio_error *error) {
     *out = NULL;
-    gonio_mapped mapped = {0};
+    gonio_mapped mapped = {.open = gonio_model_open_memory};
     gonio_status status = place(data, length, &mapped, error);
     if (status == GONIO_OK) {
         status = read_mapped(&mapped, MEMORY, true, out, error);

@@ -44,6 +44,8 @@ typedef struct gonio_mapped {
     int channels;
     bool isotropic;
     uint8_t origin; // of base: GONIO_MAPPED_*
+    // gonio_model_open_memory, for a kind whose section holds another model: it cannot call what calls it by itself.
+    gonio_status (*open)(const void *data, size_t length, gonio_model **out, gonio_error *error);
 } gonio_mapped;
 enum { GONIO_MAPPED_FILE, GONIO_MAPPED_COPY, GONIO_MAPPED_BORROWED };
 

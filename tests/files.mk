@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Every test program; each runs under sanitizers. Long benchmarks are targets of their own.
 unit-y  += $(sort $(wildcard tests/unit/test_*.c tests/property/test_*.c tests/golden/test_*.c tests/conformance/test_*.c))
-bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c,$(sort $(wildcard tests/bench/*.c)))
+bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c tests/bench/significance.c,$(sort $(wildcard tests/bench/*.c)))
 deps-y  += libcmocka-dev libumockdev-dev umockdev
 # Only the test links umockdev, never the program.
 CFLAGS_test_usbtmc = $(subst -I,-isystem ,$(shell pkg-config --cflags umockdev-1.0))
@@ -10,6 +10,13 @@ $(B)/tests/unit/test_usbtmc: PKG_LIBS += $(shell pkg-config --libs umockdev-1.0)
 fifty-million: $(B)/tests/bench/fifty_million ## stream 50 million samples into a fit: memory, time, error
 	$(Q)$<
 $(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
+
+.PHONY: significance
+significance: $(B)/tests/bench/significance ## false alarms and power of `gonio check` on 1,000 simulated materials
+	$(Q)$<
+$(B)/tests/bench/significance: $(B)/tests/bench/significance.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
 

@@ -14,7 +14,7 @@ static const struct {
              {"model", ".gonio", "a model file"},    {"CSV", ".csv", "a CSV"},
              {"IMAGE.png", ".png", "a PNG picture"}, {"INI", ".ini", "a rig file"},
              {"PGM", ".pgm", "a PGM picture"},       {"FILE.svg|png", ".svg .png", "a picture"},
-             {"FILE.png", ".png", "a PNG picture"}};
+             {"FILE.png", ".png", "a PNG picture"},  {"CSV|MODEL", ".csv .gonio", "samples or a model"}};
 #define KINDS (sizeof kinds / sizeof *kinds)
 
 static bool ends_with(const char *path, const char *ending, size_t n) {

@@ -17,8 +17,9 @@ typedef struct gonio_plan {
     gonio_pair *poses; // rad
 } gonio_plan;
 
-// "uniform:STEP[,theta_max=DEG]": a grid, STEP degrees apart, in theta_i, theta_o and phi_o (phi_i = 0, half the
-// azimuth: mirror symmetry). "nusselt:N[,theta_max=DEG][,anisotropic=1]": N poses stratified in Nusselt coordinates.
+// "uniform:STEP[,theta_max=DEG][,anisotropic=1][,centred=1]": a grid, STEP degrees apart, in theta_i, theta_o and phi_o
+// (phi_i = 0, half the azimuth: mirror symmetry; anisotropic: phi_i too, all round). centred: from STEP / 2 on, the middles
+// of cells that fill the hemisphere, without pole and horizon. "nusselt:N[,theta_max=DEG][,anisotropic=1]": N poses stratified in Nusselt coordinates.
 // otherwise the path of a CSV with the header theta_i,phi_i,theta_o,phi_o (deg).
 // Deterministic in (text, seed). The caller frees it with gonio_plan_free.
 gonio_status gonio_plan_make(const char *text, uint64_t seed, gonio_plan **out, gonio_error *error);

@@ -10,6 +10,7 @@
 #include "brdf/kind/analytic.h"
 #include "brdf/kind/linear.h"
 #include "brdf/kind/lobe_spline.h"
+#include "brdf/kind/transformed.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
 
@@ -23,7 +24,7 @@ typedef struct kind_maker {
     const char *method, *storage;    // of a fitted one
     const gonio_formula *formula;    // of one analytic term
     const gonio_linear_basis *basis; // of one with coefficients
-    int lobes, parts;                // of a constructed lobe-spline: how many lobes, KIND_ bits
+    int lobes, parts;                // of a constructed lobe-spline: how many lobes, KIND_ bits; of a transformed one: which
     gonio_domain domain;
     gonio_coordinates coordinates;
 } kind_maker;
@@ -45,6 +46,11 @@ static const kind_maker kind_forms[] = {
      .parts = KIND_SPLINE | KIND_RANGE | KIND_SIGMA | KIND_PROFILE},
     {"lobe-spline", "lobes and shares", .domain = GONIO_LOG, .coordinates = GONIO_REFLECTED, .lobes = 2,
      .parts = KIND_SPLINE | KIND_RANGE | KIND_SIGMA | KIND_SHARES},
+    {"transformed", "reciprocal", .parts = GONIO_MADE_RECIPROCAL},
+    {"transformed", "isotropic", true, .parts = GONIO_MADE_ISOTROPIC},
+    {"transformed", "scaled", .parts = GONIO_MADE_SCALED},
+    {"transformed", "passive", .parts = GONIO_MADE_PASSIVE},
+    {"transformed", "separable", .parts = GONIO_MADE_SEPARABLE},
 };
 #define KIND_FORMS (sizeof kind_forms / sizeof *kind_forms)
 
@@ -225,13 +231,42 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     return model;
 }
 
+// A Ward lobe, half of the way to the maker's property.
+static inline gonio_model *kind_make_transformed(const kind_maker *maker, bool isotropic, int channels) {
+    const kind_maker ward = {"analytic", "ward", .formula = gonio_formula_find("ward")};
+    gonio_model *inner = kind_make_analytic(&ward, isotropic, channels), *model = NULL;
+    gonio_transformed_parts p = {.what = (gonio_transformation)maker->parts, .delta = 0.5};
+    gonio_error error = {0};
+    double *numbers = kind_numbers(2 * 2 * (size_t)channels * 2 * 8, 0.5);
+    if (p.what == GONIO_MADE_SCALED || p.what == GONIO_MADE_PASSIVE) {
+        p.knots = 5;
+        p.factors = numbers;
+    } else if (p.what == GONIO_MADE_SEPARABLE) {
+        p.products = p.thetas = 2;
+        p.phis = 8;
+        p.tables = numbers;
+    }
+    if (numbers == NULL || gonio_transformed_new(inner, &p, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    free(numbers);
+    // Products of tables are not isotropic; the mean over azimuths of them is, and stands around them.
+    const gonio_transformed_parts mean = {.what = GONIO_MADE_ISOTROPIC, .delta = 1};
+    if (isotropic && p.what == GONIO_MADE_SEPARABLE &&
+        gonio_transformed_new(model, &mean, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    return model;
+}
+
 // A model of the maker's form on a small lattice: its file is short enough to be damaged byte by byte. The caller frees
 // it.
 static inline gonio_model *kind_make(const kind_maker *maker, bool isotropic, int channels) {
-    return maker->formula != NULL  ? kind_make_analytic(maker, isotropic, channels)
-           : maker->basis != NULL  ? kind_make_linear(maker, isotropic, channels)
-           : maker->method != NULL ? kind_make_fitted(maker, isotropic, channels)
-                                   : kind_make_lobes(maker, isotropic, channels);
+    return maker->formula != NULL                    ? kind_make_analytic(maker, isotropic, channels)
+           : maker->basis != NULL                    ? kind_make_linear(maker, isotropic, channels)
+           : strcmp(maker->kind, "transformed") == 0 ? kind_make_transformed(maker, isotropic, channels)
+           : maker->method != NULL                   ? kind_make_fitted(maker, isotropic, channels)
+                                                     : kind_make_lobes(maker, isotropic, channels);
 }
 
 #endif

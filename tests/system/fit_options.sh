@@ -10,7 +10,8 @@ ward=ward:rho_d=0.3,rho_s=0.2,alpha=0.3
 options_of() { "$GONIO" "$1" --help | sed '/^  --channel/,/^  --json/d' | sed -n 's/^  --\([a-z-]*\).*/\1/p' | sort; }
 
 # ---- measure takes what fit takes ----
-options_of fit | grep -vx 'output' >"$work/fit"
+# --physical changes what a fit has made; a session's model stays what its samples say.
+options_of fit | grep -vxE 'output|physical' >"$work/fit"
 options_of measure >"$work/measure"
 check "there are options" [ "$(wc -l <"$work/fit")" -gt 15 ]
 check "measure has every one of them" sh -c "[ -z \"\$(comm -23 '$work/fit' '$work/measure')\" ]"

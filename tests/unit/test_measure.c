@@ -337,6 +337,7 @@ static void many_calls(void) {
     snprintf(file, sizeof file, "%s/model.gonio", path); // not an image, and OpenCV would say so
     assert_int_equal(gonio_image_read(file, true, &image, &error), GONIO_E_INPUT);
     assert_int_equal(gonio_check_model(model, 0, &report, &error), GONIO_OK);
+    gonio_check_report_free(&report);
     gonio_model_free(model);
     gonio_outcome_free(&outcome);
 }

@@ -3,11 +3,15 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "gonio/check.h"
 #include "host/cli/fit_arguments.h"
 #include "host/cli/input.h"
 
 typedef struct fit_arguments {
-    const char *output;
+    const char *output, *physical;
+    bool reciprocal, passive;
+    gonio_physical_report made;
+    gonio_errors physical_held; // of a fit that did not see them, made physical in the same way
     cli_input input;
     gonio_fit_options options;
     gonio_coverage coverage;
@@ -51,6 +55,84 @@ static void print(const fit_arguments *a, const gonio_fit_report *r) {
     printf("%s\n", a->output != NULL ? a->output : "no -o: the model was not saved");
 }
 
+// ---- physical by construction ----
+
+static bool parse_physical(const cli_common *common, fit_arguments *a) {
+    char copy[64], *rest;
+    snprintf(copy, sizeof copy, "%s", a->physical != NULL ? a->physical : "");
+    for (char *item = strtok_r(copy, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
+        if (strcmp(item, "reciprocal") == 0) {
+            a->reciprocal = true;
+        } else if (strcmp(item, "passive") == 0) {
+            a->passive = true;
+        } else {
+            cli_usage(common, "fit: --physical '%s'; expected reciprocal, passive or both with a comma between them",
+                      item);
+            return false;
+        }
+    }
+    return true;
+}
+
+static gonio_status make_physical(const fit_arguments *a, int threads, gonio_model **model, gonio_physical_report *made,
+                                  gonio_error *error) {
+    gonio_model *given = *model;
+    return gonio_check_make_physical(given, a->reciprocal, a->passive, threads, model, made, error);
+}
+
+// The same way from the samples that are not held out to the errors on those that are.
+static gonio_status price(const gonio_samples *samples, fit_arguments *a, int threads, gonio_error *error) {
+    bool *held = calloc(samples->n + 1, sizeof *held);
+    gonio_samples *rest = NULL;
+    gonio_model *model = NULL;
+    gonio_fit_report report;
+    gonio_physical_report made;
+    gonio_fit_options options = a->options;
+    options.hold_out = 0;
+    options.folds = 0;
+    gonio_status status = held != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a hold-out");
+    status = status == GONIO_OK ? gonio_samples_hold_out(samples, a->options.hold_out, a->options.seed, held, error)
+                                : status;
+    for (size_t i = 0; status == GONIO_OK && i < samples->n; i++) {
+        held[i] = !held[i];
+    }
+    status = status == GONIO_OK ? gonio_samples_select(samples, held, &rest, error) : status;
+    status = status == GONIO_OK ? gonio_fit(rest, &options, &model, &report, error) : status;
+    status = status == GONIO_OK ? make_physical(a, threads, &model, &made, error) : status;
+    for (size_t i = 0; status == GONIO_OK && i < samples->n; i++) {
+        held[i] = !held[i];
+    }
+    status = status == GONIO_OK ? gonio_errors_model(model, samples, held, threads, &a->physical_held, error) : status;
+    gonio_model_free(model);
+    gonio_samples_free(rest);
+    free(held);
+    return status;
+}
+
+static json_t *physical_json(const fit_arguments *a) {
+    const gonio_physical_report *r = &a->made;
+    return json_pack("{s:b,s:b,s:f,s:f,s:f,s:f,s:f,s:o}", "reciprocal", (int)a->reciprocal, "passive", (int)a->passive,
+                     "reciprocity_before", r->reciprocity_before, "energy_before", r->energy_before, "energy",
+                     r->energy, "least_factor", r->least_factor, "least_factor_theta", gonio_degrees(r->theta_rad),
+                     "held_out", cli_json_errors(&a->physical_held));
+}
+
+static void print_physical(const fit_arguments *a, const gonio_fit_report *fitted) {
+    const gonio_physical_report *r = &a->made;
+    if (a->reciprocal) {
+        printf("reciprocal: P_r was %.3g /sr^2 and is 0\n", r->reciprocity_before);
+    }
+    if (a->passive) {
+        printf("passive: the largest albedo was %.5g and is %.5g; the least factor is %.5g, at %g deg\n",
+               r->energy_before, r->energy, r->least_factor, gonio_degrees(r->theta_rad));
+    }
+    cli_print_errors("physical", &a->physical_held);
+    if (a->physical_held.samples > 0) {
+        printf("price: held-out median error %.4g %% instead of %.4g %%\n", 100 * a->physical_held.median_rel,
+               100 * fitted->held_out.median_rel);
+    }
+}
+
 static gonio_status fit(const char *path, fit_arguments *a, const cli_common *common, gonio_fit_report *report,
                         gonio_error *error) {
     gonio_samples *samples;
@@ -75,6 +157,10 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     if (status == GONIO_OK && cli_interrupted()) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
     }
+    if (status == GONIO_OK && a->physical != NULL) {
+        status = make_physical(a, common->threads, &model, &a->made, error);
+        status = status == GONIO_OK && a->options.hold_out > 0 ? price(samples, a, common->threads, error) : status;
+    }
     status = status == GONIO_OK ? gonio_model_describe(model, &a->coverage, report, error) : status;
     status = status == GONIO_OK && a->output != NULL ? gonio_model_save(model, a->output, error) : status;
     gonio_model_free(model);
@@ -86,16 +172,18 @@ static int run(int argc, char **argv) {
     fit_arguments a = {0};
     cli_fit_arguments arguments = {0};
     const cli_option input_rows[] = {CLI_INPUT_OPTIONS(a.input), {0}};
-    cli_option options[1 + GONIO_FIT_KEYS + sizeof input_rows / sizeof *input_rows] = {
-        {"output", 'o', CLI_OUTPUT, &a.output, NULL, "MODEL", "the model file to write"}};
-    const int n = 1 + cli_fit_rows(&arguments, options + 1);
+    cli_option options[2 + GONIO_FIT_KEYS + sizeof input_rows / sizeof *input_rows] = {
+        {"output", 'o', CLI_OUTPUT, &a.output, NULL, "MODEL", "the model file to write"},
+        {"physical", 0, CLI_TEXT, &a.physical, NULL, "LIST",
+         "reciprocal,passive: make the model so, with the smallest change that does"}};
+    const int n = 2 + cli_fit_rows(&arguments, options + 2);
     memcpy(options + n, input_rows, sizeof input_rows);
     extern const cli_verb cmd_fit;
     const char *input;
     int count;
     cli_common common;
     if (!cli_parse(&cmd_fit, options, argc, argv, &input, 1, 1, &count, &common) ||
-        !cli_fit_read(&arguments, "fit", &common, &a.options)) {
+        !cli_fit_read(&arguments, "fit", &common, &a.options) || !parse_physical(&common, &a)) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};
@@ -104,9 +192,16 @@ static int run(int argc, char **argv) {
         return cli_fail(&common, &error);
     }
     if (common.json) {
-        return cli_json(to_json(&a, input, &report));
+        json_t *result = to_json(&a, input, &report);
+        if (a.physical != NULL) {
+            json_object_set_new(result, "physical", physical_json(&a));
+        }
+        return cli_json(result);
     }
     print(&a, &report);
+    if (a.physical != NULL) {
+        print_physical(&a, &report);
+    }
     return 0;
 }
 
