@@ -25,6 +25,7 @@ typedef struct gonio_format_values {
     uint64_t seed;
     int threads; // 0: all
     double wavelength_nm;
+    size_t max_bytes; // of writing; 0: the format's own
     gonio_format_value at[GONIO_FORMAT_SETTINGS_MAX];
 } gonio_format_values;
 
@@ -42,9 +43,17 @@ typedef struct gonio_format {
     gonio_status (*table)(const gonio_source *source, gonio_model **out, gonio_error *error);
     // Optional, both: samples, or a model as a table, to a stream. The stream's own failures are the caller's matter.
     gonio_status (*write)(const gonio_samples *samples, FILE *stream, gonio_error *error);
-    gonio_status (*write_table)(const gonio_model *model, FILE *stream, int threads, gonio_error *error);
-    double precision;                   // as in gonio_format_facts
-    const gonio_format_option *options; // of read; NULL: none
+    // told: format, quantity, convention and theta_max_deg are filled; the writer may say more in about and lost.
+    gonio_status (*write_table)(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error);
+    // Of a format that is written but not read: the model that the file stands for. The caller frees it.
+    gonio_status (*meant)(const gonio_model *model, int threads, gonio_model **out, gonio_error *error);
+    bool fitted; // what write_table writes comes close to the model at no place of the file's own
+    const gonio_format_option *write_options; // of write_table; NULL: none
+    const char *quantity, *convention;        // of what is written: "f_r, 1/sr"; which direction lies where
+    double theta_max_deg;                     // of what is written; 0: 90
+    double precision;                         // as in gonio_format_facts
+    const gonio_format_option *options;       // of read; NULL: none
 } gonio_format;
 
 // By number, from 0 on; NULL past the last.
@@ -52,6 +61,21 @@ const gonio_format *gonio_format_at(int number);
 // The values that the options give; GONIO_E_USAGE for an option that the format does not have, or a wrong value.
 gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_options *options,
                                 gonio_format_values *values, gonio_error *error);
+// The same for writing.
+gonio_status gonio_format_parse_write(const gonio_format *format, const gonio_write_options *options,
+                                      gonio_format_values *values, gonio_error *error);
+// The model's three channels as linear sRGB, by io/colour.h; the model itself where it has them. Frees nothing of the
+// model, which must live as long. Where *view is not the model, the caller frees it.
+gonio_status gonio_model_as_rgb(const gonio_model *model, gonio_model **view, gonio_error *error);
+// Smooth spectra in place of r, g, b; the model must live as long, and the caller frees the result.
+gonio_status gonio_model_as_spectra(const gonio_model *rgb, gonio_model **out, gonio_error *error);
+// Add to what the report says is lost; of a model with channels that a file of r, g, b (3) or one value (1) lacks.
+void gonio_write_lost(gonio_write_report *report, const char *what);
+void gonio_write_lost_channels(const gonio_model *model, int channels, gonio_write_report *report);
+// Measure what was written to path against the model, and fill the report's figures.
+gonio_status gonio_write_measure(const gonio_model *model, const gonio_format *format, const char *path, int threads,
+                                 gonio_write_report *report, gonio_error *error);
+
 // " a, b and c" of every format for which `which` holds, for messages.
 void gonio_format_summaries(bool (*which)(const gonio_format *format), char *text, size_t size);
 

@@ -33,7 +33,8 @@ static void describe(const gonio_format *f, gonio_format_facts *facts) {
                                   .writes = f->write != NULL,
                                   .writes_table = f->write_table != NULL,
                                   .precision = f->precision,
-                                  .options = options_of(f)};
+                                  .options = options_of(f),
+                                  .write_options = f->write_options != NULL ? f->write_options : none};
 }
 
 bool gonio_format_get(int number, gonio_format_facts *facts) {
@@ -92,18 +93,19 @@ static bool parse_value(const gonio_format_option *option, const char *text, gon
     return false;
 }
 
-static gonio_status no_such_option(const gonio_format *f, const char *name, gonio_error *error) {
+static gonio_status no_such_option(const gonio_format *f, const gonio_format_option *options, const char *name,
+                                   gonio_error *error) {
     char list[200] = "";
-    for (const gonio_format_option *o = options_of(f); o->name != NULL; o++) {
+    for (const gonio_format_option *o = options; o->name != NULL; o++) {
         append(list, sizeof list, o->name, ", ");
     }
     return gonio_fail(error, GONIO_E_USAGE, "%s: no option of format %s; it has %s", name, f->name,
                       list[0] != 0 ? list : "none");
 }
 
-static gonio_status parse_setting(const gonio_format *f, const gonio_format_setting *setting,
-                                  gonio_format_values *values, gonio_error *error) {
-    const gonio_format_option *options = options_of(f);
+static gonio_status parse_setting(const gonio_format *f, const gonio_format_option *options,
+                                  const gonio_format_setting *setting, gonio_format_values *values,
+                                  gonio_error *error) {
     for (int k = 0; options[k].name != NULL; k++) {
         if (strcmp(options[k].name, setting->name) == 0) {
             return parse_value(&options[k], setting->value, &values->at[k])
@@ -112,26 +114,42 @@ static gonio_status parse_setting(const gonio_format *f, const gonio_format_sett
                                     options[k].argument, setting->value);
         }
     }
-    return no_such_option(f, setting->name, error);
+    return no_such_option(f, options, setting->name, error);
+}
+
+static gonio_status parse_all(const gonio_format *f, const gonio_format_option *options,
+                              const gonio_format_setting *settings, gonio_format_values *values, gonio_error *error) {
+    for (int k = 0; options[k].name != NULL; k++) {
+        parse_value(&options[k], options[k].standard, &values->at[k]);
+    }
+    gonio_status status = GONIO_OK;
+    for (int k = 0; settings != NULL && k < GONIO_FORMAT_SETTINGS_MAX && settings[k].name != NULL && status == GONIO_OK;
+         k++) {
+        status = parse_setting(f, options, &settings[k], values, error);
+    }
+    return status;
 }
 
 gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_options *options,
                                 gonio_format_values *values, gonio_error *error) {
     *values = (gonio_format_values){.seed = 1};
-    const gonio_format_option *o = options_of(format);
-    for (int k = 0; o[k].name != NULL; k++) {
-        parse_value(&o[k], o[k].standard, &values->at[k]);
-    }
-    gonio_status status = GONIO_OK;
     if (options != NULL) {
         values->seed = options->seed;
         values->threads = options->threads;
         values->wavelength_nm = options->wavelength_nm;
-        for (int k = 0; k < GONIO_FORMAT_SETTINGS_MAX && options->settings[k].name != NULL && status == GONIO_OK; k++) {
-            status = parse_setting(format, &options->settings[k], values, error);
-        }
     }
-    return status;
+    return parse_all(format, options_of(format), options != NULL ? options->settings : NULL, values, error);
+}
+
+gonio_status gonio_format_parse_write(const gonio_format *format, const gonio_write_options *options,
+                                      gonio_format_values *values, gonio_error *error) {
+    *values = (gonio_format_values){.seed = 1};
+    if (options != NULL) {
+        values->threads = options->threads;
+        values->max_bytes = options->max_bytes;
+    }
+    return parse_all(format, format->write_options != NULL ? format->write_options : none,
+                     options != NULL ? options->settings : NULL, values, error);
 }
 
 // ---- writing ----
@@ -148,7 +166,7 @@ static bool has_extension(const gonio_format *f, const char *path) {
 }
 
 static gonio_status find_writer(const char *name, const char *path, const gonio_format **out, gonio_error *error) {
-    char list[300] = "";
+    char list[400] = "";
     for (int i = 0; i < COUNT; i++) {
         const gonio_format *f = formats[i];
         if (f->write == NULL && f->write_table == NULL) {
@@ -177,30 +195,22 @@ gonio_status gonio_format_writer(const char *name, const char *path, gonio_forma
     return status;
 }
 
-// What is written: samples or a model, the other is NULL.
-typedef struct content {
-    const gonio_samples *samples;
-    const gonio_model *model;
-    int threads;
-} content;
-
-// path: for messages; NULL where it is not known.
-static gonio_status put(const gonio_format *f, const content *c, FILE *stream, const char *path, gonio_error *error) {
-    const gonio_status status =
-        c->samples != NULL ? f->write(c->samples, stream, error) : f->write_table(c->model, stream, c->threads, error);
+static gonio_status flushed(FILE *stream, const char *path, gonio_status status, gonio_error *error) {
     if (status == GONIO_OK && (fflush(stream) != 0 || ferror(stream))) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
     }
     return status;
 }
 
-static gonio_status put_file(const gonio_format *f, const content *c, const char *path, gonio_error *error) {
+static gonio_status put_samples(const gonio_format *f, const gonio_samples *samples, const char *path,
+                                gonio_error *error) {
     gonio_output *output;
     gonio_status status = gonio_output_open(path, &output, error);
     if (status != GONIO_OK) {
         return status;
     }
-    status = put(f, c, gonio_output_stream(output), path, error);
+    FILE *stream = gonio_output_stream(output);
+    status = flushed(stream, path, f->write(samples, stream, error), error);
     if (status != GONIO_OK) {
         gonio_output_abandon(output);
         return status;
@@ -215,23 +225,64 @@ gonio_status gonio_write_as(const gonio_samples *samples, const char *path, cons
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from a model, not from samples; `gonio fit` makes one",
                           f->summary);
     }
-    return status == GONIO_OK ? put_file(f, &(content){.samples = samples}, path, error) : status;
+    return status == GONIO_OK ? put_samples(f, samples, path, error) : status;
 }
 
-gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, int threads,
-                                  gonio_error *error) {
+// The table, written beside, read back and held against the model before it takes its place.
+static gonio_status put_table(const gonio_format *f, const gonio_model *model, const char *path,
+                              const gonio_format_values *values, double max_error, bool measure,
+                              gonio_write_report *told, gonio_error *error) {
+    gonio_output *output;
+    gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    FILE *stream = gonio_output_stream(output);
+    status = flushed(stream, path, f->write_table(model, values, stream, told, error), error);
+    const char *written = gonio_output_temporary(output); // a pipe cannot be read back
+    if (status == GONIO_OK && written != NULL && (measure || max_error > 0)) {
+        status = gonio_write_measure(model, f, written, values->threads, told, error);
+    }
+    if (status == GONIO_OK && max_error > 0 && !(told->median <= max_error)) {
+        status = gonio_fail(error, GONIO_E_MISMATCH,
+                            "%s: half of the values read back are off by %.3g or more; at most %g"
+                            " is asked for. Nothing is written",
+                            path, told->median, max_error);
+    }
+    if (status != GONIO_OK) {
+        gonio_output_abandon(output);
+        return status;
+    }
+    return gonio_output_commit(output, error);
+}
+
+gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format,
+                                  const gonio_write_options *options, gonio_write_report *report, gonio_error *error) {
     const gonio_format *f;
-    const gonio_status status = find_writer(format, path, &f, error);
+    gonio_format_values values;
+    gonio_status status = find_writer(format, path, &f, error);
     if (status == GONIO_OK && f->write_table == NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from samples, not from a model", f->summary);
     }
-    return status == GONIO_OK ? put_file(f, &(content){.model = model, .threads = threads}, path, error) : status;
+    status = status == GONIO_OK ? gonio_format_parse_write(f, options, &values, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_write_report told = {.quantity = f->quantity,
+                               .convention = f->convention,
+                               .theta_max_deg = f->theta_max_deg > 0 ? f->theta_max_deg : 90};
+    snprintf(told.format, sizeof told.format, "%s", f->name);
+    status = put_table(f, model, path, &values, options != NULL ? options->max_error : 0, report != NULL, &told, error);
+    if (report != NULL) {
+        *report = told;
+    }
+    return status;
 }
 
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error) {
-    return put_file(&gonio_format_samples, &(content){.samples = samples}, path, error);
+    return put_samples(&gonio_format_samples, samples, path, error);
 }
 
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error) {
-    return put(&gonio_format_samples, &(content){.samples = samples}, stream, NULL, error);
+    return flushed(stream, NULL, gonio_format_samples.write(samples, stream, error), error);
 }

@@ -7,7 +7,12 @@
 // reciprocal pair. Negative: not measured, or below the horizon.
 //
 // Values are taken to stand at the centres of their cells (the published reader returns the cell's value anywhere in
-// it). The model interpolates between centres, linearly in the three indices, over the valid ones.
+// it). The model interpolates between nodes, linearly in the three indices, over the valid ones.
+//
+// Programs that interpolate take the lower edges of the cells for the nodes; so are files written that are asked for by
+// --merl-nodes edge, the standard. Nothing in a file tells of it, but which cells are invalid does: a file where
+// exactly those are whose lower edges lie below the horizon has its nodes there. Numbers are rounded to 24 bits, so
+// that what is read and written again is the same.
 #include <byteswap.h>
 #include <endian.h>
 #include <math.h>
@@ -132,11 +137,15 @@ static size_t cell(int h, int d, int p) { return (size_t)p + N_P * ((size_t)d + 
 
 // ---- samples ----
 
-// The pair at a cell's centre; false where it lies below the horizon.
-static bool centre(int h, int d, int p, gonio_pair *pair) {
+// The directions at a cell's node, `offset` beyond its lower edge; false where one lies below the horizon.
+static bool node(int h, int d, int p, double offset, gonio_vec3 *wi, gonio_vec3 *wo) {
+    directions(h + offset, d + offset, p + offset, wi, wo);
+    return wi->z > 0 && wo->z > 0;
+}
+
+static bool node_pair(int h, int d, int p, double offset, gonio_pair *pair) {
     gonio_vec3 wi, wo;
-    directions(h + 0.5, d + 0.5, p + 0.5, &wi, &wo);
-    if (wi.z <= 0 || wo.z <= 0) {
+    if (!node(h, d, p, offset, &wi, &wo)) {
         return false;
     }
     const gonio_pair found = gonio_pair_from_vectors(wi, wo);
@@ -155,12 +164,29 @@ static bool values_at(const gonio_source *source, size_t at, double values[3]) {
     return true;
 }
 
+#define EDGE 0.0
+#define CENTRE 0.5
+
+// Where the file's nodes stand in their cells.
+static double offset_of(const gonio_source *source) {
+    for (size_t at = 0; at < CELLS; at++) {
+        gonio_vec3 wi, wo;
+        double values[3];
+        const int p = (int)(at % N_P), d = (int)(at / N_P % N_D), h = (int)(at / N_P / N_D);
+        if (values_at(source, at, values) != node(h, d, p, EDGE, &wi, &wo)) {
+            return CENTRE;
+        }
+    }
+    return EDGE;
+}
+
 static gonio_status add_cells(const gonio_source *source, const gonio_format_values *values, gonio_samples *samples,
                               gonio_read_report *report, gonio_error *error) {
     // A cell is kept where its hash with the seed is below the share that the limit leaves; valid cells are about 4/5
     // of all.
     const double share = values->at[0].count > 0 ? (double)values->at[0].count / (double)CELLS : 1;
     const uint64_t key = gonio_random(values->seed);
+    const double offset = offset_of(source);
     for (size_t at = 0; at < CELLS; at++) {
         if (share < 1 && gonio_random_uniform((key ^ at * GONIO_RANDOM_STEP) - GONIO_RANDOM_STEP) >= share) {
             continue;
@@ -169,7 +195,7 @@ static gonio_status add_cells(const gonio_source *source, const gonio_format_val
         gonio_pair pair;
         double rgb[3];
         report->rows++;
-        if (!centre(h, d, p, &pair) || !values_at(source, at, rgb)) {
+        if (!node_pair(h, d, p, offset, &pair) || !values_at(source, at, rgb)) {
             report->invalid++;
             continue;
         }
@@ -208,17 +234,18 @@ static gonio_status read_merl(const gonio_source *source, const gonio_format_val
 
 typedef struct merl_model {
     gonio_model head;
+    double offset;   // of the nodes in their cells
     double values[]; // CELLS x 3, 1/sr; INVALID in all three where there is none
 } merl_model;
 
-// The two neighbours of a fractional index among centres, and the weight of the upper one.
+// The two neighbours of a fractional index among nodes, and the weight of the upper one.
 typedef struct neighbours {
     int at[2];
     double weight[2];
 } neighbours;
 
-static neighbours between(double x, int n, bool periodic) {
-    const double shifted = x - 0.5, low = floor(shifted), w = shifted - low;
+static neighbours between(double x, double offset, int n, bool periodic) {
+    const double shifted = x - offset, low = floor(shifted), w = shifted - low;
     const int i = (int)low;
     neighbours two = {{i, i + 1}, {1 - w, w}};
     for (int k = 0; k < 2; k++) {
@@ -232,7 +259,8 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     const merl_model *m = (const merl_model *)model;
     double h, d, p, sum[3] = {0}, total = 0;
     indices(wi, wo, &h, &d, &p);
-    const neighbours nh = between(h, N_H, false), nd = between(d, N_D, false), np = between(p, N_P, true);
+    const neighbours nh = between(h, m->offset, N_H, false), nd = between(d, m->offset, N_D, false);
+    const neighbours np = between(p, m->offset, N_P, true);
     for (int k = 0; k < 8; k++) {
         const double w = nh.weight[k & 1] * nd.weight[k >> 1 & 1] * np.weight[k >> 2];
         const double *at = m->values + 3 * cell(nh.at[k & 1], nd.at[k >> 1 & 1], np.at[k >> 2]);
@@ -264,6 +292,7 @@ static gonio_status table_merl(const gonio_source *source, gonio_model **out, go
     }
     m->head = (gonio_model){
         .ops = &ops, .channels = 3, .isotropic = true, .channel_names = names, .bytes = size, .control_points = CELLS};
+    m->offset = offset_of(source);
     for (size_t at = 0; at < CELLS; at++) {
         double *v = m->values + 3 * at;
         if (!values_at(source, at, v)) {
@@ -290,23 +319,23 @@ static void put_little(FILE *stream, const void *bits, size_t size) {
     }
 }
 
-// The three planes' numbers of one cell.
-static void cell_values(const gonio_model *model, int h, int d, int p, double out[3]) {
+// The three planes' numbers of one cell; rounded so that the reader's product and this quotient give them again.
+static void cell_values(const gonio_model *model, int h, int d, int p, double offset, double out[3]) {
     gonio_vec3 wi, wo;
-    directions(h + 0.5, d + 0.5, p + 0.5, &wi, &wo);
-    if (wi.z <= 0 || wo.z <= 0) {
+    if (!node(h, d, p, offset, &wi, &wo)) {
         out[0] = out[1] = out[2] = INVALID;
         return;
     }
     double values[3];
     gonio_model_eval(model, wi, wo, values);
     for (int c = 0; c < 3; c++) {
-        out[c] = fmax(values[model->channels == 3 ? c : 0], 0) / scale[c];
+        out[c] = (double)(float)(fmax(values[c], 0) / scale[c]);
     }
 }
 
 typedef struct filling {
     const gonio_model *model;
+    double offset;
     double *planes;
 } filling;
 
@@ -315,7 +344,7 @@ static void fill_planes(void *context, size_t h) {
     for (int d = 0; d < N_D; d++) {
         for (int p = 0; p < N_P; p++) {
             double values[3];
-            cell_values(f->model, (int)h, d, p, values);
+            cell_values(f->model, (int)h, d, p, f->offset, values);
             for (size_t c = 0; c < 3; c++) {
                 f->planes[c * CELLS + cell((int)h, d, p)] = values[c];
             }
@@ -323,19 +352,12 @@ static void fill_planes(void *context, size_t h) {
     }
 }
 
-static gonio_status write_merl(const gonio_model *model, FILE *stream, int threads, gonio_error *error) {
-    if (model->channels != 3 && model->channels != 1) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a MERL table holds r, g, b; the model has %d channels",
-                          model->channels);
-    }
-    if (!model->isotropic) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a MERL table is isotropic; the model is not");
-    }
+static gonio_status write_planes(const gonio_model *rgb, double offset, int threads, FILE *stream, gonio_error *error) {
     double *planes = malloc(3 * CELLS * sizeof *planes);
     if (planes == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a MERL table");
     }
-    gonio_pool_for(threads, N_H, fill_planes, &(filling){model, planes});
+    gonio_pool_for(threads, N_H, fill_planes, &(filling){rgb, offset, planes});
     const int32_t dimensions[3] = {N_H, N_D, N_P};
     for (int k = 0; k < 3; k++) {
         put_little(stream, &dimensions[k], 4);
@@ -347,6 +369,32 @@ static gonio_status write_merl(const gonio_model *model, FILE *stream, int threa
     return GONIO_OK;
 }
 
+static gonio_status write_merl(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                               gonio_write_report *told, gonio_error *error) {
+    if (!model->isotropic) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a MERL table is isotropic; the model is not");
+    }
+    gonio_model *rgb;
+    gonio_status status = gonio_model_as_rgb(model, &rgb, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const bool edge = values->at[0].choice == 0;
+    snprintf(told->about, sizeof told->about, "nodes at the cells' %s", edge ? "lower edges" : "centres");
+    gonio_write_lost_channels(model, 3, told);
+    gonio_write_lost(told, "f_r(wi, wo) and f_r(wo, wi) are one value");
+    status = write_planes(rgb, edge ? EDGE : CENTRE, values->threads, stream, error);
+    if (rgb != model) {
+        gonio_model_free(rgb);
+    }
+    return status;
+}
+
+static const gonio_format_option write_options[] = {
+    {"merl-nodes", GONIO_FORMAT_CHOICE, "edge|centre", "edge",
+     "where in its cell a value stands: edge for programs that interpolate, centre for those that take the cell's"},
+    {0}};
+
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "0", "at most about N samples of a table"}, {0}};
 
@@ -357,5 +405,9 @@ const gonio_format gonio_format_merl = {.name = "merl",
                                         .read = read_merl,
                                         .table = table_merl,
                                         .write_table = write_merl,
-                                        .precision = 0x1p-51, // a value is divided by its plane's scale and multiplied
+                                        .write_options = write_options,
+                                        .quantity = "f_r of r, g, b (linear sRGB), 1/sr, over 1/1500, 1.15/1500, "
+                                                    "1.66/1500; -1: below the horizon",
+                                        .convention = "Rusinkiewicz' half and difference angles, isotropic",
+                                        .precision = 0x1p-24,
                                         .options = options};

@@ -20,12 +20,11 @@
 
 #include "base/number.h"
 #include "gonio/plan.h"
-#include "io/format.h"
+#include "io/rgl.h"
 
 #define MAGIC "tensor_file"
 #define HEADER 18
 #define FIELDS_MAX 64
-#define COSINE_MIN 1e-4 // the division by cos(theta_o) ends at 89.994 deg
 #define TYPE_F32 10
 
 // ---- the container ----
@@ -181,160 +180,10 @@ static float float_at(const field *f, size_t index) {
     return value;
 }
 
-// ---- the model ----
-
-// A stack of `slices` images of h x w values, row by row.
-typedef struct stack {
-    size_t slices, h, w;
-    float *values;
-} stack;
-
-typedef struct rgl_model {
-    gonio_model head;
-    size_t n_phi, n_theta;
-    double *phi_i, *theta_i;         // ascending, rad
-    int reduction;                   // the files' phi_i cover a turn over 1, 2 or 4
-    bool jacobian;                   // the stored spectra are without ndf/(4 sigma)
-    stack ndf, sigma, vndf, spectra; // spectra: slices = n_phi x n_theta (x channels)
-    float *conditional, *marginal;   // of vndf: running integrals along each row, and over the rows
-    char (*names)[32];
-} rgl_model;
-
-static void release(gonio_model *model) {
-    rgl_model *m = (rgl_model *)model;
-    free(m->phi_i);
-    free(m->theta_i);
-    free(m->ndf.values);
-    free(m->sigma.values);
-    free(m->vndf.values);
-    free(m->spectra.values);
-    free(m->conditional);
-    free(m->marginal);
-    free(m->names);
-    free(m);
-}
-
-// Where x lies among n nodes over [0, 1]: the lower node and the fraction toward the next.
-static size_t node(double x, size_t n, double *fraction) {
-    const double at = fmin(fmax(x, 0), 1) * (double)(n - 1);
-    const size_t low = at < (double)(n - 2) ? (size_t)at : n - 2;
-    *fraction = at - (double)low;
-    return low;
-}
-
-static double bilinear(const stack *s, size_t slice, double x, double y) {
-    double fx, fy;
-    const size_t ix = node(x, s->w, &fx), iy = node(y, s->h, &fy);
-    const float *at = s->values + (slice * s->h + iy) * s->w + ix;
-    const double low = (1 - fx) * (double)at[0] + fx * (double)at[1];
-    const double high = (1 - fx) * (double)at[s->w] + fx * (double)at[s->w + 1];
-    return (1 - fy) * low + fy * high;
-}
-
-// Which slices to blend for an incident direction.
-typedef struct blend {
-    size_t slice[4];
-    double weight[4];
-} blend;
-
-// The lower of the two nodes around x, and the upper one's weight; held at the ends.
-static size_t between(const double *nodes, size_t n, double x, double *weight) {
-    size_t low = 0;
-    *weight = 0;
-    while (low + 2 < n && nodes[low + 1] <= x) {
-        low++;
-    }
-    if (n > 1) {
-        *weight = fmin(fmax((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0), 1);
-    }
-    return low;
-}
-
-static blend slices_at(const rgl_model *m, double phi, double theta) {
-    double wp, wt;
-    const size_t p = between(m->phi_i, m->n_phi, phi, &wp), t = between(m->theta_i, m->n_theta, theta, &wt);
-    blend b;
-    for (size_t k = 0; k < 4; k++) {
-        b.weight[k] = (k & 2 ? wp : 1 - wp) * (k & 1 ? wt : 1 - wt);
-        b.slice[k] = b.weight[k] > 0 ? (p + (k >> 1)) * m->n_theta + t + (k & 1) : 0;
-    }
-    return b;
-}
-
-static double mixed(const float *values, const blend *b, size_t stride, size_t offset) {
-    double sum = 0;
-    for (int k = 0; k < 4; k++) {
-        sum += b->weight[k] > 0 ? b->weight[k] * (double)values[b->slice[k] * stride + offset] : 0;
-    }
-    return sum;
-}
-
-// Map a point of vndf's square to the uniform square: the share of the density below it, row by row (y), then along the
-// row (x). Densities are bilinear, so both running integrals are quadratic inside a cell.
-static void unwarp(const rgl_model *m, const blend *b, double *x, double *y) {
-    const size_t w = m->vndf.w, h = m->vndf.h, area = w * h;
-    double fx, fy;
-    const size_t ix = node(*x, w, &fx), iy = node(*y, h, &fy), at = ix + iy * w;
-    const double v00 = mixed(m->vndf.values, b, area, at), v10 = mixed(m->vndf.values, b, area, at + 1);
-    const double v01 = mixed(m->vndf.values, b, area, at + w), v11 = mixed(m->vndf.values, b, area, at + w + 1);
-    const double c0 = (1 - fy) * v00 + fy * v01, c1 = (1 - fy) * v10 + fy * v11;
-    const double before = (1 - fy) * mixed(m->conditional, b, area, at) + fy * mixed(m->conditional, b, area, at + w);
-    const double r0 = mixed(m->conditional, b, area, iy * w + w - 1);
-    const double r1 = mixed(m->conditional, b, area, iy * w + 2 * w - 1);
-    const double row = (1 - fy) * r0 + fy * r1;
-    *x = row > 0 ? (before + fx * (c0 + 0.5 * fx * (c1 - c0))) / row : *x;
-    *y = mixed(m->marginal, b, h, iy) + fy * (r0 + 0.5 * fy * (r1 - r0));
-}
-
-static double u_theta(double theta) { return sqrt(theta * (2 / GONIO_PI)); }
-
-static double u_phi(double phi) {
-    const double u = (phi + GONIO_PI) / (2 * GONIO_PI);
-    return u - floor(u);
-}
-
-// Turn a pair of a reduced file to where its phi_i are.
-static void reduce(int reduction, gonio_vec3 *wi, gonio_vec3 *wo) {
-    const bool turn = wi->y > 0 || (wi->y == 0 && wi->x > 0);
-    const double sy = turn ? -1 : 1, sx = reduction == 4 ? (wi->x > 0 ? -1 : 1) : sy;
-    wi->x *= sx, wi->y *= sy;
-    wo->x *= sx, wo->y *= sy;
-}
-
-static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const rgl_model *m = (const rgl_model *)model;
-    if (m->reduction > 1) {
-        reduce(m->reduction, &wi, &wo);
-    }
-    const gonio_vec3 half = {wi.x + wo.x, wi.y + wo.y, wi.z + wo.z};
-    const double theta_i = gonio_direction_theta(wi), phi_i = gonio_direction_phi(wi);
-    const double x_m = u_theta(fmin(gonio_direction_theta(half), GONIO_PI / 2));
-    const double y_m = u_phi(gonio_direction_phi(half) - (model->isotropic ? phi_i : 0));
-    const blend b = slices_at(m, phi_i, theta_i);
-    double x = x_m, y = y_m;
-    unwarp(m, &b, &x, &y);
-    const double sigma = bilinear(&m->sigma, 0, u_theta(theta_i), u_phi(phi_i));
-    double scale = 1;
-    if (m->jacobian) {
-        scale = sigma > 0 ? bilinear(&m->ndf, 0, x_m, y_m) / (4 * sigma) : 0;
-    }
-    scale /= fmax(wo.z, COSINE_MIN);
-    for (size_t c = 0; c < (size_t)model->channels; c++) {
-        double f = 0;
-        for (int k = 0; k < 4; k++) {
-            f += b.weight[k] > 0 ? b.weight[k] * bilinear(&m->spectra, b.slice[k] * (size_t)model->channels + c, x, y)
-                                 : 0;
-        }
-        values[c] = fmax(f, 0) * scale;
-    }
-}
-
-static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
-
 // ---- building ----
 
 // The last two dimensions are an image, the ones before it slices. The copy's values must be finite.
-static gonio_status copy_stack(const tensor_file *file, const field *f, stack *s, gonio_error *error) {
+static gonio_status copy_stack(const tensor_file *file, const field *f, gonio_rgl_stack *s, gonio_error *error) {
     s->h = f->shape[f->ndim - 2];
     s->w = f->shape[f->ndim - 1];
     if (s->h < 2 || s->w < 2) {
@@ -380,7 +229,7 @@ static gonio_status copy_angles(const tensor_file *file, const field *f, double 
 #define TURN_SLACK 1e-3 // of angles in single precision
 
 // What part of a turn the phi_i of an anisotropic file cover.
-static gonio_status set_reduction(const tensor_file *file, rgl_model *m, gonio_error *error) {
+static gonio_status set_reduction(const tensor_file *file, gonio_rgl *m, gonio_error *error) {
     m->reduction = 1;
     m->head.isotropic = m->n_phi <= 2;
     if (m->head.isotropic) {
@@ -396,42 +245,7 @@ static gonio_status set_reduction(const tensor_file *file, rgl_model *m, gonio_e
                            "phi_i of %g to %g; expected -pi to pi, to 0 or to -pi/2", first, last);
 }
 
-// vndf scaled to integrate to 1 in each slice, with the running integrals (trapezoids: the density is bilinear).
-static gonio_status build_integrals(const tensor_file *file, rgl_model *m, gonio_error *error) {
-    const size_t w = m->vndf.w, h = m->vndf.h;
-    m->conditional = malloc(m->vndf.slices * w * h * sizeof *m->conditional);
-    m->marginal = malloc(m->vndf.slices * h * sizeof *m->marginal);
-    if (m->conditional == NULL || m->marginal == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the integrals of 'vndf'");
-    }
-    for (size_t s = 0; s < m->vndf.slices; s++) {
-        float *values = m->vndf.values + s * w * h, *along = m->conditional + s * w * h;
-        double total = 0;
-        for (size_t y = 0; y < h; y++) {
-            double sum = 0;
-            for (size_t x = 0; x < w; x++) {
-                sum += x > 0 ? 0.5 * ((double)values[y * w + x - 1] + (double)values[y * w + x]) : 0;
-                along[y * w + x] = (float)sum;
-            }
-            total += y > 0 ? 0.5 * ((double)along[y * w - 1] + sum) : 0;
-            m->marginal[s * h + y] = (float)total;
-        }
-        if (!(total > 0)) {
-            return gonio_fail_byte(error, GONIO_E_INPUT, file->source->path, HEADER,
-                                   "field 'vndf': a slice without any density");
-        }
-        for (size_t k = 0; k < w * h; k++) {
-            values[k] = (float)((double)values[k] / total);
-            along[k] = (float)((double)along[k] / total);
-        }
-        for (size_t y = 0; y < h; y++) {
-            m->marginal[s * h + y] = (float)((double)m->marginal[s * h + y] / total);
-        }
-    }
-    return GONIO_OK;
-}
-
-static gonio_status name_channels(const tensor_file *file, rgl_model *m, gonio_error *error) {
+static gonio_status name_channels(const tensor_file *file, gonio_rgl *m, gonio_error *error) {
     const int n = m->head.channels;
     m->names = calloc((size_t)n, sizeof *m->names);
     if (m->names == NULL) {
@@ -452,7 +266,7 @@ static gonio_status name_channels(const tensor_file *file, rgl_model *m, gonio_e
     return GONIO_OK;
 }
 
-static gonio_status load(const tensor_file *file, rgl_model *m, gonio_error *error) {
+static gonio_status load(const tensor_file *file, gonio_rgl *m, gonio_error *error) {
     const bool spectral = find(file, "spectra") != NULL;
     static const char *const names[6] = {"phi_i", "theta_i", "sigma", "ndf", "vndf", "rgb"};
     static const int ndims[6] = {1, 1, 2, 2, 4, 5};
@@ -474,12 +288,12 @@ static gonio_status load(const tensor_file *file, rgl_model *m, gonio_error *err
     gonio_status status = copy_angles(file, f[0], -3.2, 6.3, &m->phi_i, &m->n_phi, error);
     status = status == GONIO_OK ? copy_angles(file, f[1], 0, 1.6, &m->theta_i, &m->n_theta, error) : status;
     status = status == GONIO_OK ? set_reduction(file, m, error) : status;
-    stack *const stacks[4] = {&m->sigma, &m->ndf, &m->vndf, &m->spectra};
+    gonio_rgl_stack *const stacks[4] = {&m->sigma, &m->ndf, &m->vndf, &m->spectra};
     for (int k = 0; k < 4 && status == GONIO_OK; k++) {
         status = copy_stack(file, f[k + 2], stacks[k], error);
         m->head.bytes += f[k + 2]->count * sizeof(float);
     }
-    status = status == GONIO_OK ? build_integrals(file, m, error) : status;
+    status = status == GONIO_OK ? gonio_rgl_integrate(m, file->source->path, error) : status;
     m->head.bytes += f[4]->count * sizeof(float);
     m->head.control_points = f[5]->count / channels;
     return status == GONIO_OK ? name_channels(file, m, error) : status;
@@ -487,17 +301,17 @@ static gonio_status load(const tensor_file *file, rgl_model *m, gonio_error *err
 
 static gonio_status table_rgl(const gonio_source *source, gonio_model **out, gonio_error *error) {
     tensor_file *file = malloc(sizeof *file);
-    rgl_model *m = calloc(1, sizeof *m);
+    gonio_rgl *m = calloc(1, sizeof *m);
     gonio_status status;
     if (file == NULL || m == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
     } else {
-        m->head.ops = &ops;
+        m->head.ops = &gonio_rgl_ops;
         status = parse_container(source, file, error);
     }
     status = status == GONIO_OK ? load(file, m, error) : status;
     if (status != GONIO_OK && m != NULL) {
-        release(&m->head);
+        gonio_model_free(&m->head);
         m = NULL;
     }
     free(file);
@@ -539,4 +353,11 @@ const gonio_format gonio_format_rgl = {.name = "rgl",
                                        .recognise = recognise,
                                        .read = read_rgl,
                                        .table = table_rgl,
+                                       .write_table = gonio_rgl_write,
+                                       .write_options = gonio_rgl_write_options,
+                                       .quantity = "f_r cos(theta_o) over ndf / (4 sigma), f_r in 1/sr",
+                                       .convention = "half vector's angles from the incident azimuth, or from the "
+                                                     "mark where there are many phi_i",
+                                       .theta_max_deg = 89,
+                                       .fitted = true,
                                        .options = options};

@@ -13,8 +13,8 @@
 #include "gonio/output.h"
 #include "gonio/render.h"
 #include "gonio/sample.h"
+#include "io/colour.h"
 #include "scene/caster.h"
-#include "scene/colour.h"
 
 #define GRID 4            // GRID x GRID rays a pixel, averaged in linear light
 #define GAP_PX 4          // between the tiles of a strip
@@ -34,7 +34,7 @@ typedef struct tile {
     const gonio_model *model;
     const scene_caster *caster;
     const gonio_render_options *options;
-    scene_colour colour;
+    gonio_colour_weights colour;
     gonio_vec3 light;
     double tangent; // a pixel's side at distance 1
     pixel *pixels;
@@ -79,7 +79,7 @@ static void shade(const tile *t, const scene_hit *hit, gonio_vec3 toward_eye, do
     }
     double values[GONIO_CHANNELS_MAX];
     gonio_model_eval(t->model, wi, wo, values);
-    gonio_scene_colour_rgb(&t->colour, values, rgb);
+    gonio_colour_rgb(&t->colour, values, rgb);
     for (int k = 0; k < 3; k++) {
         rgb[k] *= GONIO_PI * wi.z;
     }
@@ -159,7 +159,7 @@ static void develop(const pixel *pixels, int n, const gonio_render_options *o, d
             const pixel *p = &pixels[k * width * height + i];
             unsigned char *to = image + i / width * stride + 3 * (k * (width + GAP_PX) + i % width);
             for (int c = 0; c < 3; c++) {
-                to[c] = gonio_scene_srgb(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
+                to[c] = gonio_srgb_code(scale * (double)p->rgb[c] + (1 - (double)p->cover) * BACKGROUND);
             }
         }
     }
@@ -198,10 +198,10 @@ static gonio_status trace_strip(const gonio_model *const *models, int n, const g
                   .light = gonio_direction(gonio_radians(o->light_theta_deg), gonio_radians(o->light_phi_deg)),
                   .tangent = frame_tangent(mesh, o),
                   .pixels = pixels + (size_t)k * size};
-        status = gonio_scene_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
+        status = gonio_colour_new(models[k]->channels, models[k]->channel_names, &t.colour, error);
         if (status == GONIO_OK) {
             gonio_pool_for(o->threads, (size_t)o->height, trace_row, &t);
-            gonio_scene_colour_free(&t.colour);
+            gonio_colour_free(&t.colour);
         }
     }
     gonio_scene_caster_free(caster);
@@ -232,6 +232,40 @@ gonio_status gonio_render(const gonio_model *const *models, int n, const gonio_r
     }
     if (status == GONIO_OK && result != NULL) {
         *result = (gonio_render_result){width, height, log2(scale)};
+    }
+    free(pixels);
+    free(image);
+    return status;
+}
+
+gonio_status gonio_render_difference(const gonio_model *a, const gonio_model *b, const gonio_render_options *options,
+                                     double *mean, gonio_error *error) {
+    gonio_status status = check(2, options, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t tile = (size_t)options->width * (size_t)options->height;
+    const size_t stride = 3 * (2 * (size_t)options->width + GAP_PX), half = 3 * ((size_t)options->width + GAP_PX);
+    pixel *pixels = malloc(2 * tile * sizeof *pixels);
+    unsigned char *image = malloc(stride * (size_t)options->height);
+    double scale = exp2(options->exposure_ev);
+    if (pixels == NULL || image == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for two images of %zu pixels", tile);
+    }
+    const gonio_model *const models[2] = {a, b};
+    status = status == GONIO_OK ? trace_strip(models, 2, options, pixels, error) : status;
+    status = status == GONIO_OK && options->exposure_auto ? automatic_scale(pixels, 2 * tile, &scale, error) : status;
+    if (status == GONIO_OK) {
+        develop(pixels, 2, options, scale, image, stride);
+        double sum = 0, covered = 0;
+        for (size_t i = 0; i < tile; i++) {
+            const size_t at = i / (size_t)options->width * stride + 3 * (i % (size_t)options->width);
+            for (size_t c = 0; c < 3 && pixels[i].cover > 0; c++) {
+                sum += abs(image[at + c] - image[at + half + c]);
+                covered++;
+            }
+        }
+        *mean = covered > 0 ? sum / covered : 0;
     }
     free(pixels);
     free(image);

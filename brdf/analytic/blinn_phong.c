@@ -21,6 +21,10 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
     return p[0] / GONIO_PI + p[1] * lobe;
 }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    return gonio_propose_diffuse_and_lobe(out, p[0], (gonio_proposal){GONIO_PROPOSE_POWER, p[2], p[2], p[1], 1});
+}
+
 const gonio_formula gonio_formula_blinn_phong = {
     .name = "blinn-phong",
     .summary = "a power of the half vector's cosine, normalised at normal incidence",
@@ -30,4 +34,5 @@ const gonio_formula gonio_formula_blinn_phong = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
+    .proposals = proposals,
 };

@@ -33,6 +33,10 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
     return p[0] / GONIO_PI + p[1] * lobe;
 }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    return gonio_propose_diffuse_and_lobe(out, p[0], (gonio_proposal){GONIO_PROPOSE_BECKMANN, p[2], p[2], p[1], p[3]});
+}
+
 const gonio_formula gonio_formula_cook_torrance = {
     .name = "cook-torrance",
     .summary = "microfacets with Beckmann's slopes",
@@ -43,4 +47,5 @@ const gonio_formula gonio_formula_cook_torrance = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
+    .proposals = proposals,
 };

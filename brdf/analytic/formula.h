@@ -19,6 +19,7 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "brdf/lobe_sampling.h"
 #include "gonio/direction.h"
 
 #define GONIO_LOBE_COSINE_MIN 1e-6
@@ -26,6 +27,7 @@
 #define GONIO_FORMULA_NAME_MAX 24 // bytes, the terminating 0 among them
 // Bytes in a model file, the terminating 0 among them: longer names are cut there, and differ before.
 #define GONIO_FORMULA_FILE_NAME_MAX 16
+#define GONIO_FORMULA_PROPOSALS_MAX 4
 
 // What the formulae need of a pair of unit vectors.
 typedef struct gonio_lobe_geometry {
@@ -90,7 +92,10 @@ typedef struct gonio_formula {
     unsigned linear;
     bool absolute;                      // the formula gives more than what its linear parameters scale
     bool (*isotropic)(const double *p); // NULL: always
-    bool not_reciprocal;                // f_r(wi, wo) need not equal f_r(wo, wi)
+    // Optional: at most GONIO_FORMULA_PROPOSALS_MAX densities to draw directions from, in the same order and of the
+    // same shapes for all parameters; returns how many. NULL: gonio_proposals_standard.
+    int (*proposals)(const double *p, gonio_proposal *out);
+    bool not_reciprocal; // f_r(wi, wo) need not equal f_r(wo, wi)
 } gonio_formula;
 
 // How far strengths of fitted models may go: data of 2^100 have them, and no product of one and a lobe overflows.
@@ -102,6 +107,13 @@ const gonio_formula *const *gonio_formulae(void);
 const gonio_formula *gonio_formula_find(const char *name); // NULL: no such formula
 // By the bytes of a model file.
 const gonio_formula *gonio_formula_of_file(const char name[GONIO_FORMULA_FILE_NAME_MAX]);
+
+// A diffuse part of albedo rho_d, and a lobe; of a lobe without Fresnel's term f0 is 1.
+static inline int gonio_propose_diffuse_and_lobe(gonio_proposal *out, double rho_d, gonio_proposal lobe) {
+    out[0] = (gonio_proposal){.shape = GONIO_PROPOSE_COSINE, .strength = rho_d, .f0 = 1};
+    out[1] = lobe;
+    return 2;
+}
 
 // ---- parameters that several formulae have ----
 

@@ -50,6 +50,10 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
 
 static bool isotropic(const double *p) { return p[2] == p[3]; }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    return gonio_propose_diffuse_and_lobe(out, p[0], (gonio_proposal){GONIO_PROPOSE_GGX, p[2], p[3], p[1], p[4]});
+}
+
 const gonio_formula gonio_formula_ggx = {
     .name = "ggx",
     .summary = "microfacets with GGX's long tails",
@@ -60,5 +64,6 @@ const gonio_formula gonio_formula_ggx = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
+    .proposals = proposals,
     .isotropic = isotropic,
 };

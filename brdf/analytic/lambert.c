@@ -12,6 +12,11 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
     return value(g, p);
 }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    out[0] = (gonio_proposal){.shape = GONIO_PROPOSE_COSINE, .strength = p[0], .f0 = 1};
+    return 1;
+}
+
 const gonio_formula gonio_formula_lambert = {
     .name = "lambert",
     .summary = "perfectly diffuse",
@@ -21,4 +26,5 @@ const gonio_formula gonio_formula_lambert = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0),
+    .proposals = proposals,
 };

@@ -21,6 +21,11 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
     return f;
 }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    out[0] = (gonio_proposal){.shape = GONIO_PROPOSE_COSINE, .strength = p[0], .f0 = 1};
+    return 1;
+}
+
 const gonio_formula gonio_formula_oren_nayar = {
     .name = "oren-nayar",
     .summary = "rough diffuse facets",
@@ -31,4 +36,5 @@ const gonio_formula gonio_formula_oren_nayar = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0),
+    .proposals = proposals,
 };

@@ -30,6 +30,10 @@ static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
 
 static bool isotropic(const double *p) { return p[2] == p[3]; }
 
+static int proposals(const double *p, gonio_proposal *out) {
+    return gonio_propose_diffuse_and_lobe(out, p[0], (gonio_proposal){GONIO_PROPOSE_BECKMANN, p[2], p[3], p[1], 1});
+}
+
 const gonio_formula gonio_formula_ward = {
     .name = "ward",
     .summary = "a Gaussian lobe of slopes, without Fresnel or shadowing",
@@ -40,5 +44,6 @@ const gonio_formula gonio_formula_ward = {
     .value = value,
     .slope = slope,
     .linear = GONIO_LINEAR(0) | GONIO_LINEAR(1),
+    .proposals = proposals,
     .isotropic = isotropic,
 };

@@ -17,7 +17,10 @@ typedef struct analytic_model {
     size_t count;
     double *parameters;
     double *sigmas; // of each parameter; NULL: unknown
+    int n_proposals;
+    gonio_proposal proposals[GONIO_PROPOSALS_MAX]; // of all terms and channels, to draw directions from
 } analytic_model;
+_Static_assert(GONIO_ANALYTIC_TERMS_MAX *GONIO_FORMULA_PROPOSALS_MAX <= GONIO_PROPOSALS_MAX, "room for every term");
 
 // Do all channels have the same shapes, so that they differ by strengths alone?
 static bool is_shared(const gonio_analytic_term *term, int channels) {
@@ -69,6 +72,16 @@ static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
     double value;
     add_terms((const analytic_model *)model, wi, wo, channel, 1, &value);
     return value;
+}
+
+static double sample(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo) {
+    const analytic_model *m = (const analytic_model *)model;
+    return gonio_proposals_sample(m->proposals, m->n_proposals, wi, u, wo);
+}
+
+static double pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    const analytic_model *m = (const analytic_model *)model;
+    return gonio_proposals_pdf(m->proposals, m->n_proposals, wi, wo);
 }
 
 static void release(gonio_model *model) {
@@ -145,6 +158,8 @@ static const gonio_model_ops ops = {
     .save = save,
     .eval = eval,
     .eval_channel = eval_channel,
+    .sample = sample,
+    .pdf = pdf,
     .free = release,
 };
 
@@ -162,6 +177,29 @@ static gonio_status check_term(const gonio_analytic_term *term, int channels, go
         }
     }
     return GONIO_OK;
+}
+
+// What one term's channels propose: the same shapes, each of the channels' mean strength. Of different widths it takes
+// the widest, beyond which no channel's lobe reaches; a power's exponent is a width's inverse.
+static int propose(const gonio_analytic_term *term, int channels, gonio_proposal *out) {
+    const gonio_formula *formula = term->formula;
+    int n = 0;
+    for (int c = 0; c < channels; c++) {
+        gonio_proposal one[GONIO_FORMULA_PROPOSALS_MAX];
+        n = formula->proposals != NULL ? formula->proposals(term->parameters + (ptrdiff_t)c * formula->n, one)
+                                       : gonio_proposals_standard(one);
+        for (int k = 0; k < n; k++) {
+            one[k].strength /= channels;
+            if (c > 0) {
+                const bool power = one[k].shape == GONIO_PROPOSE_POWER;
+                one[k].alpha_x = (power ? fmin : fmax)(one[k].alpha_x, out[k].alpha_x);
+                one[k].alpha_y = (power ? fmin : fmax)(one[k].alpha_y, out[k].alpha_y);
+                one[k].strength += out[k].strength;
+            }
+            out[k] = one[k];
+        }
+    }
+    return n;
 }
 
 static void set_name(char name[32], int channel, int channels) {
@@ -190,6 +228,7 @@ static void fill(analytic_model *m, const gonio_analytic_term *terms, int n_term
             m->head.isotropic = m->head.isotropic && formula->isotropic(at + c * formula->n);
         }
         at += count;
+        m->n_proposals += propose(&m->terms[t], channels, m->proposals + m->n_proposals);
     }
     for (int c = 0; c < channels; c++) {
         if (names != NULL) {

@@ -112,9 +112,34 @@ static void release(gonio_model *model) {
     free(m);
 }
 
+// The base's lobes; without any, what stands in for them.
+static int propose(const gonio_lobe_spline *m, gonio_proposal *out) {
+    const gonio_lobe_base *base = &m->parts.base;
+    if (base->lobes == 0) {
+        return gonio_proposals_standard(out);
+    }
+    const gonio_proposal_shape shape = base->family == GONIO_LOBE_GGX ? GONIO_PROPOSE_GGX : GONIO_PROPOSE_BECKMANN;
+    out[0] = (gonio_proposal){.shape = GONIO_PROPOSE_COSINE, .strength = GONIO_PI * m->mean_strength[0], .f0 = 1};
+    for (int j = 0; j < base->lobes; j++) {
+        out[1 + j] = (gonio_proposal){shape, base->alpha[j], base->alpha[j], m->mean_strength[1 + j], base->f0[j]};
+    }
+    return 1 + base->lobes;
+}
+
+static double sample(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo) {
+    gonio_proposal proposals[1 + GONIO_LOBES_MAX];
+    return gonio_proposals_sample(proposals, propose((const gonio_lobe_spline *)model, proposals), wi, u, wo);
+}
+
+static double pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    gonio_proposal proposals[1 + GONIO_LOBES_MAX];
+    return gonio_proposals_pdf(proposals, propose((const gonio_lobe_spline *)model, proposals), wi, wo);
+}
+
 #define OPS                                                                                                            \
     .kind = "lobe-spline", .eval = eval, .eval_f32 = eval_f32, .eval_channel = eval_channel, .eval_many = eval_many,   \
-    .gradient = gonio_lobe_spline_gradient, .save = gonio_lobe_spline_save, .free = release
+    .gradient = gonio_lobe_spline_gradient, .sample = sample, .pdf = pdf, .save = gonio_lobe_spline_save,              \
+    .free = release
 static const gonio_model_ops ops = {OPS};
 static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
 

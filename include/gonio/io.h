@@ -20,7 +20,7 @@ typedef enum gonio_format_option_type {
     GONIO_FORMAT_CHOICE, // one of the words of `argument`, between which | stands
 } gonio_format_option_type;
 
-// An option of reading one format.
+// An option of reading or writing one format.
 typedef struct gonio_format_option {
     const char *name; // "negatives"; NULL ends a list
     gonio_format_option_type type;
@@ -39,7 +39,8 @@ typedef struct gonio_format_facts {
     bool writes;            // gonio_write_as
     bool writes_table;      // gonio_write_table_as
     double precision;       // of a value that is written and read again: relative error at most; 0: the same bits
-    const gonio_format_option *options; // of gonio_read
+    const gonio_format_option *options;       // of gonio_read
+    const gonio_format_option *write_options; // of gonio_write_table_as
 } gonio_format_facts;
 
 // The formats by number, from 0 on; false past the last.
@@ -90,12 +91,38 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
 // ---- writing ----
 // Every writer writes beside, syncs and renames: a failure leaves what was there.
 
+// How to write a model as a table. gonio_write_options{0} is the standard.
+typedef struct gonio_write_options {
+    int threads;      // 0: all; the bytes do not depend on it
+    size_t max_bytes; // of formats whose size can be chosen; 0: each has its own
+    double max_error; // the largest median relative error of what is read back; beyond it nothing is written. 0: any
+    gonio_format_setting settings[GONIO_FORMAT_SETTINGS_MAX]; // of the format's write options; as of reading
+} gonio_write_options;
+
+enum { GONIO_WRITE_TILTS = 4 };
+
+// What a written table is and how far what our own reader finds in it lies from the model: at random pairs up to
+// 80 deg, or at the file's own pairs where it is read as samples.
+typedef struct gonio_write_report {
+    char format[32];
+    char about[512];                   // what was chosen: sizes, nodes
+    char lost[512];                    // what the format does not hold of this model; "" where it holds all
+    const char *quantity, *convention; // static
+    double theta_max_deg;              // up to where the values are the model's
+    size_t bytes, pairs;
+    int channels;                // of the file
+    bool at_its_nodes;           // pairs are the file's own
+    double median, p95, largest; // relative errors, the sum over channels
+    double tilt_deg[GONIO_WRITE_TILTS], albedo[GONIO_WRITE_TILTS],
+        albedo_error[GONIO_WRITE_TILTS]; // relative; NaN: none
+} gonio_write_report;
+
 // Samples, or a model as a table, as a format that gonio_format_writer finds: format NULL goes by the path's extension.
-// GONIO_E_USAGE where that format is not written from samples, or not from a model. threads 0: all; the bytes do not
-// depend on it.
+// GONIO_E_USAGE where that format is not written from samples, or not from a model. options and report may be NULL; the
+// report costs reading the file back. GONIO_E_MISMATCH where max_error is exceeded.
 gonio_status gonio_write_as(const gonio_samples *samples, const char *path, const char *format, gonio_error *error);
-gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format, int threads,
-                                  gonio_error *error);
+gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format,
+                                  const gonio_write_options *options, gonio_write_report *report, gonio_error *error);
 // The samples CSV, whatever the path ends in; reading it gives the same bits.
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error);
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error);

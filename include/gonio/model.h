@@ -33,6 +33,11 @@ typedef struct gonio_model_ops {
     void (*gradient)(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
     // Optional: standard uncertainty of every channel. NULL: the model carries none.
     void (*sigma)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+    // Optional, both or neither; as eval: draw wo from a density about proportional to f_r cos(theta_o), summed over
+    // the channels, and return that density (1/sr); the density at wo. It integrates to 1 over the upper hemisphere and
+    // is above 0 wherever f_r cos(theta_o) is. NULL: a cosine and a broad lobe.
+    double (*sample)(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo);
+    double (*pdf)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
     // Required: write the model's own section of a model file; see docs/formats.md. NULL: cannot be saved.
     gonio_status (*save)(const gonio_model *model, const char *path, gonio_error *error);
     // Required: release everything, the model itself too.
@@ -50,6 +55,7 @@ struct gonio_model {
     // What it was made of: lines "key = value" of the measurement and of what was sampled (docs/formats.md), which its
     // file keeps; NULL: nothing is known. gonio_model_tell sets it.
     char *about;
+    struct gonio_sampler *sampler;   // what gonio_model_prepare_sampling built; NULL: nothing
 };
 
 // Map a model file; every length and the checksum are checked before use. The caller frees it with gonio_model_free.
@@ -82,6 +88,19 @@ void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 
 void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
 // Standard uncertainty of every channel; false where the model carries none (sigma untouched).
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+
+// Importance sampling: draw wo for light from wi. u: two numbers of [0, 1), uniform for an estimate. Returns the
+// density at wo (1/sr, above 0), with f_r of every channel in values (may be NULL), so that values[c] wo.z / density
+// averages to the albedo at wi. wo lies above the surface; no sample is lost. Any thread, allocates nothing. Whoever
+// follows light from the eye exchanges the two directions, which a reciprocal model allows.
+double gonio_model_sample(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo, double *values);
+// That density at wo. It integrates to 1 over the upper hemisphere and is above 0 wherever f_r cos(theta_o) is.
+double gonio_model_pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
+// Tabulate the model's own f_r cos(theta_o) for both, once and before other threads use the model; a tenth of a second
+// and half a megabyte of an isotropic model of few channels. Without it a kind draws from its lobes, or from a cosine
+// and a broad lobe; with it splines and measured tables are drawn as they are. A table that would scatter more than the
+// lobes is not kept. Done again, it changes nothing.
+gonio_status gonio_model_prepare_sampling(gonio_model *model, gonio_error *error);
 
 // The wavelength in nm of a channel whose name states it ("550nm"); NaN where it is not known.
 double gonio_model_wavelength_nm(const gonio_model *model, int channel);

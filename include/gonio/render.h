@@ -31,6 +31,10 @@ void gonio_render_options_default(gonio_render_options *options);
 // their mean. result may be NULL. GONIO_E_INPUT for a mesh that cannot be read, GONIO_E_RANGE for impossible options.
 gonio_status gonio_render(const gonio_model *const *models, int n, const gonio_render_options *options,
                           const char *path, gonio_render_result *result, gonio_error *error);
+// How far the pictures of two models lie apart: the mean absolute difference of the object's 8-bit sRGB codes at one
+// exposure.
+gonio_status gonio_render_difference(const gonio_model *a, const gonio_model *b, const gonio_render_options *options,
+                                     double *mean, gonio_error *error);
 
 GONIO_END
 #endif

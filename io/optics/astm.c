@@ -140,9 +140,57 @@ static gonio_status read_astm(const gonio_source *source, const gonio_format_val
 
 static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
 
+// ---- writing: a grid, row by row ----
+
+static void put_row(gonio_grid *g, const int at[GONIO_GRID_AXES], FILE *stream) {
+    fprintf(stream, "%.9g,%.9g,%.9g,%.9g", gonio_radians(g->axis[1].deg[at[1]]), gonio_radians(g->axis[0].deg[at[0]]),
+            gonio_radians(g->axis[3].deg[at[3]]), gonio_radians(g->axis[2].deg[at[2]]));
+    for (int c = 0; c < g->channels; c++) {
+        fprintf(stream, ",%.9g", gonio_grid_written(g, c, at[0], at[1], at[2], at[3]));
+    }
+    fputc('\n', stream);
+}
+
+static gonio_status write_astm(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                               gonio_write_report *told, gonio_error *error) {
+    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE};
+    const gonio_status status = gonio_grid_of_model(&g, model, values->at[0].count, false, values->threads, error);
+    if (status == GONIO_OK) {
+        fprintf(stream, "NUM_POINTS %d\nVARS theta_i,phi_i,theta_s,phi_s",
+                g.axis[0].n * g.axis[1].n * g.axis[2].n * g.axis[3].n);
+        for (int c = 0; c < g.channels; c++) {
+            const char *name = model->channel_names[c];
+            const bool rgb = g.channels == 3 && name[0] == "rgb"[c] && name[1] == 0;
+            fprintf(stream, ",%s", rgb ? (const char *const[]){"R", "G", "B"}[c] : name);
+        }
+        fputc('\n', stream);
+        int at[GONIO_GRID_AXES] = {0};
+        for (; at[0] < g.axis[0].n; at[0]++) {
+            for (at[1] = 0; at[1] < g.axis[1].n; at[1]++) {
+                for (at[2] = 0; at[2] < g.axis[2].n; at[2]++) {
+                    for (at[3] = 0; at[3] < g.axis[3].n; at[3]++) {
+                        put_row(&g, at, stream);
+                    }
+                }
+            }
+        }
+        gonio_grid_tell(&g, model, told);
+    }
+    gonio_grid_free(&g);
+    return status;
+}
+
+static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};
+
 const gonio_format gonio_format_astm = {.name = "astm",
                                         .summary = "ASTM E1392/E2387 text",
                                         .extensions = ".astm",
+                                        .write_table = write_astm,
+                                        .write_options = write_options,
+                                        .quantity = "f_r, 1/sr",
+                                        .convention = "radians; phi_s absolute, the mirror of phi_i = 0 at pi",
+                                        .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,
+                                        .precision = 1e-7,
                                         .recognise = recognise,
                                         .read = read_astm,
                                         .options = options};

@@ -245,3 +245,9 @@ void gonio_xyz_to_rgb(const double xyz[3], double rgb[3]) {
     rgb[1] = fmax(0, -0.9692660 * x + 1.8760108 * y + 0.0415560 * z);
     rgb[2] = fmax(0, 0.0556434 * x - 0.2040259 * y + 1.0572252 * z);
 }
+
+void gonio_rgb_to_xyz(const double rgb[3], double xyz[3]) {
+    xyz[0] = 0.4124564391 * rgb[0] + 0.3575760776 * rgb[1] + 0.1804374833 * rgb[2];
+    xyz[1] = 0.2126728514 * rgb[0] + 0.7151521553 * rgb[1] + 0.0721749934 * rgb[2];
+    xyz[2] = 0.0193338956 * rgb[0] + 0.1191920259 * rgb[1] + 0.9503040785 * rgb[2];
+}

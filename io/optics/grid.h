@@ -66,7 +66,28 @@ bool gonio_grid_pair(const gonio_grid *grid, const int at[GONIO_GRID_AXES], goni
 gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_source *source, const char *format,
                             gonio_samples **out, gonio_read_report *report, gonio_error *error);
 
+// ---- writing: grid_write.c ----
+// The step of the grid's polar angles in degrees; azimuths have twice it, incident azimuths three times.
+#define GONIO_OPTION_GRID_STEP                                                                                         \
+    { "grid-step", GONIO_FORMAT_COUNT, "DEG", "5", "between a table's polar angles, 1 to 15" }
+#define GONIO_GRID_WRITE_MAX_DEG 85 // of polar angles that are written
+// A grid over absolute or specular angles with the model's values at its nodes, NaN below the horizon: all channels, or
+// X, Y and Z where xyz is set and the model is one of r, g, b. frame, light_deg and xyz are set before. closed:
+// azimuths end with 360 deg. The caller frees it with gonio_grid_free, also after a failure.
+gonio_status gonio_grid_of_model(gonio_grid *grid, const gonio_model *model, size_t step, bool closed, int threads,
+                                 gonio_error *error);
+void gonio_grid_free(gonio_grid *grid);
+// Directional albedo of each of the grid's channels at an incidence of the grid.
+void gonio_grid_albedo(const gonio_grid *grid, const gonio_model *model, int in_phi, int in_theta, double *albedo);
+// "NAME N" and the angles on the next line.
+void gonio_grid_put_axis(const gonio_grid *grid, int axis, const char *name, FILE *stream);
+// The node's value, 0 where there is none.
+double gonio_grid_written(gonio_grid *grid, int channel, int in_phi, int in_theta, int out_phi, int out_theta);
+// What every such writer says: the grid, and what is lost.
+void gonio_grid_tell(const gonio_grid *grid, const gonio_model *model, gonio_write_report *told);
+
 // CIE XYZ -> linear sRGB (IEC 61966-2-1); what lies outside its gamut is raised to 0.
 void gonio_xyz_to_rgb(const double xyz[3], double rgb[3]);
+void gonio_rgb_to_xyz(const double rgb[3], double xyz[3]); // its inverse
 
 #endif

@@ -201,9 +201,69 @@ static gonio_status read_lighttools(const gonio_source *source, const gonio_form
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
 
+// ---- writing ----
+
+static void put_lighttools(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
+    static const char *const channels[] = {"TrisX", "TrisY", "TrisZ"};
+    fprintf(stream, "Symmetry Asymmetric\nSpectralContent %s\n", g->xyz ? "XYZ" : "Monochrome");
+    gonio_grid_put_axis(g, GONIO_GRID_OUT_PHI, "ScatterAzimuth", stream);
+    gonio_grid_put_axis(g, GONIO_GRID_OUT_THETA, "ScatterRadial", stream);
+    fputs("DataBegin\n", stream);
+    for (int t = 0; t < g->axis[GONIO_GRID_IN_THETA].n; t++) {
+        double albedo[3];
+        gonio_grid_albedo(g, rgb, 0, t, albedo);
+        for (int c = 0; c < g->channels; c++) {
+            fprintf(stream, "AOI %.9g\nPOI 0\nSide Front\nWavelength 0\nScatterType BRDF\n",
+                    g->axis[GONIO_GRID_IN_THETA].deg[t]);
+            if (g->xyz) {
+                fprintf(stream, "TristimulusValue %s\n", channels[c]);
+            }
+            fprintf(stream, "TIS %.9g\n", albedo[c]);
+            for (int a = 0; a < g->axis[GONIO_GRID_OUT_PHI].n; a++) {
+                for (int r = 0; r < g->axis[GONIO_GRID_OUT_THETA].n; r++) {
+                    fprintf(stream, "%s%.9g", r > 0 ? " " : "", gonio_grid_written(g, c, 0, t, a, r));
+                }
+                fputc('\n', stream);
+            }
+        }
+    }
+    fputs("DataEnd\n", stream);
+}
+
+static gonio_status write_lighttools(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                     gonio_write_report *told, gonio_error *error) {
+    if (!model->isotropic) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a LightTools table is isotropic; the model is not");
+    }
+    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
+    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG, .xyz = rgb->channels == 3};
+    status = gonio_grid_of_model(&g, rgb, values->at[0].count, false, values->threads, error);
+    if (status == GONIO_OK) {
+        put_lighttools(&g, rgb, stream);
+        gonio_grid_tell(&g, model, told);
+    }
+    gonio_grid_free(&g);
+    if (rgb != model) {
+        gonio_model_free(rgb);
+    }
+    return status;
+}
+
+static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};
+
 const gonio_format gonio_format_lighttools = {.name = "lighttools",
                                               .summary = "LightTools BSDF text",
                                               .extensions = ".bsdf",
+                                              .write_table = write_lighttools,
+                                              .write_options = write_options,
+                                              .quantity = "f_r, 1/sr; TIS is the directional albedo",
+                                              .convention = "absolute outgoing angles, the light at azimuth 90 deg",
+                                              .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,
+                                              .precision = 1e-6,
                                               .recognise = recognise,
                                               .read = read_lighttools,
                                               .options = options};

@@ -5,8 +5,10 @@
 // = 0 is the light's side. Isotropic and mirror-symmetric.
 #include <endian.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/thread_pool.h"
 #include "io/format.h"
 
 #define MAGIC "NVIDIA ARC MBSDF V1\n"
@@ -126,5 +128,94 @@ static gonio_status read_mbsdf(const gonio_source *source, const gonio_format_va
     return status;
 }
 
-const gonio_format gonio_format_mbsdf = {
-    .name = "mbsdf", .summary = "MBSDF (MDL)", .extensions = ".mbsdf", .recognise = recognise, .read = read_mbsdf};
+// ---- writing ----
+
+typedef struct writing {
+    const gonio_model *model;
+    size_t thetas, phis, channels;
+    float *values;
+} writing;
+
+// Both sides of the plane of incidence are one in the file: their mean.
+static void fill_incidence(void *context, size_t i) {
+    const writing *w = context;
+    const double step = GONIO_PI / 2 / (double)w->thetas;
+    for (size_t k = 0; k < w->thetas * w->phis; k++) {
+        const double theta_o = ((double)(k / w->phis) + 0.5) * step;
+        const double phi = ((double)(k % w->phis) + 0.5) * GONIO_PI / (double)w->phis;
+        double values[2][3];
+        for (int side = 0; side < 2; side++) {
+            gonio_model_eval_pair(w->model, &(gonio_pair){((double)i + 0.5) * step, 0, theta_o, side ? -phi : phi},
+                                  values[side]);
+        }
+        for (size_t c = 0; c < w->channels; c++) {
+            w->values[(i * w->thetas * w->phis + k) * w->channels + c] =
+                (float)fmax(0.5 * (values[0][c] + values[1][c]), 0);
+        }
+    }
+}
+
+static void put_word(uint32_t word, FILE *stream) {
+    word = htole32(word);
+    fwrite(&word, sizeof word, 1, stream);
+}
+
+static void put_mbsdf(const writing *w, FILE *stream) {
+    fputs(MAGIC "generator=\"Gonio\"\nMBSDF_DATA_REFLECTION=\n", stream);
+    put_word(w->channels == 3, stream);
+    put_word((uint32_t)w->thetas, stream);
+    put_word((uint32_t)w->phis, stream);
+    for (size_t k = 0; k < w->thetas * w->thetas * w->phis * w->channels; k++) {
+        uint32_t bits;
+        memcpy(&bits, &w->values[k], sizeof bits);
+        put_word(bits, stream);
+    }
+}
+
+#define WRITE_BYTES 2300000 // 45 x 45 x 90 of r, g, b
+
+static gonio_status write_mbsdf(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error) {
+    if (!model->isotropic) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "an MBSDF table is isotropic; the model is not");
+    }
+    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
+    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t bytes = values->max_bytes > 0 ? values->max_bytes : WRITE_BYTES;
+    writing w = {.model = rgb, .channels = (size_t)rgb->channels};
+    for (w.thetas = 4; w.thetas < 180 && 8 * w.channels * (w.thetas + 1) * (w.thetas + 1) * (w.thetas + 1) <= bytes;) {
+        w.thetas++;
+    }
+    w.phis = 2 * w.thetas;
+    w.values = malloc(w.thetas * w.thetas * w.phis * w.channels * sizeof *w.values);
+    if (w.values == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for an MBSDF table");
+    } else {
+        gonio_pool_for(values->threads, w.thetas, fill_incidence, &w);
+        put_mbsdf(&w, stream);
+        snprintf(told->about, sizeof told->about, "%zu x %zu polar angles, %zu azimuths, at cells' centres", w.thetas,
+                 w.thetas, w.phis);
+        gonio_write_lost_channels(model, rgb->channels, told);
+        gonio_write_lost(told,
+                         "the side of the plane of incidence; f_r(wi, wo) and f_r(wo, wi) are averaged by readers");
+    }
+    free(w.values);
+    if (rgb != model) {
+        gonio_model_free(rgb);
+    }
+    return status;
+}
+
+const gonio_format gonio_format_mbsdf = {.name = "mbsdf",
+                                         .summary = "MBSDF (MDL)",
+                                         .extensions = ".mbsdf",
+                                         .recognise = recognise,
+                                         .read = read_mbsdf,
+                                         .write_table = write_mbsdf,
+                                         .quantity = "f_r, 1/sr",
+                                         .convention =
+                                             "cells' centres; azimuth 0 is the light's side, the mirror at 180 deg",
+                                         .precision = 0x1p-23};

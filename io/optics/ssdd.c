@@ -225,9 +225,105 @@ static gonio_status read_ssdd(const gonio_source *source, const gonio_format_val
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
 
+// ---- writing ----
+
+static void put_list(const gonio_grid *g, int axis, const char *name, FILE *stream) {
+    fputs(name, stream);
+    for (int k = 0; k < g->axis[axis].n; k++) {
+        fprintf(stream, " %.9g", g->axis[axis].deg[k]);
+    }
+    fputc('\n', stream);
+}
+
+static void put_value(double value, bool binary, FILE *stream) {
+    if (!binary) {
+        fprintf(stream, "%.9g\n", value);
+        return;
+    }
+    const float single = (float)value;
+    uint32_t raw;
+    memcpy(&raw, &single, sizeof raw);
+    raw = htole32(raw);
+    fwrite(&raw, sizeof raw, 1, stream);
+}
+
+// Colour by colour within a node, parameter 0 fastest, as they are read.
+static void put_values(gonio_grid *g, bool binary, FILE *stream) {
+    for (int f = 0; f < g->axis[GONIO_GRID_OUT_PHI].n; f++) {
+        for (int o = 0; o < g->axis[GONIO_GRID_OUT_THETA].n; o++) {
+            for (int p = 0; p < g->axis[GONIO_GRID_IN_PHI].n; p++) {
+                for (int t = 0; t < g->axis[GONIO_GRID_IN_THETA].n; t++) {
+                    for (int c = 0; c < g->channels; c++) {
+                        put_value(gonio_grid_written(g, c, p, t, f, o), binary, stream);
+                    }
+                }
+            }
+        }
+    }
+}
+
+static void put_head(const gonio_grid *g, const gonio_model *model, bool binary, FILE *stream) {
+    const bool spectral = !isnan(gonio_model_wavelength_nm(model, 0));
+    fprintf(stream, "VERSION 0.3\nDATA_TYPE brdf\nCOLOR_MODEL %s\n",
+            spectral           ? "spectrum"
+            : g->channels == 3 ? "rgb"
+                               : "monochrome");
+    if (spectral) {
+        fputs("WAVELENGTH_LIST", stream);
+        for (int c = 0; c < g->channels; c++) {
+            fprintf(stream, " %.9g", gonio_model_wavelength_nm(model, c));
+        }
+        fputc('\n', stream);
+    }
+    fputs("PARAM_TYPE spherical_coordinate_system\n", stream);
+    put_list(g, GONIO_GRID_IN_THETA, "PARAM0_LIST", stream);
+    put_list(g, GONIO_GRID_IN_PHI, "PARAM1_LIST", stream);
+    put_list(g, GONIO_GRID_OUT_THETA, "PARAM2_LIST", stream);
+    put_list(g, GONIO_GRID_OUT_PHI, "PARAM3_LIST", stream);
+    fprintf(stream, "SOURCE_TYPE measured\nDEVICE Gonio\nDATA %s\n", binary ? "binary" : "ascii");
+}
+
+static gonio_status write_ssdd(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                               gonio_write_report *told, gonio_error *error) {
+    int named = 0;
+    for (int c = 0; c < model->channels; c++) {
+        named += !isnan(gonio_model_wavelength_nm(model, c));
+    }
+    gonio_model *written = (gonio_model *)(uintptr_t)model;
+    const bool whole = model->channels == 1 || named == model->channels; // as it is
+    gonio_status status = whole ? GONIO_OK : gonio_model_as_rgb(model, &written, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE};
+    status = gonio_grid_of_model(&g, written, values->at[0].count, false, values->threads, error);
+    if (status == GONIO_OK) {
+        const bool binary = values->at[1].choice == 1;
+        put_head(&g, written, binary, stream);
+        put_values(&g, binary, stream);
+        gonio_grid_tell(&g, model, told);
+    }
+    gonio_grid_free(&g);
+    if (written != model) {
+        gonio_model_free(written);
+    }
+    return status;
+}
+
+static const gonio_format_option write_options[] = {
+    GONIO_OPTION_GRID_STEP,
+    {"ssdd-data", GONIO_FORMAT_CHOICE, "ascii|binary", "ascii", "how the values are written"},
+    {0}};
+
 const gonio_format gonio_format_ssdd = {.name = "ssdd",
                                         .summary = "SSDD",
                                         .extensions = ".ssdd",
+                                        .write_table = write_ssdd,
+                                        .write_options = write_options,
+                                        .quantity = "f_r, 1/sr",
+                                        .convention = "degrees; phi_o absolute, the mirror of phi_i = 0 at 180",
+                                        .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,
+                                        .precision = 1e-7,
                                         .recognise = recognise,
                                         .read = read_ssdd,
                                         .options = options};

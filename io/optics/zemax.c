@@ -156,9 +156,72 @@ static const gonio_format_option options[] = {
      "a block's TIS and values that disagree: refused, values as they are, or scaled to TIS"},
     {0}};
 
-const gonio_format gonio_format_zemax = {.name = "zemax",
-                                         .summary = "Zemax BSDF text",
-                                         .extensions = ".bsdf",
-                                         .recognise = recognise,
-                                         .read = read_zemax,
-                                         .options = options};
+// ---- writing ----
+
+// Zemax rescales every block to its TIS, so that is the albedo itself.
+static void put_block(gonio_grid *g, const gonio_model *rgb, int channel, int rotation, int incidence, FILE *stream) {
+    double albedo[3];
+    gonio_grid_albedo(g, rgb, rotation, incidence, albedo);
+    fprintf(stream, "TIS %.9g\n", albedo[channel]);
+    for (int a = 0; a < g->axis[GONIO_GRID_OUT_PHI].n; a++) {
+        for (int r = 0; r < g->axis[GONIO_GRID_OUT_THETA].n; r++) {
+            fprintf(stream, "%s%.9g", r > 0 ? " " : "", gonio_grid_written(g, channel, rotation, incidence, a, r));
+        }
+        fputc('\n', stream);
+    }
+}
+
+static void put_zemax(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
+    static const char *const channels[] = {"TristimulusX", "TristimulusY", "TristimulusZ"};
+    fprintf(stream, "Source  Measured\nSymmetry  %s\nSpectralContent  %s\nScatterType  BRDF\n",
+            rgb->isotropic ? "Asymmetrical" : "ASymmetrical4D", g->xyz ? "XYZ" : "Monochrome");
+    gonio_grid_put_axis(g, GONIO_GRID_IN_PHI, "SampleRotation", stream);
+    gonio_grid_put_axis(g, GONIO_GRID_IN_THETA, "AngleOfIncidence", stream);
+    gonio_grid_put_axis(g, GONIO_GRID_OUT_PHI, "ScatterAzimuth", stream);
+    gonio_grid_put_axis(g, GONIO_GRID_OUT_THETA, "ScatterRadial", stream);
+    for (int c = 0; c < g->channels; c++) {
+        fprintf(stream, "\n%s\nDataBegin\n", g->xyz ? channels[c] : "Monochrome");
+        for (int p = 0; p < g->axis[GONIO_GRID_IN_PHI].n; p++) {
+            for (int t = 0; t < g->axis[GONIO_GRID_IN_THETA].n; t++) {
+                put_block(g, rgb, c, p, t, stream);
+            }
+        }
+        fputs("DataEnd\n", stream);
+    }
+}
+
+static gonio_status write_zemax(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error) {
+    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
+    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_grid g = {.frame = GONIO_GRID_SPECULAR, .xyz = rgb->channels == 3};
+    status = gonio_grid_of_model(&g, rgb, values->at[0].count, true, values->threads, error);
+    if (status == GONIO_OK) {
+        put_zemax(&g, rgb, stream);
+        gonio_grid_tell(&g, model, told);
+    }
+    gonio_grid_free(&g);
+    if (rgb != model) {
+        gonio_model_free(rgb);
+    }
+    return status;
+}
+
+static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};
+
+const gonio_format gonio_format_zemax = {
+    .name = "zemax",
+    .summary = "Zemax BSDF text",
+    .extensions = ".bsdf",
+    .write_table = write_zemax,
+    .write_options = write_options,
+    .quantity = "f_r, 1/sr; TIS is the directional albedo",
+    .convention = "polar angle and azimuth about the mirror direction, azimuth 0 towards the normal",
+    .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,
+    .precision = 1e-6,
+    .recognise = recognise,
+    .read = read_zemax,
+    .options = options};

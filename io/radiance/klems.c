@@ -63,6 +63,15 @@ static gonio_status stated_rings(const gonio_radiance_file *file, const xmlNode 
                : gonio_radiance_fail(file, xmlGetLineNo(stated), error, "the rings of a basis end before 90 deg");
 }
 
+void gonio_klems_known(const char *name, gonio_klems_basis *basis) {
+    *basis = (gonio_klems_basis){0};
+    for (size_t k = 0; k < sizeof bases / sizeof *bases; k++) {
+        for (int r = 0; strcasecmp(bases[k].name, name) == 0 && r < bases[k].rings; r++) {
+            add_ring(basis, bases[k].bound[r + 1], bases[k].n[r]);
+        }
+    }
+}
+
 static gonio_status find_basis(const gonio_radiance_file *file, const gonio_radiance_block *block, const char *name,
                                gonio_klems_basis *basis, gonio_error *error) {
     *basis = (gonio_klems_basis){0};
@@ -73,11 +82,7 @@ static gonio_status find_basis(const gonio_radiance_file *file, const gonio_radi
             return stated_rings(file, stated, basis, error);
         }
     }
-    for (size_t k = 0; k < sizeof bases / sizeof *bases; k++) {
-        for (int r = 0; strcasecmp(bases[k].name, name) == 0 && r < bases[k].rings; r++) {
-            add_ring(basis, bases[k].bound[r + 1], bases[k].n[r]);
-        }
-    }
+    gonio_klems_known(name, basis);
     return basis->rings > 0 ? GONIO_OK
                             : gonio_radiance_fail(file, block->line, error,
                                                   "angle basis '%.60s' is neither defined in the file nor one of "

@@ -13,14 +13,6 @@
 #include "io/optics/grid.h"
 #include "io/radiance/radiance.h"
 
-typedef struct radiance_model {
-    gonio_model head;
-    bool is_tree;
-    int parts; // 1: Visible alone; 3: with its colour
-    gonio_klems klems[3];
-    gonio_tensor_tree tree[3];
-} radiance_model;
-
 #define CHROMATICITY_MIN 1e-3 // below the v' of every colour
 
 static const char names[3][32] = {"r", "g", "b"};
@@ -37,7 +29,7 @@ static bool recognise(const gonio_source *source) {
 // ---- the model ----
 
 static void release(gonio_model *model) {
-    radiance_model *m = (radiance_model *)model;
+    gonio_radiance_model *m = (gonio_radiance_model *)model;
     for (int k = 0; k < 3; k++) {
         free(m->klems[k].values);
         gonio_tensor_tree_free(&m->tree[k]);
@@ -45,12 +37,12 @@ static void release(gonio_model *model) {
     free(m);
 }
 
-static double part_value(const radiance_model *m, int part, gonio_vec3 wi, gonio_vec3 wo) {
+static double part_value(const gonio_radiance_model *m, int part, gonio_vec3 wi, gonio_vec3 wo) {
     return m->is_tree ? gonio_tensor_tree_value(&m->tree[part], wi, wo) : gonio_klems_value(&m->klems[part], wi, wo);
 }
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const radiance_model *m = (const radiance_model *)model;
+    const gonio_radiance_model *m = (const gonio_radiance_model *)model;
     const double y = fmax(0, part_value(m, 0, wi, wo));
     if (m->parts == 1) {
         values[0] = y;
@@ -63,9 +55,12 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
         const double v = fmax(b, CHROMATICITY_MIN);
         gonio_xyz_to_rgb((double[3]){y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v)}, values);
     }
+    for (int c = 0; c < 3; c++) {
+        values[c] += m->floor[c];
+    }
 }
 
-static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
+const gonio_model_ops gonio_radiance_ops = {.kind = "table", .eval = eval, .free = release};
 
 // ---- building ----
 
@@ -98,7 +93,8 @@ static gonio_status choose(const gonio_radiance_file *file, const char *side, co
     return GONIO_OK;
 }
 
-static gonio_status fill(const gonio_radiance_file *file, const char *side, radiance_model *m, gonio_error *error) {
+static gonio_status fill(const gonio_radiance_file *file, const char *side, gonio_radiance_model *m,
+                         gonio_error *error) {
     static const char *const structures[] = {"Columns", "Rows", "TensorTree3", "TensorTree4"};
     bool known = false;
     for (int k = 0; k < 4; k++) {
@@ -129,22 +125,42 @@ static gonio_status fill(const gonio_radiance_file *file, const char *side, radi
     return status;
 }
 
+// The floor that a file of ours tells in a comment.
+static void find_floor(const gonio_radiance_file *file, gonio_radiance_model *m) {
+    const xmlNode *root = xmlDocGetRootElement(file->doc);
+    for (const xmlNode *node = root->children; node != NULL; node = node->next) {
+        const char *text = node->type == XML_COMMENT_NODE ? (const char *)node->content : "";
+        const char *at = strstr(text, GONIO_RADIANCE_FLOOR);
+        long long line = 0;
+        double floor[3];
+        if (at == NULL) {
+            continue;
+        }
+        at += sizeof GONIO_RADIANCE_FLOOR - 1;
+        if (gonio_radiance_number(&at, &line, &floor[0]) && gonio_radiance_number(&at, &line, &floor[1]) &&
+            gonio_radiance_number(&at, &line, &floor[2])) {
+            memcpy(m->floor, floor, sizeof floor);
+        }
+    }
+}
+
 // side: 0 the one that is there, the front (+z) first; 1 and 2 that one.
-static gonio_status load(const gonio_source *source, int side, radiance_model **out, gonio_error *error) {
+static gonio_status load(const gonio_source *source, int side, gonio_radiance_model **out, gonio_error *error) {
     gonio_radiance_file file;
     gonio_status status = gonio_radiance_open(source, &file, error);
     if (status != GONIO_OK) {
         return status;
     }
-    radiance_model *m = calloc(1, sizeof *m);
+    gonio_radiance_model *m = calloc(1, sizeof *m);
     if (m == NULL) {
         gonio_radiance_close(&file);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", source->path);
     }
     const bool front = side == 1 || (side == 0 && (find(&file, "Visible", "Reflection Back") != NULL ||
                                                    find(&file, "Visible", "Reflection Front") == NULL));
-    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
+    m->head = (gonio_model){.ops = &gonio_radiance_ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
     status = fill(&file, front ? "Reflection Back" : "Reflection Front", m, error);
+    find_floor(&file, m);
     m->head.channels = m->parts;
     m->head.channel_names = m->parts == 3 ? names : single;
     gonio_radiance_close(&file);
@@ -157,7 +173,7 @@ static gonio_status load(const gonio_source *source, int side, radiance_model **
 }
 
 static gonio_status table_radiance(const gonio_source *source, gonio_model **out, gonio_error *error) {
-    radiance_model *m = NULL;
+    gonio_radiance_model *m = NULL;
     const gonio_status status = load(source, 0, &m, error);
     *out = status == GONIO_OK ? &m->head : NULL;
     return status;
@@ -166,7 +182,7 @@ static gonio_status table_radiance(const gonio_source *source, gonio_model **out
 // ---- samples: the cells' centres ----
 
 typedef struct cells {
-    const radiance_model *m;
+    const gonio_radiance_model *m;
     gonio_samples *samples;
     size_t count, n; // cells so far; in all
     double share;
@@ -193,7 +209,7 @@ static bool add_cell(void *context, const gonio_pair *pair) {
     return c->status == GONIO_OK;
 }
 
-static void for_cells(const radiance_model *m, gonio_tensor_tree_fn call, cells *c) {
+static void for_cells(const gonio_radiance_model *m, gonio_tensor_tree_fn call, cells *c) {
     if (m->is_tree) {
         gonio_tensor_tree_cells(&m->tree[0], call, c);
         return;
@@ -211,7 +227,7 @@ static void for_cells(const radiance_model *m, gonio_tensor_tree_fn call, cells 
 
 static gonio_status read_radiance(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                   gonio_read_report *report, gonio_error *error) {
-    radiance_model *m = NULL;
+    gonio_radiance_model *m = NULL;
     gonio_status status = load(source, values->at[1].choice, &m, error);
     if (status != GONIO_OK) {
         return status;
@@ -251,4 +267,10 @@ const gonio_format gonio_format_radiance = {.name = "radiance",
                                             .recognise = recognise,
                                             .read = read_radiance,
                                             .table = table_radiance,
+                                            .write_table = gonio_radiance_write,
+                                            .write_options = gonio_radiance_write_options,
+                                            .quantity = "f_r, 1/sr: Visible is Y; CIE-u, CIE-v (trees) or CIE-X, CIE-Z",
+                                            .convention = "Radiance's front is Reflection Back; incident squares and "
+                                                          "patches are turned by 180 deg",
+                                            .precision = 5e-5,
                                             .options = options};

@@ -61,6 +61,9 @@ double gonio_klems_value(const gonio_klems *klems, gonio_vec3 wi, gonio_vec3 wo)
 // The pair of the two patches' centres.
 gonio_pair gonio_klems_centre(const gonio_klems *klems, int in, int out);
 
+// One of the bases that WINDOW knows by name; empty for any other name.
+void gonio_klems_known(const char *name, gonio_klems_basis *basis);
+
 // ---- tensor_tree.c: a tree of uniform grids over squares ----
 typedef struct gonio_tensor_tree {
     int dimensions; // 3 or 4
@@ -73,8 +76,28 @@ gonio_status gonio_tensor_tree_read(const gonio_radiance_file *file, const gonio
                                     gonio_tensor_tree *tree, gonio_error *error);
 void gonio_tensor_tree_free(gonio_tensor_tree *tree);
 double gonio_tensor_tree_value(const gonio_tensor_tree *tree, gonio_vec3 wi, gonio_vec3 wo);
+// The directions at a place of the square of 3 or 4 dimensions; false where none lies.
+bool gonio_tensor_tree_directions(int dimensions, const double at[4], gonio_vec3 *wi, gonio_vec3 *wo);
 // Call for the centre of every cell that lies on the hemispheres; false from call ends it.
 typedef bool (*gonio_tensor_tree_fn)(void *context, const gonio_pair *pair);
 void gonio_tensor_tree_cells(const gonio_tensor_tree *tree, gonio_tensor_tree_fn call, void *context);
+
+// ---- radiance.c: the model ----
+typedef struct gonio_radiance_model {
+    gonio_model head;
+    bool is_tree;
+    int parts;       // 1: Visible alone; 3: with its colour
+    double floor[3]; // f_r of r, g, b that the tables are without
+    gonio_klems klems[3];
+    gonio_tensor_tree tree[3];
+} gonio_radiance_model;
+extern const gonio_model_ops gonio_radiance_ops;
+
+// ---- write.c ----
+// A comment of a file of ours: f_r of r, g, b that is to be added everywhere.
+#define GONIO_RADIANCE_FLOOR "gonio floor r g b"
+gonio_status gonio_radiance_write(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                  gonio_write_report *told, gonio_error *error);
+extern const gonio_format_option gonio_radiance_write_options[];
 
 #endif

@@ -198,7 +198,8 @@ static void coordinates(const gonio_tensor_tree *tree, gonio_vec3 wi, gonio_vec3
     }
     const double sine = hypot(wi.x, wi.y);
     const double c = sine > 0 ? -wi.x / sine : 1, s = sine > 0 ? -wi.y / sine : 0;
-    at[0] = (1 - fmin(sine, 1)) / 2;
+    at[0] = fmin((1 - sine) / 2, 0.5 - 1e-12); // normal incidence is the end of the half that is used
+    at[0] = fmax(at[0], 0);
     to_square(c * wo.x + s * wo.y, c * wo.y - s * wo.x, at + 1);
 }
 
@@ -233,14 +234,14 @@ typedef struct walk {
     void *context;
 } walk;
 
-static bool tell_cell(const walk *w, const double at[4]) {
+bool gonio_tensor_tree_directions(int dimensions, const double at[4], gonio_vec3 *in, gonio_vec3 *out) {
     gonio_vec3 wi = {0}, wo = {0};
-    if (w->tree->dimensions == 4) {
+    if (dimensions == 4) {
         to_disk(at, &wi.x, &wi.y);
         to_disk(at + 2, &wo.x, &wo.y);
     } else {
         if (at[0] >= 0.5) {
-            return true; // no direction lies there
+            return false; // no direction lies there
         }
         wi.x = 1 - 2 * at[0];
         to_disk(at + 1, &wo.x, &wo.y);
@@ -249,6 +250,16 @@ static bool tell_cell(const walk *w, const double at[4]) {
     wi.y = -wi.y;
     wi.z = sqrt(fmax(0, 1 - wi.x * wi.x - wi.y * wi.y));
     wo.z = sqrt(fmax(0, 1 - wo.x * wo.x - wo.y * wo.y));
+    *in = wi;
+    *out = wo;
+    return true;
+}
+
+static bool tell_cell(const walk *w, const double at[4]) {
+    gonio_vec3 wi, wo;
+    if (!gonio_tensor_tree_directions(w->tree->dimensions, at, &wi, &wo)) {
+        return true;
+    }
     const gonio_pair found = gonio_pair_from_vectors(wi, wo);
     const bool turn = w->tree->dimensions == 3;
     const gonio_pair pair = {

@@ -349,7 +349,7 @@ static void merl_written(void **state) {
                      GONIO_OK);
     char path[64], spec[100];
     scratch_file(path, "", 0);
-    assert_int_equal(gonio_write_table_as(truth, path, "merl", 0, NULL), GONIO_OK);
+    assert_int_equal(gonio_write_table_as(truth, path, "merl", NULL, NULL, NULL), GONIO_OK);
     merl_against_raw(path);
     snprintf(spec, sizeof spec, "file:%s,shape=sphere", path);
     assert_int_equal(gonio_model_from_spec(spec, &table, NULL), GONIO_OK);

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "scene/colour.h"
+#include "io/colour.h"
 #include "tests/unit/near.h"
 
 #define NM_FIRST 380
@@ -24,13 +24,13 @@ static void name_all(char names[][32], int n, int first, int step) {
 static void three_channels_pass(void **state) {
     (void)state;
     const char names[3][32] = {"r", "g", "b"};
-    scene_colour colour;
-    assert_int_equal(gonio_scene_colour_new(3, names, &colour, NULL), GONIO_OK);
+    gonio_colour_weights colour;
+    assert_int_equal(gonio_colour_new(3, names, &colour, NULL), GONIO_OK);
     const double values[3] = {0.1, 0.2, 0.7};
     double rgb[3];
-    gonio_scene_colour_rgb(&colour, values, rgb);
+    gonio_colour_rgb(&colour, values, rgb);
     assert_memory_equal(rgb, values, sizeof rgb);
-    gonio_scene_colour_free(&colour);
+    gonio_colour_free(&colour);
 }
 
 static void few_channels_are_grey(void **state) {
@@ -40,15 +40,15 @@ static void few_channels_are_grey(void **state) {
         if (n == 3) {
             continue;
         }
-        scene_colour colour;
-        assert_int_equal(gonio_scene_colour_new(n, names, &colour, NULL), GONIO_OK);
+        gonio_colour_weights colour;
+        assert_int_equal(gonio_colour_new(n, names, &colour, NULL), GONIO_OK);
         const double values[4] = {1, 2, 3, 4};
         double rgb[3];
-        gonio_scene_colour_rgb(&colour, values, rgb);
+        gonio_colour_rgb(&colour, values, rgb);
         for (int k = 0; k < 3; k++) {
             assert_near(rgb[k], (n + 1) / 2.0, 1e-12);
         }
-        gonio_scene_colour_free(&colour);
+        gonio_colour_free(&colour);
     }
 }
 
@@ -59,17 +59,17 @@ static void flat_spectrum_is_white(void **state) {
     for (int k = 0; k < 4; k++) {
         char names[80][32];
         name_all(names, cases[k][0], cases[k][1], cases[k][2]);
-        scene_colour colour;
-        assert_int_equal(gonio_scene_colour_new(cases[k][0], (const char(*)[32])names, &colour, NULL), GONIO_OK);
+        gonio_colour_weights colour;
+        assert_int_equal(gonio_colour_new(cases[k][0], (const char(*)[32])names, &colour, NULL), GONIO_OK);
         double values[80], rgb[3];
         for (int c = 0; c < 80; c++) {
             values[c] = 0.25;
         }
-        gonio_scene_colour_rgb(&colour, values, rgb);
+        gonio_colour_rgb(&colour, values, rgb);
         for (int j = 0; j < 3; j++) {
             assert_near(rgb[j], 0.25, 5e-5); // the rounding of the standard's matrix
         }
-        gonio_scene_colour_free(&colour);
+        gonio_colour_free(&colour);
     }
 }
 
@@ -79,8 +79,8 @@ static void luminance_follows_the_cie_tables(void **state) {
     (void)state;
     static char names[NM_COUNT][32];
     name_all(names, NM_COUNT, NM_FIRST, 1);
-    scene_colour colour;
-    assert_int_equal(gonio_scene_colour_new(NM_COUNT, (const char(*)[32])names, &colour, NULL), GONIO_OK);
+    gonio_colour_weights colour;
+    assert_int_equal(gonio_colour_new(NM_COUNT, (const char(*)[32])names, &colour, NULL), GONIO_OK);
     const struct {
         int nm;
         double y;
@@ -88,43 +88,43 @@ static void luminance_follows_the_cie_tables(void **state) {
     for (int k = 0; k < 7; k++) {
         double values[NM_COUNT] = {0}, rgb[3];
         values[table[k].nm - NM_FIRST] = 106.857; // the sum of the tabulated y over 1 nm steps
-        gonio_scene_colour_rgb(&colour, values, rgb);
+        gonio_colour_rgb(&colour, values, rgb);
         assert_near(0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2], table[k].y, 0.015);
     }
-    gonio_scene_colour_free(&colour);
+    gonio_colour_free(&colour);
 }
 
 static void hues_are_where_they_belong(void **state) {
     (void)state;
     char names[31][32];
     name_all(names, 31, 400, 10);
-    scene_colour colour;
-    assert_int_equal(gonio_scene_colour_new(31, (const char(*)[32])names, &colour, NULL), GONIO_OK);
+    gonio_colour_weights colour;
+    assert_int_equal(gonio_colour_new(31, (const char(*)[32])names, &colour, NULL), GONIO_OK);
     const int bands[3][2] = {{61, 70}, {52, 56}, {43, 47}}; // red, green, blue, in 10 nm
     for (int k = 0; k < 3; k++) {
         double values[31] = {0}, rgb[3];
         for (int band = bands[k][0]; band <= bands[k][1]; band++) {
             values[band - 40] = 1;
         }
-        gonio_scene_colour_rgb(&colour, values, rgb);
+        gonio_colour_rgb(&colour, values, rgb);
         for (int j = 0; j < 3; j++) {
             assert_true(j == k || rgb[j] < 0.5 * rgb[k]);
         }
     }
-    gonio_scene_colour_free(&colour);
+    gonio_colour_free(&colour);
 }
 
 // IEC 61966-2-1 by hand: 0.5 linear is code 188, 0.214041 is 127.5's neighbour, the toe is straight.
 static void transfer(void **state) {
     (void)state;
-    assert_int_equal(gonio_scene_srgb(0), 0);
-    assert_int_equal(gonio_scene_srgb(1), 255);
-    assert_int_equal(gonio_scene_srgb(0.5), 188);
-    assert_int_equal(gonio_scene_srgb(0.2158605), 128);
-    assert_int_equal(gonio_scene_srgb(0.001), 3);
-    assert_int_equal(gonio_scene_srgb(-1), 0);
-    assert_int_equal(gonio_scene_srgb(7), 255);
-    assert_int_equal(gonio_scene_srgb(NAN), 0);
+    assert_int_equal(gonio_srgb_code(0), 0);
+    assert_int_equal(gonio_srgb_code(1), 255);
+    assert_int_equal(gonio_srgb_code(0.5), 188);
+    assert_int_equal(gonio_srgb_code(0.2158605), 128);
+    assert_int_equal(gonio_srgb_code(0.001), 3);
+    assert_int_equal(gonio_srgb_code(-1), 0);
+    assert_int_equal(gonio_srgb_code(7), 255);
+    assert_int_equal(gonio_srgb_code(NAN), 0);
 }
 
 int main(void) {

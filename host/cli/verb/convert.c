@@ -10,6 +10,7 @@
 #include "gonio/plan.h"
 #include "gonio/session.h"
 #include "host/cli/apart.h"
+#include "host/cli/export.h"
 #include "host/cli/input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
@@ -21,6 +22,7 @@
 typedef struct convert_arguments {
     const char *to, *plan;
     cli_input input;
+    cli_export output;
 } convert_arguments;
 
 static bool ends_with(const char *text, const char *end) {
@@ -50,7 +52,10 @@ static gonio_status sampled(const gonio_model *model, const char *plan_text, con
 static gonio_status to_samples(const char *in, const char *out, const char *format, const convert_arguments *a,
                                const cli_common *common, json_t *result, gonio_error *error) {
     gonio_samples *samples = NULL;
-    gonio_status status;
+    gonio_status status = cli_export_refuse(&a->output, "samples", error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     if (is_model(in) || a->plan != NULL) {
         gonio_model *model;
         status = open_model(in, &a->input, &model, error);
@@ -86,16 +91,17 @@ static void tell_dropped(const gonio_model *model, const char *out, const char *
 
 // format NULL: a model file.
 static gonio_status to_table(const char *in, const char *out, const char *format, const convert_arguments *a,
-                             int threads, gonio_error *error) {
+                             const cli_common *common, json_t *result, gonio_error *error) {
     if (a->plan != NULL) {
         return gonio_fail(error, GONIO_E_USAGE,
                           "plan: says where to sample a model; %s is written from the model itself", out);
     }
     gonio_model *model;
-    gonio_status status = open_model(in, &a->input, &model, error);
+    gonio_status status = format == NULL ? cli_export_refuse(&a->output, "a model file", error) : GONIO_OK;
+    status = status == GONIO_OK ? open_model(in, &a->input, &model, error) : status;
     if (status == GONIO_OK) {
         status = format == NULL ? gonio_model_save(model, out, error)
-                                : gonio_write_table_as(model, out, format, threads, error);
+                                : cli_export_model(model, in, out, format, &a->output, common, result, error);
         if (status == GONIO_OK && format != NULL) {
             tell_dropped(model, out, format);
         }
@@ -160,7 +166,7 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
     }
     if (a->to != NULL ? strcmp(a->to, "model") == 0 : ends_with(names[1], MODEL_EXTENSION)) {
         json_object_set_new(result, "format", json_string("model"));
-        return to_table(names[0], names[1], NULL, a, common->threads, error);
+        return to_table(names[0], names[1], NULL, a, common, result, error);
     }
     const gonio_status status = gonio_format_writer(a->to, names[1], &facts, error);
     if (status != GONIO_OK) {
@@ -171,7 +177,7 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
     }
     json_object_set_new(result, "format", json_string(facts.name));
     return facts.writes ? to_samples(names[0], names[1], facts.name, a, common, result, error)
-                        : to_table(names[0], names[1], facts.name, a, common->threads, error);
+                        : to_table(names[0], names[1], facts.name, a, common, result, error);
 }
 
 // "samples (.csv), merl (.binary), model (.gonio)"
@@ -203,6 +209,7 @@ static int run(int argc, char **argv) {
     const cli_option options[] = {
         {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT", writers},
         {"plan", 0, CLI_TEXT, &a.plan, NULL, "PLAN", "where to sample a model or table (" PLAN_DEFAULT ")"},
+        CLI_EXPORT_OPTIONS(a.output),
         CLI_INPUT_OPTIONS(a.input),
         {0}};
     extern const cli_verb cmd_convert;

@@ -3,7 +3,7 @@
 // approximations to the CIE XYZ color matching functions" (JCGT 2(2), 2013, table 1), integrated by trapezoids over the
 // model's wavelengths, under equal-energy light, X, Y and Z scaled to D65's white. A preview needs no more: the fit is
 // within 1 % of the tables, and a reflectance has no light of its own.
-#include "scene/colour.h"
+#include "io/colour.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -47,7 +47,7 @@ static double quadrature(int channels, const double *nm, int c) {
     return (isinf(above) ? 0 : (above - nm[c]) / 2) + (isinf(below) ? 0 : (nm[c] - below) / 2);
 }
 
-static void spectral_weights(scene_colour *colour, const double *nm) {
+static void spectral_weights(gonio_colour_weights *colour, const double *nm) {
     const int n = colour->channels;
     double sum[3] = {0};
     for (int pass = 0; pass < 2; pass++) { // the first pass finds what a flat spectrum gives
@@ -71,12 +71,12 @@ static void spectral_weights(scene_colour *colour, const double *nm) {
     }
 }
 
-gonio_status gonio_scene_colour_new(int channels, const char (*names)[32], scene_colour *colour, gonio_error *error) {
+gonio_status gonio_colour_new(int channels, const char (*names)[32], gonio_colour_weights *colour, gonio_error *error) {
     double *nm = malloc((size_t)channels * sizeof *nm);
-    *colour = (scene_colour){channels, calloc(3 * (size_t)channels, sizeof *colour->weight)};
+    *colour = (gonio_colour_weights){channels, calloc(3 * (size_t)channels, sizeof *colour->weight)};
     if (nm == NULL || colour->weight == NULL) {
         free(nm);
-        gonio_scene_colour_free(colour);
+        gonio_colour_free(colour);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d channels' colours", channels);
     }
     int visible = 0;
@@ -96,12 +96,12 @@ gonio_status gonio_scene_colour_new(int channels, const char (*names)[32], scene
     return GONIO_OK;
 }
 
-void gonio_scene_colour_free(scene_colour *colour) {
+void gonio_colour_free(gonio_colour_weights *colour) {
     free(colour->weight);
     colour->weight = NULL;
 }
 
-void gonio_scene_colour_rgb(const scene_colour *colour, const double *values, double rgb[3]) {
+void gonio_colour_rgb(const gonio_colour_weights *colour, const double *values, double rgb[3]) {
     for (int k = 0; k < 3; k++) {
         rgb[k] = 0;
         for (int c = 0; c < colour->channels; c++) {
@@ -110,7 +110,7 @@ void gonio_scene_colour_rgb(const scene_colour *colour, const double *values, do
     }
 }
 
-unsigned char gonio_scene_srgb(double linear) {
+unsigned char gonio_srgb_code(double linear) {
     const double v = fmin(fmax(linear, 0), 1); // fmax takes NaN to 0
     return (unsigned char)(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055) + 0.5);
 }
