@@ -92,6 +92,7 @@ void gonio_write_lost_channels(const gonio_model *model, int channels, gonio_wri
 typedef struct job {
     const gonio_model *truth, *found; // found NULL: samples
     const gonio_samples *samples;
+    const gonio_colour_weights *weights; // of the samples' channels, where the truth has others; NULL
     size_t n;
     double *errors;
 } job;
@@ -120,7 +121,12 @@ static void measure_pair(const job *j, size_t k) {
     gonio_pair pair = j->samples != NULL ? j->samples->pairs[k] : random_pair(k);
     gonio_model_eval_pair(j->truth, &pair, truth);
     if (j->samples != NULL) {
-        memcpy(found, j->samples->values + k * (size_t)j->truth->channels, (size_t)j->truth->channels * sizeof *found);
+        const double *values = j->samples->values + k * (size_t)j->samples->channels;
+        if (j->weights != NULL) {
+            gonio_colour_rgb(j->weights, values, found);
+        } else {
+            memcpy(found, values, (size_t)j->truth->channels * sizeof *found);
+        }
     } else {
         gonio_model_eval_pair(j->found, &pair, found);
     }
@@ -158,7 +164,8 @@ static gonio_status errors_of(const job *j, size_t n, int threads, gonio_write_r
     if (errors == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu errors", n);
     }
-    gonio_pool_for(threads, (n + BLOCK - 1) / BLOCK, measure_block, &(job){j->truth, j->found, j->samples, n, errors});
+    gonio_pool_for(threads, (n + BLOCK - 1) / BLOCK, measure_block,
+                   &(job){j->truth, j->found, j->samples, j->weights, n, errors});
     size_t kept = 0;
     report->largest = 0;
     for (size_t k = 0; k < n; k++) {
@@ -199,19 +206,23 @@ static gonio_status measure(const gonio_model *model, const gonio_model *found, 
     const int channels = found != NULL ? found->channels : samples->channels;
     const bool same = channels == model->channels;
     gonio_model *truth = (gonio_model *)(uintptr_t)model, *view = (gonio_model *)(uintptr_t)found;
+    gonio_colour_weights weights = {0};
     gonio_status status = GONIO_OK;
-    if (!same && found == NULL && channels != 3) {
-        return gonio_fail(error, GONIO_E_MISMATCH, "the file has %d channels, the model %d", channels, model->channels);
-    }
     if (!same) {
         status = gonio_model_as_rgb(model, &truth, error);
-        status = status == GONIO_OK && found != NULL ? gonio_model_as_rgb(found, &view, error) : status;
+        if (status == GONIO_OK) {
+            status = found != NULL
+                         ? gonio_model_as_rgb(found, &view, error)
+                         : gonio_colour_new(channels, (const char(*)[32])samples->channel_names, &weights, error);
+        }
     }
     report->channels = channels;
     if (status == GONIO_OK) {
         job j = {.truth = truth, .found = view, .samples = samples};
+        j.weights = weights.weight != NULL ? &weights : NULL;
         status = figures(&j, found != NULL ? PAIRS : samples->n, threads, report, error);
     }
+    gonio_colour_free(&weights);
     free_view(truth, model);
     free_view(view, found);
     return status;

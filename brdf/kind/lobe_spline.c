@@ -112,16 +112,20 @@ static void release(gonio_model *model) {
     free(m);
 }
 
-// The base's lobes; without any, what stands in for them.
+// The base's lobes, as GGX's, whose tails are the heavier; without any, what stands in for them.
 static int propose(const gonio_lobe_spline *m, gonio_proposal *out) {
     const gonio_lobe_base *base = &m->parts.base;
     if (base->lobes == 0) {
         return gonio_proposals_standard(out);
     }
-    const gonio_proposal_shape shape = base->family == GONIO_LOBE_GGX ? GONIO_PROPOSE_GGX : GONIO_PROPOSE_BECKMANN;
     out[0] = (gonio_proposal){.shape = GONIO_PROPOSE_COSINE, .strength = GONIO_PI * m->mean_strength[0], .f0 = 1};
+    const double ceiling = GONIO_LOBE_CEILING * m->parts.transforms[0].scale;
     for (int j = 0; j < base->lobes; j++) {
-        out[1 + j] = (gonio_proposal){shape, base->alpha[j], base->alpha[j], m->mean_strength[1 + j], base->f0[j]};
+        // A lobe that towers over the ceiling is cut there, and reaches as far as it is above it.
+        const double alpha = base->alpha[j], strength = m->mean_strength[1 + j];
+        const double over = strength / (4 * GONIO_PI * alpha * alpha * ceiling), wide = over > 1 ? 1 + log(over) : 1;
+        out[1 + j] = (gonio_proposal){GONIO_PROPOSE_GGX, alpha * sqrt(wide), alpha * sqrt(wide),
+                                      over > 1 ? strength * wide / over : strength, base->f0[j]};
     }
     return 1 + base->lobes;
 }

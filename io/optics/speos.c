@@ -282,9 +282,98 @@ static gonio_status read_speos(const gonio_source *source, const gonio_format_va
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
 
+// ---- writing ----
+
+static void put_table(gonio_grid *g, int channel, int incidence, double albedo, FILE *stream) {
+    const gonio_grid_axis *theta = &g->axis[GONIO_GRID_OUT_THETA], *phi = &g->axis[GONIO_GRID_OUT_PHI];
+    fprintf(stream, "%.9g\n%d %d\n", 100 * albedo, theta->n, phi->n);
+    for (int k = 0; k < phi->n; k++) {
+        fprintf(stream, "\t%.9g", phi->deg[k]);
+    }
+    fputc('\n', stream);
+    for (int i = 0; i < theta->n; i++) {
+        fprintf(stream, "%.9g", theta->deg[i]);
+        for (int k = 0; k < phi->n; k++) {
+            fprintf(stream, "\t%.9g", gonio_grid_written(g, channel, 0, incidence, k, i));
+        }
+        fputc('\n', stream);
+    }
+}
+
+static void put_speos(gonio_grid *g, const gonio_model *model, FILE *stream) {
+    static const char description[] = "Written by Gonio";
+    const gonio_grid_axis *in = &g->axis[GONIO_GRID_IN_THETA];
+    fprintf(stream, MAGIC "8.0\n0\n%s\n%zu\n%s\n1\t0\n1\n%d\t%d\n", description, sizeof description - 1, description,
+            in->n, g->channels);
+    for (int t = 0; t < in->n; t++) {
+        fprintf(stream, "%s%.9g", t > 0 ? "\t" : "", in->deg[t]);
+    }
+    fputc('\n', stream);
+    for (int c = 0; c < g->channels; c++) {
+        const double nm = gonio_model_wavelength_nm(model, c);
+        fprintf(stream, "%s%.9g", c > 0 ? "\t" : "", isnan(nm) ? 550 : nm);
+    }
+    fputc('\n', stream);
+    for (int t = 0; t < in->n; t++) {
+        double albedo[GONIO_CHANNELS_MAX];
+        gonio_grid_albedo(g, model, 0, t, albedo);
+        for (int c = 0; c < g->channels; c++) {
+            put_table(g, c, t, albedo[c], stream);
+        }
+    }
+}
+
+// The model with a wavelength a channel; of one channel it is said to be 550 nm.
+static gonio_status as_wavelengths(const gonio_model *model, gonio_model **rgb, gonio_model **out,
+                                   gonio_write_report *told, gonio_error *error) {
+    *rgb = *out = (gonio_model *)(uintptr_t)model;
+    if (model->channels == 1 || !isnan(gonio_model_wavelength_nm(model, 0))) {
+        return GONIO_OK;
+    }
+    const gonio_status status = gonio_model_as_rgb(model, rgb, error);
+    gonio_write_lost(told, "the spectra are smooth ones of the colour, not measured");
+    return status == GONIO_OK ? gonio_model_as_spectra(*rgb, out, error) : status;
+}
+
+static gonio_status write_speos(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error) {
+    if (!model->isotropic) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a Speos .brdf is isotropic; the model is not");
+    }
+    gonio_model *rgb, *written;
+    gonio_status status = as_wavelengths(model, &rgb, &written, told, error);
+    if (status == GONIO_OK) {
+        gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = 180}; // the mirror direction at phi = 0
+        status = gonio_grid_of_model(&g, written, values->at[0].count, true, values->threads, error);
+        if (status == GONIO_OK) {
+            put_speos(&g, written, stream);
+            snprintf(told->about, sizeof told->about,
+                     "%d incidences, %d angles x %d azimuths; the percentage is the albedo", g.axis[1].n, g.axis[3].n,
+                     g.axis[2].n);
+            gonio_write_lost(told, "what lies between the nodes, and beyond 85 deg");
+        }
+        gonio_grid_free(&g);
+    }
+    if (written != rgb) {
+        gonio_model_free(written);
+    }
+    if (rgb != model) {
+        gonio_model_free(rgb);
+    }
+    return status;
+}
+
+static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};
+
 const gonio_format gonio_format_speos = {.name = "speos",
                                          .summary = "Speos brdf text",
                                          .extensions = ".brdf",
                                          .recognise = recognise,
                                          .read = read_speos,
+                                         .write_table = write_speos,
+                                         .write_options = write_options,
+                                         .fitted = true, // readers scale a table by its percentage
+                                         .quantity = "f_r, 1/sr, scaled by readers to the albedo in per cent",
+                                         .convention = "the mirror direction at phi = 0",
+                                         .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,
                                          .options = options};

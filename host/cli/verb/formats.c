@@ -5,25 +5,36 @@
 #include "gonio/io.h"
 #include "host/cli/cli.h"
 
-static json_t *to_json(const gonio_format_facts *f) {
+static json_t *options_json(const gonio_format_option *list) {
     json_t *options = json_array();
-    for (const gonio_format_option *o = f->options; o->name != NULL; o++) {
+    for (const gonio_format_option *o = list; o->name != NULL; o++) {
         json_array_append_new(options, json_pack("{s:s,s:s,s:s,s:s}", "name", o->name, "argument", o->argument,
                                                  "default", o->standard, "help", o->help));
     }
-    return json_pack("{s:s,s:s,s:s,s:b,s:b,s:b,s:b,s:f,s:o}", "name", f->name, "summary", f->summary, "extensions",
+    return options;
+}
+
+static json_t *to_json(const gonio_format_facts *f) {
+    return json_pack("{s:s,s:s,s:s,s:b,s:b,s:b,s:b,s:f,s:o,s:o}", "name", f->name, "summary", f->summary, "extensions",
                      f->extensions, "reads", f->reads, "reads_table", f->reads_table, "writes", f->writes,
-                     "writes_table", f->writes_table, "precision", f->precision, "options", options);
+                     "writes_table", f->writes_table, "precision", f->precision, "options", options_json(f->options),
+                     "write_options", options_json(f->write_options));
 }
 
 static void print(const gonio_format_facts *f) {
-    printf("%-9s %-15s %-15s %-9s %s\n", f->name, f->reads_table ? "samples, model" : "samples",
+    printf("%-10s %-15s %-15s %-9s %s\n", f->name,
+           f->reads_table ? "samples, model"
+           : f->reads     ? "samples"
+                          : "-",
            f->writes         ? "from samples"
            : f->writes_table ? "from a model"
                              : "-",
            f->extensions, f->summary);
     for (const gonio_format_option *o = f->options; o->name != NULL; o++) {
-        printf("%9s --%s %s (%s): %s\n", "", o->name, o->argument, o->standard, o->help);
+        printf("%10s --%s %s (%s): %s\n", "", o->name, o->argument, o->standard, o->help);
+    }
+    for (const gonio_format_option *o = f->write_options; o->name != NULL; o++) {
+        printf("%10s --%s %s (written: %s): %s\n", "", o->name, o->argument, o->standard, o->help);
     }
 }
 
@@ -38,7 +49,7 @@ static int run(int argc, char **argv) {
     json_t *all = json_array();
     gonio_format_facts f;
     if (!common.json) {
-        printf("%-9s %-15s %-15s %-9s\n", "name", "read as", "written", "files");
+        printf("%-10s %-15s %-15s %-9s\n", "name", "read as", "written", "files");
     }
     for (int i = 0; gonio_format_get(i, &f); i++) {
         if (common.json) {

@@ -19,6 +19,7 @@ static const struct {
     {"many", offsetof(gonio_model_ops, eval_many)},
     {"gradient", offsetof(gonio_model_ops, gradient)},
     {"sigma", offsetof(gonio_model_ops, sigma)},
+    {"sample", offsetof(gonio_model_ops, sample)},
 };
 #define ABILITIES (sizeof abilities / sizeof *abilities)
 
