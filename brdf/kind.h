@@ -5,8 +5,8 @@
 // derivation and the source; it ends with its registration, `const gonio_kind gonio_kind_NAME`. The line is X(NAME) in
 // brdf/kinds.def. Everything that goes over the kinds loops over that list: opening a file, `gonio kinds`,
 // docs/kinds.md, the conformance tests (tests/conformance/test_kinds.c, which fails for a kind without a builder in
-// make_kind.h) and the test that libgonio-eval alone evaluates each. How a kind is fitted is a matter of its method, and so are the fit's options:
-// nothing of fitting stands here.
+// make_kind.h) and the test that libgonio-eval alone evaluates each. How a kind is fitted is a matter of its method,
+// and so are the fit's options: nothing of fitting stands here.
 //
 // What a kind may rely on: brdf/ is libgonio-eval, so libc and libm only. Its section of a file is written by
 // gonio_model_file_write and read back with gonio_mapped_take (brdf/model_file.h): lengths, indices and enumerations

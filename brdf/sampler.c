@@ -414,15 +414,7 @@ gonio_sampler_size gonio_sampler_standard(const gonio_model *model) {
     return model->isotropic ? (gonio_sampler_size){24, 1, 96, 48} : (gonio_sampler_size){20, 16, 64, 48};
 }
 
-void gonio_sampler_free(gonio_sampler *m) {
-    if (m != NULL) {
-        free(m->running);
-        free(m->rows);
-        free(m->marginal);
-        free(m->density);
-        free(m);
-    }
-}
+void gonio_sampler_free(gonio_sampler *m) { free(m); }
 
 static size_t slices_of(const gonio_sampler *m) { return (size_t)m->size.tilts * (size_t)m->size.azimuths; }
 
@@ -440,21 +432,20 @@ gonio_status gonio_sampler_new(const gonio_model *model, const gonio_sampler_siz
     if (status != GONIO_OK) {
         return status;
     }
-    gonio_sampler *m = calloc(1, sizeof *m);
-    if (m != NULL) {
-        m->size = *size;
-        const size_t rows = slices_of(m) * (size_t)size->rings, turns = (size_t)size->turns;
-        m->running = malloc(rows * (turns / BLOCK) * sizeof *m->running);
-        m->density = malloc(rows * (turns + 1) * sizeof *m->density);
-        m->rows = malloc(rows * sizeof *m->rows);
-        m->marginal = malloc(rows * sizeof *m->marginal);
-    }
-    if (m == NULL || m->running == NULL || m->density == NULL || m->rows == NULL || m->marginal == NULL) {
-        gonio_sampler_free(m);
+    // One block, which whoever has it may free.
+    const size_t rows = (size_t)size->tilts * (size_t)size->azimuths * (size_t)size->rings, turns = (size_t)size->turns;
+    const size_t doubles = rows * (turns / BLOCK + 2);
+    gonio_sampler *m = malloc(sizeof *m + doubles * sizeof(double) + rows * (turns + 1) * sizeof *m->density);
+    if (m == NULL) {
         target_release(&x);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a density of %d x %d x %d x %d nodes", size->tilts,
                           size->azimuths, size->turns, size->rings);
     }
+    m->size = *size;
+    m->running = (double *)(m + 1);
+    m->rows = m->running + rows * (turns / BLOCK);
+    m->marginal = m->rows + rows;
+    m->density = (float *)(m->marginal + rows);
     m->a = lobe_scale(&x);
     for (size_t slice = 0; slice < slices_of(m); slice++) {
         const int tilt = (int)(slice / (size_t)size->azimuths), azimuth = (int)(slice % (size_t)size->azimuths);

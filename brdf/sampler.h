@@ -15,8 +15,8 @@ typedef struct gonio_sampler_size {
 
 // What gonio_model_prepare_sampling takes.
 gonio_sampler_size gonio_sampler_standard(const gonio_model *model);
-// Tabulate the model's f_r cos(theta_o), averaged over its channels. The caller frees it; it does not refer to the
-// model.
+// Tabulate the model's f_r cos(theta_o), averaged over its channels. The caller frees it, which free() does
+// as well; it does not refer to the model.
 gonio_status gonio_sampler_new(const gonio_model *model, const gonio_sampler_size *size, gonio_sampler **out,
                                gonio_error *error);
 void gonio_sampler_free(gonio_sampler *sampler); // NULL is allowed

@@ -61,6 +61,10 @@ const gonio_format *gonio_format_at(int number);
 // The values that the options give; GONIO_E_USAGE for an option that the format does not have, or a wrong value.
 gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_options *options,
                                 gonio_format_values *values, gonio_error *error);
+// The format that has a writer and that name, or, where name is NULL, an extension in which path ends.
+gonio_status gonio_format_find_writer(const char *name, const char *path, const gonio_format **out, gonio_error *error);
+// The status of writing, or the stream's own failure.
+gonio_status gonio_write_flushed(FILE *stream, const char *path, gonio_status status, gonio_error *error);
 // The same for writing.
 gonio_status gonio_format_parse_write(const gonio_format *format, const gonio_write_options *options,
                                       gonio_format_values *values, gonio_error *error);

@@ -165,7 +165,8 @@ static bool has_extension(const gonio_format *f, const char *path) {
     return false;
 }
 
-static gonio_status find_writer(const char *name, const char *path, const gonio_format **out, gonio_error *error) {
+gonio_status gonio_format_find_writer(const char *name, const char *path, const gonio_format **out,
+                                      gonio_error *error) {
     char list[400] = "";
     for (int i = 0; i < COUNT; i++) {
         const gonio_format *f = formats[i];
@@ -188,14 +189,14 @@ static gonio_status find_writer(const char *name, const char *path, const gonio_
 
 gonio_status gonio_format_writer(const char *name, const char *path, gonio_format_facts *facts, gonio_error *error) {
     const gonio_format *f;
-    const gonio_status status = find_writer(name, path, &f, error);
+    const gonio_status status = gonio_format_find_writer(name, path, &f, error);
     if (status == GONIO_OK) {
         describe(f, facts);
     }
     return status;
 }
 
-static gonio_status flushed(FILE *stream, const char *path, gonio_status status, gonio_error *error) {
+gonio_status gonio_write_flushed(FILE *stream, const char *path, gonio_status status, gonio_error *error) {
     if (status == GONIO_OK && (fflush(stream) != 0 || ferror(stream))) {
         return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", strerror(errno));
     }
@@ -210,7 +211,7 @@ static gonio_status put_samples(const gonio_format *f, const gonio_samples *samp
         return status;
     }
     FILE *stream = gonio_output_stream(output);
-    status = flushed(stream, path, f->write(samples, stream, error), error);
+    status = gonio_write_flushed(stream, path, f->write(samples, stream, error), error);
     if (status != GONIO_OK) {
         gonio_output_abandon(output);
         return status;
@@ -220,7 +221,7 @@ static gonio_status put_samples(const gonio_format *f, const gonio_samples *samp
 
 gonio_status gonio_write_as(const gonio_samples *samples, const char *path, const char *format, gonio_error *error) {
     const gonio_format *f;
-    const gonio_status status = find_writer(format, path, &f, error);
+    const gonio_status status = gonio_format_find_writer(format, path, &f, error);
     if (status == GONIO_OK && f->write == NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from a model, not from samples; `gonio fit` makes one",
                           f->summary);
@@ -228,61 +229,10 @@ gonio_status gonio_write_as(const gonio_samples *samples, const char *path, cons
     return status == GONIO_OK ? put_samples(f, samples, path, error) : status;
 }
 
-// The table, written beside, read back and held against the model before it takes its place.
-static gonio_status put_table(const gonio_format *f, const gonio_model *model, const char *path,
-                              const gonio_format_values *values, double max_error, bool measure,
-                              gonio_write_report *told, gonio_error *error) {
-    gonio_output *output;
-    gonio_status status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    FILE *stream = gonio_output_stream(output);
-    status = flushed(stream, path, f->write_table(model, values, stream, told, error), error);
-    const char *written = gonio_output_temporary(output); // a pipe cannot be read back
-    if (status == GONIO_OK && written != NULL && (measure || max_error > 0)) {
-        status = gonio_write_measure(model, f, written, values->threads, told, error);
-    }
-    if (status == GONIO_OK && max_error > 0 && !(told->median <= max_error)) {
-        status = gonio_fail(error, GONIO_E_MISMATCH,
-                            "%s: half of the values read back are off by %.3g or more; at most %g"
-                            " is asked for. Nothing is written",
-                            path, told->median, max_error);
-    }
-    if (status != GONIO_OK) {
-        gonio_output_abandon(output);
-        return status;
-    }
-    return gonio_output_commit(output, error);
-}
-
-gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format,
-                                  const gonio_write_options *options, gonio_write_report *report, gonio_error *error) {
-    const gonio_format *f;
-    gonio_format_values values;
-    gonio_status status = find_writer(format, path, &f, error);
-    if (status == GONIO_OK && f->write_table == NULL) {
-        return gonio_fail(error, GONIO_E_USAGE, "a %s is written from samples, not from a model", f->summary);
-    }
-    status = status == GONIO_OK ? gonio_format_parse_write(f, options, &values, error) : status;
-    if (status != GONIO_OK) {
-        return status;
-    }
-    gonio_write_report told = {.quantity = f->quantity,
-                               .convention = f->convention,
-                               .theta_max_deg = f->theta_max_deg > 0 ? f->theta_max_deg : 90};
-    snprintf(told.format, sizeof told.format, "%s", f->name);
-    status = put_table(f, model, path, &values, options != NULL ? options->max_error : 0, report != NULL, &told, error);
-    if (report != NULL) {
-        *report = told;
-    }
-    return status;
-}
-
 gonio_status gonio_write_samples(const gonio_samples *samples, const char *path, gonio_error *error) {
     return put_samples(&gonio_format_samples, samples, path, error);
 }
 
 gonio_status gonio_write_samples_stream(const gonio_samples *samples, FILE *stream, gonio_error *error) {
-    return flushed(stream, NULL, gonio_format_samples.write(samples, stream, error), error);
+    return gonio_write_flushed(stream, NULL, gonio_format_samples.write(samples, stream, error), error);
 }

@@ -10,9 +10,8 @@
 // it). The model interpolates between nodes, linearly in the three indices, over the valid ones.
 //
 // Programs that interpolate take the lower edges of the cells for the nodes; so are files written that are asked for by
-// --merl-nodes edge, the standard. Nothing in a file tells of it, but which cells are invalid does: a file where
-// exactly those are whose lower edges lie below the horizon has its nodes there. Numbers are rounded to 24 bits, so
-// that what is read and written again is the same.
+// --merl-nodes edge, the standard. The last cell, which no pair above the horizon reaches, holds -2 in these. Numbers
+// are rounded to 24 bits, so that what is read and written again is the same.
 #include <byteswap.h>
 #include <endian.h>
 #include <math.h>
@@ -164,21 +163,14 @@ static bool values_at(const gonio_source *source, size_t at, double values[3]) {
     return true;
 }
 
+enum { NODES_AUTO, NODES_EDGE, NODES_CENTRE };
 #define EDGE 0.0
 #define CENTRE 0.5
 
+#define MARK (-2.0) // in the last cell, which is invalid in every table: the nodes are the edges
+
 // Where the file's nodes stand in their cells.
-static double offset_of(const gonio_source *source) {
-    for (size_t at = 0; at < CELLS; at++) {
-        gonio_vec3 wi, wo;
-        double values[3];
-        const int p = (int)(at % N_P), d = (int)(at / N_P % N_D), h = (int)(at / N_P / N_D);
-        if (values_at(source, at, values) != node(h, d, p, EDGE, &wi, &wo)) {
-            return CENTRE;
-        }
-    }
-    return EDGE;
-}
+static double offset_of(const gonio_source *source) { return number_at(source, CELLS - 1) == MARK ? EDGE : CENTRE; }
 
 static gonio_status add_cells(const gonio_source *source, const gonio_format_values *values, gonio_samples *samples,
                               gonio_read_report *report, gonio_error *error) {
@@ -358,6 +350,9 @@ static gonio_status write_planes(const gonio_model *rgb, double offset, int thre
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a MERL table");
     }
     gonio_pool_for(threads, N_H, fill_planes, &(filling){rgb, offset, planes});
+    for (size_t c = 0; c < 3 && offset == EDGE; c++) {
+        planes[(c + 1) * CELLS - 1] = MARK;
+    }
     const int32_t dimensions[3] = {N_H, N_D, N_P};
     for (int k = 0; k < 3; k++) {
         put_little(stream, &dimensions[k], 4);
@@ -379,7 +374,10 @@ static gonio_status write_merl(const gonio_model *model, const gonio_format_valu
     if (status != GONIO_OK) {
         return status;
     }
-    const bool edge = values->at[0].choice == 0;
+    // A table that was read is written with the nodes that it has.
+    const int choice = values->at[0].choice;
+    const bool edge = choice == NODES_AUTO && model->ops == &ops ? ((const merl_model *)model)->offset == EDGE
+                                                                 : choice != NODES_CENTRE;
     snprintf(told->about, sizeof told->about, "nodes at the cells' %s", edge ? "lower edges" : "centres");
     gonio_write_lost_channels(model, 3, told);
     gonio_write_lost(told, "f_r(wi, wo) and f_r(wo, wi) are one value");
@@ -390,10 +388,11 @@ static gonio_status write_merl(const gonio_model *model, const gonio_format_valu
     return status;
 }
 
-static const gonio_format_option write_options[] = {
-    {"merl-nodes", GONIO_FORMAT_CHOICE, "edge|centre", "edge",
-     "where in its cell a value stands: edge for programs that interpolate, centre for those that take the cell's"},
-    {0}};
+static const gonio_format_option write_options[] = {{"merl-nodes", GONIO_FORMAT_CHOICE, "auto|edge|centre", "auto",
+                                                     "where in its cell a value stands: edge for programs that "
+                                                     "interpolate, centre for those that take the cell's (auto: "
+                                                     "edge, or as the table has it that is written again)"},
+                                                    {0}};
 
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "0", "at most about N samples of a table"}, {0}};

@@ -206,3 +206,9 @@ gonio_status gonio_rgl_integrate(gonio_rgl *m, const char *path, gonio_error *er
     }
     return GONIO_OK;
 }
+
+gonio_vec3 gonio_rgl_mirrored(gonio_vec3 wi, const double u[2]) {
+    const gonio_vec3 m = gonio_direction(GONIO_PI / 2 * u[0] * u[0], (2 * u[1] - 1) * GONIO_PI);
+    const double twice = 2 * (wi.x * m.x + wi.y * m.y + wi.z * m.z);
+    return (gonio_vec3){twice * m.x - wi.x, twice * m.y - wi.y, twice * m.z - wi.z};
+}

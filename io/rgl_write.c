@@ -145,11 +145,6 @@ static void fill_vndf_slice(void *context, size_t slice) {
 
 // ---- the values ----
 
-gonio_vec3 gonio_rgl_mirrored(gonio_vec3 wi, const double u[2]) {
-    const gonio_vec3 m = gonio_direction(theta_of(u[0]), phi_of(u[1]));
-    return difference(scaled(m, 2 * dot(wi, m)), wi);
-}
-
 // The values at a slice's nodes, as the model has them there.
 static void fill_values_slice(void *context, size_t slice) {
     const job *j = context;

@@ -60,7 +60,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
-const gonio_model_ops gonio_radiance_ops = {.kind = "table", .eval = eval, .free = release};
+static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
 
 // ---- building ----
 
@@ -158,7 +158,7 @@ static gonio_status load(const gonio_source *source, int side, gonio_radiance_mo
     }
     const bool front = side == 1 || (side == 0 && (find(&file, "Visible", "Reflection Back") != NULL ||
                                                    find(&file, "Visible", "Reflection Front") == NULL));
-    m->head = (gonio_model){.ops = &gonio_radiance_ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
+    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
     status = fill(&file, front ? "Reflection Back" : "Reflection Front", m, error);
     find_floor(&file, m);
     m->head.channels = m->parts;
@@ -255,6 +255,12 @@ static gonio_status read_radiance(const gonio_source *source, const gonio_format
     return status;
 }
 
+static gonio_status write_radiance(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                   gonio_write_report *told, gonio_error *error) {
+    const gonio_radiance_model *own = model->ops == &ops ? (const gonio_radiance_model *)model : NULL;
+    return gonio_radiance_write(own, model, values, stream, told, error);
+}
+
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"},
     {"side", GONIO_FORMAT_CHOICE, "auto|front|back", "auto",
@@ -267,7 +273,7 @@ const gonio_format gonio_format_radiance = {.name = "radiance",
                                             .recognise = recognise,
                                             .read = read_radiance,
                                             .table = table_radiance,
-                                            .write_table = gonio_radiance_write,
+                                            .write_table = write_radiance,
                                             .write_options = gonio_radiance_write_options,
                                             .quantity = "f_r, 1/sr: Visible is Y; CIE-u, CIE-v (trees) or CIE-X, CIE-Z",
                                             .convention = "Radiance's front is Reflection Back; incident squares and "

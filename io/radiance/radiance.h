@@ -91,13 +91,14 @@ typedef struct gonio_radiance_model {
     gonio_klems klems[3];
     gonio_tensor_tree tree[3];
 } gonio_radiance_model;
-extern const gonio_model_ops gonio_radiance_ops;
 
 // ---- write.c ----
 // A comment of a file of ours: f_r of r, g, b that is to be added everywhere.
 #define GONIO_RADIANCE_FLOOR "gonio floor r g b"
-gonio_status gonio_radiance_write(const gonio_model *model, const gonio_format_values *values, FILE *stream,
-                                  gonio_write_report *told, gonio_error *error);
+// own: the model where it is one that was read; NULL.
+gonio_status gonio_radiance_write(const gonio_radiance_model *own, const gonio_model *model,
+                                  const gonio_format_values *values, FILE *stream, gonio_write_report *told,
+                                  gonio_error *error);
 extern const gonio_format_option gonio_radiance_write_options[];
 
 #endif

@@ -358,9 +358,8 @@ static int known_basis(const gonio_klems *klems, gonio_klems_basis *basis) {
 }
 
 // A model that was read, where nothing else is asked for.
-static bool write_own(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+static bool write_own(const gonio_radiance_model *own, const gonio_format_values *values, FILE *stream,
                       gonio_write_report *told) {
-    const gonio_radiance_model *own = model->ops == &gonio_radiance_ops ? (const gonio_radiance_model *)model : NULL;
     if (own == NULL || values->at[0].choice != BASIS_AUTO || values->max_bytes != 0) {
         return false;
     }
@@ -380,9 +379,10 @@ static bool write_own(const gonio_model *model, const gonio_format_values *value
     return true;
 }
 
-gonio_status gonio_radiance_write(const gonio_model *model, const gonio_format_values *values, FILE *stream,
-                                  gonio_write_report *told, gonio_error *error) {
-    if (write_own(model, values, stream, told)) {
+gonio_status gonio_radiance_write(const gonio_radiance_model *own, const gonio_model *model,
+                                  const gonio_format_values *values, FILE *stream, gonio_write_report *told,
+                                  gonio_error *error) {
+    if (write_own(own, values, stream, told)) {
         return GONIO_OK;
     }
     const int choice = values->at[0].choice != BASIS_AUTO ? values->at[0].choice

@@ -76,11 +76,11 @@ check "with what they are" grep -q '^merl .*samples, model .*from a model .*\.bi
 exits "the formats as JSON" 0 "$GONIO" formats --json
 check "with their options" python3 -c "
 import json
-for f in json.load(open('$work/out'))['formats']: assert f['reads'] and f['extensions'][0]=='.' and all(o['help'] for o in f['options']), f"
+for f in json.load(open('$work/out'))['formats']: assert (f['reads'] or f['writes_table']) and f['extensions'][0]=='.' and all(o['help'] for o in f['options']), f"
 exits "a MERL table from a spec" 0 "$GONIO" convert spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary"
 check "has the format's size" [ "$(wc -c <"$work/t.binary")" -eq 34992012 ]
 exits "the spec against the table's samples" 0 "$GONIO" compare spec:ggx:rho_d=0.2/0.3/0.4,rho_s=0.3,alpha=0.3 "$work/t.binary" --limit 20000 --json
-check "agrees to rounding" json "d['errors']['max_rel']<1e-9 and d['samples']>12000"
+check "agrees to rounding" json "d['errors']['max_rel']<1e-7 and d['samples']>12000"
 exits "the table as a spec" 0 "$GONIO" eval "spec:file:$work/t.binary" "$work/d.csv"
 
 exits "the table as MODEL" 0 "$GONIO" compare "$work/t.binary" "$work/t.binary" --limit 2000 --json
