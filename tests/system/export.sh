@@ -1,0 +1,30 @@
+#!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
+# What `gonio convert` writes for other programs comes with a report, or not at all.
+. tests/system/lib.sh
+spec=spec:ggx:rho_d=0.3/0.2/0.1,rho_s=0.5,alpha=0.3,f0=0.04
+for format in rgl radiance mbsdf zemax lighttools astm ssdd speos gltf openpbr principled; do
+    exits "$format" 0 "$GONIO" convert $spec "$work/a.$format" --to $format --max-bytes 60000
+    check "$format: its report" python3 -c "
+import json
+r = json.load(open('$work/a.$format.report.json'))
+assert r['format'] == '$format' and r['quantity'] and r['convention'] and r['about'] and r['source'] == '$spec'
+b = r['read_back']
+assert b['pairs'] > 100 and 0 <= b['median'] <= b['p95'] <= b['largest'] and b['median'] < 0.1, b"
+done
+exits "an error that no table keeps to" 1 "$GONIO" convert $spec "$work/b.bsdf" --to rgl --max-error 1e-12
+says "it is refused" "Nothing is written"
+check "and leaves nothing" [ -z "$(ls "$work" | grep '^b\.')" ]
+exits "without a report" 0 "$GONIO" convert $spec "$work/c.mbsdf" --no-report
+check "there is none" [ ! -e "$work/c.mbsdf.report.json" ]
+exits "an option of another format" 2 "$GONIO" convert $spec "$work/c.mbsdf" --grid-step 5
+exits "an option of tables for samples" 2 "$GONIO" convert $spec "$work/c.csv" --max-error 1
+check "glTF is JSON within its bounds" python3 -c "
+import json
+m = json.load(open('$work/a.gltf'))['materials'][0]
+p = m['pbrMetallicRoughness']
+assert all(0 <= v <= 1 for v in p['baseColorFactor'] + [p['metallicFactor'], p['roughnessFactor']]) and m['extensions']['KHR_materials_ior']['ior'] >= 1"
+# A tree in colour whose smallest value is above 0.01 / pi would lose its colour in Radiance: it stands in the scene's line.
+check "the floor of a tree in colour is taken out" grep -q 'gonio floor r g b' "$work/a.radiance"
+check "and told in the scene's line" grep -q 'void BSDF m 6 0 FILE.xml 0 1 0 . 0 3 0\.3' "$work/a.radiance.report.json"
+finish
