@@ -51,7 +51,7 @@ for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     rig) valid 3 rig status --rig "$odd/none" ;;
     calibrate) valid 3 calibrate camera "$odd/none.png" -o x ;;
     merge) valid 3 merge "$odd/none" "$odd/none" -o x ;;
-    fit | render) valid 3 $verb "$odd/none" -o x ;;
+    fit | render | virtual) valid 3 $verb "$odd/none" -o x ;;
     convert) valid 3 convert "$odd/none" "$odd.2.csv" ;;
     eval | compare) valid 3 $verb "$odd/none" "$odd/none" ;;
     tradeoff) valid 3 tradeoff "$odd/none" -o x ;;

@@ -87,7 +87,8 @@ static void a_file_keeps_its_head(void **state) {
     assert_int_equal(gonio_samples_channel(s, 1, &part, NULL), GONIO_OK);
     assert_string_equal(part->head, kept);
     gonio_samples_free(part);
-    assert_int_equal(gonio_check_apply(s, GONIO_APPLY_MIRROR, 1, &part, NULL), GONIO_OK);
+    const gonio_change mirror = {.kind = GONIO_CHANGE_MIRROR, .delta = 1, .ceiling = 1};
+    assert_int_equal(gonio_check_change(s, &mirror, 1, &part, NULL), GONIO_OK);
     assert_string_equal(part->head, kept);
     gonio_samples_free(part);
     gonio_samples_free(s);
