@@ -15,6 +15,8 @@
 #include "host/session/folder.h"
 #include "host/session/internal.h"
 
+#define SETTING_UP_TURNS 50 // of 20 ms: a writer on a busy machine
+
 static char *join(const char *folder, const char *name) {
     char *path;
     return asprintf(&path, "%s/%s", folder, name) < 0 ? NULL : path;
@@ -146,6 +148,7 @@ static bool connect_as(gonio_session *session, const char *name, int flags) {
     const bool opened =
         folder >= 0 && sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) == SQLITE_OK;
     if (opened) {
+        sqlite3_busy_timeout(session->db, 5000); // from the first look on: a writer may just be setting its log up
         gonio_session_secure(session->db, folder, &session->budget);
     }
     if (folder >= 0) {
@@ -160,12 +163,26 @@ static bool open_with(gonio_session *session, int flags) {
            sqlite3_exec(session->db, "SELECT 1 FROM sqlite_master", NULL, NULL, NULL) == SQLITE_OK;
 }
 
+// Between a writer's making of -wal and -shm nobody can read, and no busy handler waits for that.
+static bool open_beside_writer(gonio_session *session) {
+    const struct timespec pause = {.tv_nsec = 20 * 1000 * 1000};
+    for (int turn = 0; !open_with(session, SQLITE_OPEN_READONLY); turn++) {
+        if ((sqlite3_errcode(session->db) & 0xff) != SQLITE_CANTOPEN || turn == SETTING_UP_TURNS ||
+            faccessat(session->folder_fd, ".", W_OK, 0) != 0) {
+            return false;
+        }
+        sqlite3_close(session->db);
+        nanosleep(&pause, NULL);
+    }
+    return true;
+}
+
 static bool open_read_only(gonio_session *session) {
     if (session->private_path != NULL) {
         return open_with(session, SQLITE_OPEN_READWRITE) &&
                sqlite3_exec(session->db, "PRAGMA query_only = ON", NULL, NULL, NULL) == SQLITE_OK;
     }
-    if (open_with(session, SQLITE_OPEN_READONLY)) {
+    if (open_beside_writer(session)) {
         return true;
     }
     // Power went in the middle of a change: it has to be rolled back before anybody can read.
@@ -214,7 +231,6 @@ gonio_status gonio_session_open_database(gonio_session *session, gonio_error *er
                             : open_read_only(session))) {
         return gonio_session_db_fail(session, error, "open the journal");
     }
-    sqlite3_busy_timeout(session->db, 5000);
     status = check_database(session, error);
     if (status == GONIO_OK && session->writable) {
         // FULL in WAL mode: a committed step survives a power cut.
