@@ -23,6 +23,7 @@
 #include "gonio/metrics.h"
 #include "gonio/model.h"
 #include "gonio/output.h"
+#include "gonio/patch.h"
 #include "gonio/plan.h"
 #include "gonio/render.h"
 #include "gonio/rig.h"
