@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/head.h"
@@ -337,7 +338,12 @@ gonio_status gonio_declarations_read(const gonio_source *source, const gonio_dec
         }
         at = last + 1;
     }
-    return status == GONIO_OK && declared->isotropic && declared->anisotropic
-               ? gonio_fail_line(error, GONIO_E_INPUT, source->path, -1, "it declares both isotropic and anisotropic")
-               : status;
+    if (status == GONIO_OK && declared->isotropic && declared->anisotropic) {
+        status = gonio_fail_line(error, GONIO_E_INPUT, source->path, -1, "it declares both isotropic and anisotropic");
+    }
+    if (status != GONIO_OK) { // nobody takes what was told of a file that is refused
+        free(declared->head);
+        declared->head = NULL;
+    }
+    return status;
 }

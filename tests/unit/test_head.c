@@ -110,7 +110,7 @@ static void figures_are_numbers(void **state) {
             if (strcmp(keys[k], "temperature_c") == 0 && strcmp(values[v], "-1") == 0) {
                 continue;
             }
-            snprintf(text, sizeof text, "# a\n# %s = %s\n" ROWS, keys[k], values[v]);
+            snprintf(text, sizeof text, "# operator = b\n# %s = %s\n" ROWS, keys[k], values[v]);
             gonio_samples *s = read_text(text, &error);
             assert_null(s);
             assert_int_equal(error.line, 2);
