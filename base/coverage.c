@@ -51,6 +51,7 @@ static void count(const key *keys, size_t n, gonio_coverage *c) {
 static void find_ranges(const gonio_samples *s, gonio_coverage *c) {
     c->theta_i_deg[0] = c->theta_o_deg[0] = 90;
     c->in_plane = true;
+    c->horizon_deg = 90;
     for (size_t i = 0; i < s->n; i++) {
         const gonio_pair *p = &s->pairs[i];
         const double ti = gonio_degrees(p->theta_i), to = gonio_degrees(p->theta_o);
@@ -61,8 +62,9 @@ static void find_ranges(const gonio_samples *s, gonio_coverage *c) {
         // How far the camera leaves the plane of light and normal.
         const double off = sin(p->theta_o) * sin(p->theta_i) * fabs(sin(p->phi_o - p->phi_i));
         c->in_plane = c->in_plane && off < 0.01;
+        const gonio_pair raised = gonio_pair_raised(*p);
+        c->horizon_deg = fmin(c->horizon_deg, 90 - gonio_degrees(fmax(raised.theta_i, raised.theta_o)));
     }
-    c->horizon_deg = 90 - fmax(c->theta_i_deg[1], c->theta_o_deg[1]);
 }
 
 static double angle(gonio_vec3 a, gonio_vec3 b) { return acos(fmin(fmax(a.x * b.x + a.y * b.y + a.z * b.z, -1), 1)); }
@@ -89,14 +91,18 @@ static void probe(const directions *all, size_t n, bool isotropic, const gonio_p
     }
 }
 
-static void find_hole(const gonio_samples *s, directions *all, gonio_coverage *c) {
+// In one half, whose samples are looked at in front of the surface.
+static void find_hole_in(const gonio_samples *s, gonio_half half, directions *all, gonio_coverage *c) {
     const size_t step = s->n / tuning.samples + 1;
+    const double before = c->hole_deg;
     size_t n = 0;
     for (size_t i = 0; i < s->n; i += step) {
-        const gonio_pair *p = &s->pairs[i];
-        const double turn = s->isotropic ? p->phi_i : 0;
-        all[n++] =
-            (directions){gonio_direction(p->theta_i, p->phi_i - turn), gonio_direction(p->theta_o, p->phi_o - turn)};
+        if (gonio_pair_half(s->pairs[i]) != half) {
+            continue;
+        }
+        const gonio_pair p = gonio_pair_raised(s->pairs[i]);
+        const double turn = s->isotropic ? p.phi_i : 0;
+        all[n++] = (directions){gonio_direction(p.theta_i, p.phi_i - turn), gonio_direction(p.theta_o, p.phi_o - turn)};
     }
     for (double ti = 0; ti <= tuning.last_deg; ti += tuning.step_deg) {
         for (double to = 0; to <= tuning.last_deg; to += tuning.step_deg) {
@@ -104,6 +110,18 @@ static void find_hole(const gonio_samples *s, directions *all, gonio_coverage *c
                 const gonio_pair at = {gonio_radians(ti), 0, gonio_radians(to), gonio_radians(phi)};
                 probe(all, n, s->isotropic, &at, c);
             }
+        }
+    }
+    if (c->hole_deg > before) {
+        c->hole = gonio_pair_lowered(c->hole, half);
+    }
+}
+
+static void find_hole(const gonio_samples *s, directions *all, gonio_coverage *c) {
+    const unsigned halves = gonio_samples_halves(s);
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if (halves >> h & 1) {
+            find_hole_in(s, (gonio_half)h, all, c);
         }
     }
 }
@@ -126,6 +144,7 @@ gonio_status gonio_coverage_of(const gonio_samples *samples, gonio_coverage *cov
         count(keys, samples->n, coverage);
         find_ranges(samples, coverage);
         find_hole(samples, all, coverage);
+        coverage->halves = gonio_samples_halves(samples);
     }
     free(keys);
     free(all);
@@ -160,6 +179,7 @@ static const struct figure {
     {"sampled.hole_phi_o_rad", offsetof(gonio_coverage, hole.phi_o), REAL},
 };
 enum { FIGURES = sizeof figures / sizeof *figures };
+#define HALVES "sampled.halves" // said of more than reflection alone
 
 gonio_status gonio_coverage_put(const gonio_coverage *coverage, char **lines, gonio_error *error) {
     gonio_status status = GONIO_OK;
@@ -178,6 +198,11 @@ gonio_status gonio_coverage_put(const gonio_coverage *coverage, char **lines, go
             gonio_number_format(text, sizeof text, "%.9g", *(const double *)at);
         }
         status = gonio_head_add(lines, figures[k].name, text, error);
+    }
+    if (status == GONIO_OK && coverage->halves > 1u << GONIO_REFLECTION) {
+        char text[16];
+        snprintf(text, sizeof text, "%u", coverage->halves);
+        status = gonio_head_add(lines, HALVES, text, error);
     }
     return status;
 }
@@ -206,6 +231,9 @@ bool gonio_coverage_take(const char *lines, gonio_coverage *coverage) {
             *(double *)at = value;
         }
     }
+    char text[64];
+    coverage->halves = gonio_head_find(lines, HALVES, text, sizeof text) ? (unsigned)strtoul(text, NULL, 10) & 15u
+                                                                         : 1u << GONIO_REFLECTION;
     return true;
 }
 
@@ -238,6 +266,13 @@ void gonio_coverage_text(const gonio_coverage *c, char *text, size_t size) {
     put_range(text, size, "theta_i", c->theta_i_deg);
     gonio_text_append(text, size, ", ");
     put_range(text, size, "theta_o", c->theta_o_deg);
+    const char *between = " in ";
+    for (int h = 0; h < GONIO_HALVES && c->halves > 1; h++) {
+        if (c->halves >> h & 1) {
+            gonio_text_append(text, size, "%s%s", between, gonio_half_name((gonio_half)h));
+            between = " and ";
+        }
+    }
     gonio_text_append(text, size, "%s; nothing nearer than %.3g deg to the horizon",
                       c->in_plane ? ", in the plane of incidence alone" : "", c->horizon_deg);
     if (c->hole_deg > tuning.narrow_deg) {

@@ -22,6 +22,46 @@ gonio_pair gonio_pair_mirrored(gonio_pair p) { return (gonio_pair){p.theta_i, -p
 
 gonio_pair gonio_pair_swapped(gonio_pair p) { return (gonio_pair){p.theta_o, p.phi_o, p.theta_i, p.phi_i}; }
 
+// ---- halves ----
+
+const char *gonio_half_name(gonio_half half) {
+#define NAME(id, number, name, summary) name,
+    static const char *const names[] = {GONIO_HALF_TABLE(NAME)};
+#undef NAME
+    return names[half];
+}
+
+#define HORIZON_ROUNDING 1e-9
+
+gonio_half gonio_half_of(gonio_vec3 wi, gonio_vec3 wo) {
+    const bool light = wi.z < -HORIZON_ROUNDING, camera = wo.z < -HORIZON_ROUNDING;
+    return (gonio_half)((light != camera ? GONIO_TRANSMISSION : 0) | (light ? GONIO_REFLECTION_BACK : 0));
+}
+
+gonio_half gonio_pair_half(gonio_pair p) {
+    const double horizon = GONIO_PI / 2 + HORIZON_ROUNDING;
+    const bool light = p.theta_i > horizon, camera = p.theta_o > horizon;
+    return (gonio_half)((light != camera ? GONIO_TRANSMISSION : 0) | (light ? GONIO_REFLECTION_BACK : 0));
+}
+
+// In degrees, so that 150 deg becomes 30 deg exactly, and 179.9 deg 0.1 deg, which 180 - 179.9 is not.
+static double mirrored(double theta) {
+    const double deg = 180 - gonio_degrees(theta), written = round(deg * 1e9) / 1e9;
+    return gonio_radians(fabs(written - deg) < 1e-12 ? written : deg);
+}
+
+static double raised(double theta) { return theta > GONIO_PI / 2 + HORIZON_ROUNDING ? mirrored(theta) : theta; }
+
+gonio_pair gonio_pair_raised(gonio_pair p) {
+    return (gonio_pair){raised(p.theta_i), p.phi_i, raised(p.theta_o), p.phi_o};
+}
+
+gonio_pair gonio_pair_lowered(gonio_pair p, gonio_half half) {
+    const bool light = (half & GONIO_REFLECTION_BACK) != 0, camera = ((half & GONIO_TRANSMISSION) != 0) != light;
+    return (gonio_pair){light ? mirrored(p.theta_i) : p.theta_i, p.phi_i, camera ? mirrored(p.theta_o) : p.theta_o,
+                        p.phi_o};
+}
+
 double gonio_radians(double deg) { return deg * (GONIO_PI / 180); }
 
 // deg -> rad scales by 0.01745..., so between octave boundaries either several degrees share a radian or some radians

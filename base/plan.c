@@ -22,8 +22,19 @@
 
 typedef struct plan_options {
     double theta_max_deg;
-    bool anisotropic, centred;
+    bool anisotropic, centred, transmission, back;
 } plan_options;
+
+// The halves that a preset's poses lie in, one after the other.
+static int halves_of(const plan_options *options, gonio_half halves[GONIO_HALVES]) {
+    int n = 0;
+    for (int light = 0; light <= (options->back ? GONIO_REFLECTION_BACK : 0); light += GONIO_REFLECTION_BACK) {
+        for (int through = 0; through <= (options->transmission ? GONIO_TRANSMISSION : 0); through++) {
+            halves[n++] = (gonio_half)(light | through);
+        }
+    }
+    return n;
+}
 
 static gonio_status allocate(size_t n, gonio_plan **out, gonio_error *error) {
     gonio_plan *plan = calloc(1, sizeof *plan);
@@ -45,13 +56,24 @@ void gonio_plan_free(gonio_plan *plan) {
     }
 }
 
+bool gonio_pairs_transmit(const gonio_pair *pairs, size_t n) {
+    bool any = false;
+    for (size_t i = 0; i < n && !any; i++) {
+        any = gonio_pair_half(pairs[i]) != GONIO_REFLECTION;
+    }
+    return any;
+}
+
 // ---- uniform ----
 
 typedef struct grid {
     double step_deg;
-    int n_theta, n_phi; // theta = first, first + step ...; phi = 0, step ... over half a turn (both ends) or a whole one
-    double first_deg;   // 0, or half a step: the middles of cells that fill the hemisphere
+    int n_theta,
+        n_phi;        // theta = first, first + step ...; phi = 0, step ... over half a turn (both ends) or a whole one
+    double first_deg; // 0, or half a step: the middles of cells that fill the hemisphere
     bool anisotropic;
+    gonio_half halves[GONIO_HALVES];
+    int n_halves;
 } grid;
 
 // At the pole every azimuth is the same direction, so one is enough (isotropic samples do not tell phi_i apart either).
@@ -64,6 +86,21 @@ static gonio_pair grid_pose(const grid *g, int ti, int pi, int to, int po) {
                         gonio_radians(po * s)};
 }
 
+// The pose in every half; at the horizon, which two of them share, once. Returns how many.
+static size_t place(const grid *g, gonio_pair pose, gonio_pair *poses) {
+    size_t n = 0;
+    for (int h = 0; h < g->n_halves; h++) {
+        const gonio_pair lowered = gonio_pair_lowered(pose, g->halves[h]);
+        if (gonio_pair_half(lowered) == g->halves[h]) {
+            if (poses != NULL) {
+                poses[n] = lowered;
+            }
+            n++;
+        }
+    }
+    return n;
+}
+
 static size_t fill_grid(const grid *g, gonio_pair *poses) {
     size_t n = 0;
     for (int ti = 0; ti < g->n_theta; ti++) {
@@ -72,10 +109,7 @@ static size_t fill_grid(const grid *g, gonio_pair *poses) {
             for (int to = 0; to < g->n_theta; to++) {
                 const bool around = !is_pole(g, to) && (!is_pole(g, ti) || g->anisotropic);
                 for (int po = 0; po < (around ? g->n_phi : 1); po++) {
-                    if (poses != NULL) {
-                        poses[n] = grid_pose(g, ti, pi, to, po);
-                    }
-                    n++;
+                    n += place(g, grid_pose(g, ti, pi, to, po), poses != NULL ? poses + n : NULL);
                 }
             }
         }
@@ -92,8 +126,9 @@ static gonio_status make_uniform(double step, const plan_options *options, gonio
     grid g = {.step_deg = step, .anisotropic = options->anisotropic, .first_deg = options->centred ? step / 2 : 0};
     g.n_theta = options->centred ? (int)floor(90 / step + 1e-9) : (int)floor(options->theta_max_deg / step + 1e-9) + 1;
     g.n_phi = options->anisotropic ? (int)ceil(turn / step - 1e-9) : (int)floor(turn / step + 1e-9) + 1;
+    g.n_halves = halves_of(options, g.halves);
     const double thetas = g.n_theta, phis = g.n_phi;
-    const double estimate = thetas * thetas * phis * (options->anisotropic ? phis : 1);
+    const double estimate = thetas * thetas * phis * (options->anisotropic ? phis : 1) * g.n_halves;
     if (estimate > POSES_MAX) {
         return gonio_fail(error, GONIO_E_USAGE, "uniform:%g makes about %.3g poses; at most %d are possible", step,
                           estimate, POSES_MAX);
@@ -135,13 +170,29 @@ static gonio_status make_nusselt(double count, uint64_t seed, const plan_options
         return status;
     }
     gonio_plan *plan = *out;
+    gonio_half halves[GONIO_HALVES];
+    const size_t n_halves = (size_t)halves_of(options, halves);
     for (; plan->n < (size_t)count; plan->n++) {
-        plan->poses[plan->n] = nusselt_pose((uint32_t)plan->n, seed, options);
+        const gonio_pair pose = nusselt_pose((uint32_t)(plan->n / n_halves), seed, options);
+        plan->poses[plan->n] = gonio_pair_lowered(pose, halves[plan->n % n_halves]);
     }
     return GONIO_OK;
 }
 
 // ---- text ----
+
+// The flag that an item "name=..." sets; NULL: none.
+static bool *flag_of(plan_options *options, const char *item) {
+    static const char *const names[] = {"anisotropic", "centred", "transmission", "back"};
+    bool *const flags[] = {&options->anisotropic, &options->centred, &options->transmission, &options->back};
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+        const size_t length = strlen(names[k]);
+        if (strncmp(item, names[k], length) == 0 && item[length] == '=') {
+            return flags[k];
+        }
+    }
+    return NULL;
+}
 
 // ",theta_max=DEG,anisotropic=1" after a preset's number.
 static gonio_status parse_options(const char *preset, char *text, plan_options *options, gonio_error *error) {
@@ -156,21 +207,23 @@ static gonio_status parse_options(const char *preset, char *text, plan_options *
                                   item);
             }
             options->theta_max_deg = value;
-        } else if (strncmp(item, "anisotropic=", 12) == 0) {
-            if (!number || (value != 0 && value != 1)) {
-                return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected anisotropic=0 or 1", preset, item);
-            }
-            options->anisotropic = value == 1;
-        } else if (strncmp(item, "centred=", 8) == 0) {
-            if (!number || (value != 0 && value != 1) || preset[0] != 'u') {
-                return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected centred=0 or 1, of a uniform plan", preset,
-                                  item);
-            }
-            options->centred = value == 1;
-        } else {
-            return gonio_fail(error, GONIO_E_USAGE, "%s: unknown option '%s'; expected theta_max=DEG, anisotropic=1 or centred=1",
-                              preset, item);
+            continue;
         }
+        bool *flag = flag_of(options, item);
+        if (flag == NULL) {
+            return gonio_fail(
+                error, GONIO_E_USAGE,
+                "%s: unknown option '%s'; expected theta_max=DEG, anisotropic=1, centred=1, transmission=1 or back=1",
+                preset, item);
+        }
+        if (!number || (value != 0 && value != 1)) {
+            return gonio_fail(error, GONIO_E_USAGE, "%s: %s; expected %.*s=0 or 1", preset, item,
+                              (int)strcspn(item, "="), item);
+        }
+        if (flag == &options->centred && preset[0] != 'u') {
+            return gonio_fail(error, GONIO_E_USAGE, "%s: %s; only a uniform plan can be centred", preset, item);
+        }
+        *flag = value == 1;
     }
     return GONIO_OK;
 }
@@ -186,7 +239,7 @@ static gonio_status make_preset(const char *text, uint64_t seed, gonio_plan **ou
     if (end == number || (*end != 0 && *end != ',')) {
         return gonio_fail(error, GONIO_E_USAGE, "plan '%s': expected a number after the colon", text);
     }
-    plan_options options = {THETA_MAX_DEG, false, false};
+    plan_options options = {.theta_max_deg = THETA_MAX_DEG};
     const gonio_status status = parse_options(text, end, &options, error);
     if (status != GONIO_OK) {
         return status;
@@ -233,6 +286,7 @@ static gonio_status read_plan(const char *path, gonio_plan **out, gonio_error *e
     if (status != GONIO_OK) {
         return status;
     }
+    text.transmission = gonio_text_declares_transmission(&text);
     status = allocate(count_lines(text.next, (size_t)(text.end - text.next)), out, error);
     status = status == GONIO_OK ? read_poses(&text, *out, error) : status;
     gonio_text_free(&text);

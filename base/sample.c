@@ -130,6 +130,7 @@ static gonio_status like(const gonio_samples *samples, int channels, int first_c
         return status;
     }
     (*out)->isotropic = samples->isotropic;
+    (*out)->transmission = samples->transmission;
     memcpy((*out)->channel_names, samples->channel_names + first_channel,
            (size_t)channels * sizeof *samples->channel_names);
     return gonio_head_copy(samples->head, &(*out)->head, error);
@@ -190,21 +191,73 @@ gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, go
     return status;
 }
 
+// ---- halves ----
+
+static bool at_horizon(double theta) { return fabs(theta - GONIO_PI / 2) <= 1e-9; }
+
+unsigned gonio_samples_halves(const gonio_samples *samples) {
+    unsigned inside = 0, horizon = 0;
+    for (size_t i = 0; i < samples->n && samples->transmission; i++) {
+        const gonio_pair *p = &samples->pairs[i];
+        *(at_horizon(p->theta_o) ? &horizon : &inside) |= 1u << gonio_pair_half(*p);
+    }
+    return !samples->transmission ? 1u << GONIO_REFLECTION : inside != 0 ? inside : horizon;
+}
+
+// The half of a sample among those that the set has: one at the horizon is reflected where that is there, or else
+// transmitted.
+static gonio_half half_among(unsigned halves, gonio_pair pair) {
+    unsigned half = gonio_pair_half(pair);
+    if (at_horizon(pair.theta_o)) {
+        const unsigned light = half & GONIO_REFLECTION_BACK;
+        for (unsigned k = GONIO_HALVES; k-- > 0;) {
+            half = halves >> (light ^ k) & 1 ? light ^ k : half;
+        }
+    }
+    return (gonio_half)half;
+}
+
+gonio_status gonio_samples_half(const gonio_samples *samples, gonio_half half, bool *which, gonio_samples **out,
+                                gonio_error *error) {
+    *out = NULL;
+    bool *keep = which != NULL ? which : malloc((samples->n + 1) * sizeof *keep);
+    if (keep == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples", samples->n);
+    }
+    const unsigned halves = gonio_samples_halves(samples);
+    for (size_t i = 0; i < samples->n; i++) {
+        keep[i] = (samples->transmission ? half_among(halves, samples->pairs[i]) : GONIO_REFLECTION) == half;
+    }
+    const gonio_status status = gonio_samples_select(samples, keep, out, error);
+    for (size_t i = 0; status == GONIO_OK && samples->transmission && i < (*out)->n; i++) {
+        (*out)->pairs[i] = gonio_pair_raised((*out)->pairs[i]);
+    }
+    if (status == GONIO_OK) {
+        (*out)->transmission = false;
+    }
+    if (which == NULL) {
+        free(keep);
+    }
+    return status;
+}
+
 gonio_status gonio_samples_check(const gonio_samples *samples, gonio_error *error) {
     if (samples->n == 0) {
         return gonio_fail(error, GONIO_E_INPUT, "no samples: at least one is needed");
     }
     const size_t c = (size_t)samples->channels;
+    const double largest = (samples->transmission ? GONIO_PI : GONIO_PI / 2) + 1e-9; // 1e-9 rad is rounding
     for (size_t i = 0; i < samples->n; i++) {
         const gonio_pair *p = &samples->pairs[i];
-        // Written so that NaN fails; 1e-9 rad beyond the horizon is rounding.
-        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= GONIO_PI / 2 + 1e-9 && p->theta_o >= -1e-9 &&
-                            p->theta_o <= GONIO_PI / 2 + 1e-9 && isfinite(p->phi_i) && isfinite(p->phi_o);
+        // Written so that NaN fails.
+        const bool inside = p->theta_i >= -1e-9 && p->theta_i <= largest && p->theta_o >= -1e-9 &&
+                            p->theta_o <= largest && isfinite(p->phi_i) && isfinite(p->phi_o);
         if (!inside) {
             return gonio_fail(error, GONIO_E_INPUT,
-                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to 90",
+                              "sample %zu: theta_i %g, phi_i %g, theta_o %g, phi_o %g deg; thetas must be 0 to %s",
                               i + 1, p->theta_i * 180 / GONIO_PI, p->phi_i * 180 / GONIO_PI,
-                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI);
+                              p->theta_o * 180 / GONIO_PI, p->phi_o * 180 / GONIO_PI,
+                              samples->transmission ? "180" : "90");
         }
         for (size_t k = 0; k < c; k++) {
             if (!isfinite(samples->values[i * c + k])) {

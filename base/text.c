@@ -357,6 +357,22 @@ gonio_status gonio_text_ratio(const gonio_text *text, char *field, const char *w
     return status;
 }
 
+bool gonio_text_declares_transmission(const gonio_text *text) {
+    for (const char *at = text->next; at < text->end;) {
+        const char *last = memchr(at, '\n', (size_t)(text->end - at));
+        const size_t length = (size_t)((last != NULL ? last : text->end) - at);
+        char line[160];
+        snprintf(line, sizeof line, "%.*s", (int)(length < sizeof line ? length : sizeof line - 1), at);
+        const char *key = line + strspn(line, "# \t"), *value = key + strcspn(key, "=:");
+        if (line[strspn(line, " \t")] == '#' && strncasecmp(key, "halves", 6) == 0 &&
+            key + 6 + strspn(key + 6, " \t") == value && strcasestr(value, "transmission") != NULL) {
+            return true;
+        }
+        at += length + 1;
+    }
+    return false;
+}
+
 static const char *const pair_names[4] = {"theta_i", "phi_i", "theta_o", "phi_o"};
 
 bool gonio_text_is_pair_header(char *const *fields, int n) {
@@ -377,8 +393,11 @@ gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], goni
         if (status != GONIO_OK) {
             return status;
         }
-        if (k % 2 == 0 && !(fabs(deg) <= 90)) {
-            return gonio_text_fail(text, error, "%s: expected 0 to 90 degrees, or -90 to 0 on the other side, found %s",
+        if (k % 2 == 0 && !(fabs(deg) <= (text->transmission ? 180 : 90))) {
+            return gonio_text_fail(text, error,
+                                   text->transmission
+                                       ? "%s: expected 0 to 180 degrees, or -180 to 0 on the other side, found %s"
+                                       : "%s: expected 0 to 90 degrees, or -90 to 0 on the other side, found %s",
                                    pair_names[k], fields[k]);
         }
         if (k % 2 == 1 && !(fabs(deg) <= PHI_MAX_DEG)) {

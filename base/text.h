@@ -18,7 +18,9 @@ typedef struct gonio_text {
     const char *path; // for messages
     char *next, *end;
     long long line; // number of the line that gonio_text_line gave last
-    char *data;     // of gonio_text_open, which gonio_text_free releases; else NULL
+    // Thetas of pairs go on to 180 deg, behind the sample; the text declares it, or who reads it was told so.
+    bool transmission;
+    char *data; // of gonio_text_open, which gonio_text_free releases; else NULL
 } gonio_text;
 
 // Every list, certificate, curve, plan and rig file is read through these: a UTF-8 byte order mark, CRLF, tabs and
@@ -41,6 +43,9 @@ char *gonio_text_row(gonio_text *text); // the next content line, so
 // Of an INI file, by its rules: the next "key = value" without the comment behind the value (; or # after a blank),
 // which goes to *comment (NULL: none); *value NULL: a line of another kind. NULL after the last one.
 char *gonio_text_setting(gonio_text *text, char **value, char **comment);
+// Does a comment line before or among the rows say so: "# halves = reflection,transmission"? Of what is still to be
+// read.
+bool gonio_text_declares_transmission(const gonio_text *text);
 // Cut a line at separators (a blank separator: at runs of blanks), trim each field; returns how many there are, also
 // where that is more than maximum; fields past it are not stored.
 int gonio_text_split(char *line, char separator, char **fields, int maximum);
@@ -53,8 +58,9 @@ gonio_status gonio_text_number(const gonio_text *text, const char *field, const 
 gonio_status gonio_text_ratio(const gonio_text *text, char *field, const char *what, double *value, gonio_error *error);
 // A number of things, 0 or more, as options have it: 5000, 5k, 1.5M, 2G. False where it is none.
 bool gonio_text_count(const char *text, size_t *value);
-// Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad, theta 0 to 90, phi -360 to 360, of the same directions: a
-// theta of -90 to 0 lies on the side of phi + 180, and any whole turns of phi (up to 100) count for nothing.
+// Four fields theta_i,phi_i,theta_o,phi_o in degrees -> rad, theta 0 to 90 (180 with transmission), phi -360 to 360, of
+// the same directions: a theta below 0 lies on the side of phi + 180, and any whole turns of phi (up to 100) count for
+// nothing.
 gonio_status gonio_text_pair(const gonio_text *text, char *const fields[4], gonio_pair *pair, gonio_error *error);
 // GONIO_E_INPUT at the current line.
 gonio_status gonio_text_fail(const gonio_text *text, gonio_error *error, const char *format, ...)

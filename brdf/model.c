@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gonio/output.h"
 #include "gonio/sample.h"
 
 void gonio_model_free(gonio_model *model) {
@@ -31,14 +32,37 @@ gonio_status gonio_model_save(const gonio_model *model, const char *path, gonio_
     if (model->ops->save == NULL) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a model of kind '%s' has no file form", model->ops->kind);
     }
-    return model->ops->save(model, path, error);
+    gonio_output *output;
+    gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = model->ops->save(model, gonio_output_stream(output), error);
+    if (status != GONIO_OK && !ferror(gonio_output_stream(output))) {
+        gonio_output_abandon(output);
+        return status;
+    }
+    return gonio_output_commit(output, error);
+}
+
+// Is the model not to be asked for these directions?
+static inline bool nothing_at(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    return gonio_half_of(wi, wo) != GONIO_REFLECTION && !model->ops->both_sides;
 }
 
 void gonio_model_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    if (nothing_at(model, wi, wo)) {
+        memset(values, 0, (size_t)model->channels * sizeof *values);
+        return;
+    }
     model->ops->eval(model, wi, wo, values);
 }
 
 void gonio_model_eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
+    if (nothing_at(model, wi, wo)) {
+        memset(values, 0, (size_t)model->channels * sizeof *values);
+        return;
+    }
     if (model->ops->eval_f32 != NULL) {
         model->ops->eval_f32(model, wi, wo, values);
         return;
@@ -51,6 +75,9 @@ void gonio_model_eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo
 }
 
 double gonio_model_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
+    if (nothing_at(model, wi, wo)) {
+        return 0;
+    }
     if (model->ops->eval_channel != NULL) {
         return model->ops->eval_channel(model, wi, wo, channel);
     }
@@ -60,18 +87,22 @@ double gonio_model_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_v
 }
 
 void gonio_model_eval_pair(const gonio_model *model, const gonio_pair *pair, double *values) {
-    model->ops->eval(model, gonio_direction(pair->theta_i, pair->phi_i), gonio_direction(pair->theta_o, pair->phi_o),
+    gonio_model_eval(model, gonio_direction(pair->theta_i, pair->phi_i), gonio_direction(pair->theta_o, pair->phi_o),
                      values);
 }
 
 void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo,
                            double *values) {
-    if (model->ops->eval_many != NULL) {
+    size_t asked = 0;
+    while (asked < n && !nothing_at(model, wi[asked], wo[asked])) {
+        asked++;
+    }
+    if (model->ops->eval_many != NULL && asked == n) {
         model->ops->eval_many(model, n, wi, wo, values);
         return;
     }
     for (size_t i = 0; i < n; i++) {
-        model->ops->eval(model, wi[i], wo[i], values + i * (size_t)model->channels);
+        gonio_model_eval(model, wi[i], wo[i], values + i * (size_t)model->channels);
     }
 }
 
@@ -80,6 +111,10 @@ void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 
 #define GRADIENT_STEP 2e-3
 
 void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]) {
+    if (gonio_pair_half(*pair) != GONIO_REFLECTION && !model->ops->both_sides) {
+        memset(gradient, 0, 4 * sizeof *gradient);
+        return;
+    }
     if (model->ops->gradient != NULL) {
         model->ops->gradient(model, pair, channel, gradient);
         return;
@@ -109,6 +144,10 @@ bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, d
     if (model->ops->sigma == NULL) {
         return false;
     }
-    model->ops->sigma(model, wi, wo, sigma);
+    if (nothing_at(model, wi, wo)) {
+        memset(sigma, 0, (size_t)model->channels * sizeof *sigma);
+    } else {
+        model->ops->sigma(model, wi, wo, sigma);
+    }
     return true;
 }

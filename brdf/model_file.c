@@ -33,29 +33,34 @@
 #define MEMORY "(memory)" // in place of a path in messages
 #define ABOUT_MAX ((size_t)4 << 20)
 
-static gonio_status check_head(const gonio_model_file_head *h, const char *path, size_t length, gonio_error *error) {
+// begin: where the model file begins within the whole one, for messages.
+static gonio_status check_head(const gonio_model_file_head *h, const char *path, size_t begin, size_t length,
+                               gonio_error *error) {
+    const long long at = (long long)begin;
     if (length < sizeof *h || memcmp(h->magic, GONIO_MODEL_FILE_MAGIC, sizeof h->magic) != 0) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 0,
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at,
                                "not a Gonio model file: it does not begin with GONIOMDL");
     }
     if (h->order != GONIO_MODEL_FILE_ORDER) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 12, "byte-order mark 0x%08x; 0x%08x was expected", h->order,
-                               GONIO_MODEL_FILE_ORDER);
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at + 12, "byte-order mark 0x%08x; 0x%08x was expected",
+                               h->order, GONIO_MODEL_FILE_ORDER);
     }
     if (h->version != GONIO_MODEL_FILE_VERSION) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 8, "model file version %u; this program reads version %d",
-                               h->version, GONIO_MODEL_FILE_VERSION);
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at + 8,
+                               "model file version %u; this program reads version %d", h->version,
+                               GONIO_MODEL_FILE_VERSION);
     }
     if (h->length != length) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 40, "the file has %zu bytes; its head says %llu: truncated?",
-                               length, (unsigned long long)h->length);
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at + 40,
+                               "the file has %zu bytes; its head says %llu: truncated?", length,
+                               (unsigned long long)h->length);
     }
     if (h->channels < 1 || h->channels > GONIO_CHANNELS_MAX) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 32, "%u channels; 1 to %d are possible", h->channels,
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at + 32, "%u channels; 1 to %d are possible", h->channels,
                                GONIO_CHANNELS_MAX);
     }
     if (h->section % GONIO_MODEL_FILE_ALIGN != 0 || h->section > length || h->section < sizeof *h + 32 * h->channels) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 48, "section offset %llu in a file of %zu bytes",
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, at + 48, "section offset %llu in a file of %zu bytes",
                                (unsigned long long)h->section, length);
     }
     return GONIO_OK;
@@ -84,10 +89,11 @@ static bool has_control(const unsigned char *name) {
     return found;
 }
 
-static gonio_status check_names(const gonio_model_file_head *h, const unsigned char *base, const char *path,
-                                gonio_error *error) {
+// base: of the whole file.
+static gonio_status check_names(const gonio_model_file_head *h, const unsigned char *base, size_t begin,
+                                const char *path, gonio_error *error) {
     for (uint32_t c = 0; c < h->channels; c++) {
-        const size_t at = sizeof *h + 32 * (size_t)c;
+        const size_t at = begin + sizeof *h + 32 * (size_t)c;
         if (memchr(base + at, 0, 32) == NULL) {
             return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)at, "channel %u: its name has no end", c);
         }
@@ -99,14 +105,14 @@ static gonio_status check_names(const gonio_model_file_head *h, const unsigned c
     return GONIO_OK;
 }
 
-// The text before the section, which the caller frees; NULL: there is none.
-static gonio_status read_about(const gonio_model_file_head *h, const unsigned char *base, const char *path,
-                               char **about, gonio_error *error) {
+// The text before the section, which the caller frees; NULL: there is none. base: of the whole file.
+static gonio_status read_about(const gonio_model_file_head *h, const unsigned char *base, size_t begin,
+                               const char *path, char **about, gonio_error *error) {
     const size_t align = GONIO_MODEL_FILE_ALIGN, names = sizeof *h + 32 * (size_t)h->channels;
-    const size_t at = (names + align - 1) / align * align;
+    const size_t at = begin + (names + align - 1) / align * align, section = begin + (size_t)h->section;
     gonio_model_file_about head;
     *about = NULL;
-    if (h->section <= at || h->section - at < sizeof head) {
+    if (section <= at || section - at < sizeof head) {
         return GONIO_OK;
     }
     memcpy(&head, base + at, sizeof head);
@@ -114,7 +120,7 @@ static gonio_status read_about(const gonio_model_file_head *h, const unsigned ch
         return GONIO_OK; // of a later version
     }
     const char *text = (const char *)base + at + sizeof head;
-    if (head.length > h->section - at - sizeof head || memchr(text, 0, (size_t)head.length) != NULL ||
+    if (head.length > section - at - sizeof head || memchr(text, 0, (size_t)head.length) != NULL ||
         head.length > ABOUT_MAX) {
         return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)at + 8,
                                "what it was made of: a text of %llu bytes was expected before the section",
@@ -157,32 +163,39 @@ static gonio_status map_file(const char *path, bool whole, gonio_mapped *mapped,
     return mapped->path != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to open %s", path);
 }
 
-static gonio_status read_mapped(gonio_mapped *mapped, const char *path, bool whole, gonio_model **out,
+static gonio_status open_part(const gonio_mapped *mapped, size_t offset, size_t length, gonio_model **out,
+                              gonio_error *error);
+
+// The model file of `length` bytes that begins at byte `begin` of the mapped one. whole: its checksum too.
+static gonio_status read_mapped(gonio_mapped *mapped, size_t begin, size_t length, bool whole, gonio_model **out,
                                 gonio_error *error) {
+    const unsigned char *base = mapped->base;
+    const char *path = mapped->path;
     gonio_model_file_head h;
-    memcpy(&h, mapped->base, sizeof h);
-    gonio_status status = check_head(&h, path, mapped->length, error);
+    memcpy(&h, base + begin, sizeof h);
+    gonio_status status = check_head(&h, path, begin, length, error);
     if (status == GONIO_OK && whole) {
-        status = check_sum(&h, mapped->base, path, error);
+        status = check_sum(&h, base + begin, path, error);
     }
     if (status == GONIO_OK) {
-        status = check_names(&h, mapped->base, path, error);
+        status = check_names(&h, base, begin, path, error);
     }
     if (status != GONIO_OK) {
         return status;
     }
-    const unsigned char *base = mapped->base;
-    mapped->names = (const char(*)[32])(base + sizeof h);
-    mapped->section = base + h.section;
-    mapped->section_length = mapped->length - (size_t)h.section;
+    mapped->names = (const char(*)[32])(base + begin + sizeof h);
+    mapped->section = base + begin + h.section;
+    mapped->section_length = length - (size_t)h.section;
     mapped->channels = (int)h.channels;
     mapped->isotropic = (h.flags & GONIO_MODEL_FILE_ISOTROPIC) != 0;
+    mapped->open_part = open_part;
     const gonio_kind *kind = memchr(h.kind, 0, sizeof h.kind) != NULL ? gonio_kind_find(h.kind) : NULL;
     if (kind == NULL) {
-        return gonio_fail_byte(error, GONIO_E_INPUT, path, 16, "a model of the unknown kind '%.16s'", h.kind);
+        return gonio_fail_byte(error, GONIO_E_INPUT, path, (long long)begin + 16, "a model of the unknown kind '%.16s'",
+                               h.kind);
     }
     char *about = NULL;
-    status = read_about(&h, base, path, &about, error);
+    status = read_about(&h, base, begin, path, &about, error);
     status = status == GONIO_OK ? kind->read(mapped, out, error) : status;
     if (status != GONIO_OK) {
         free(about);
@@ -192,12 +205,36 @@ static gonio_status read_mapped(gonio_mapped *mapped, const char *path, bool who
     return GONIO_OK;
 }
 
+static gonio_status open_part(const gonio_mapped *mapped, size_t offset, size_t length, gonio_model **out,
+                              gonio_error *error) {
+    *out = NULL;
+    if (offset % GONIO_MODEL_FILE_ALIGN != 0 || length < sizeof(gonio_model_file_head) ||
+        offset > mapped->section_length || length > mapped->section_length - offset) {
+        return gonio_mapped_fail(mapped, 0, "a model that reaches beyond the file", error);
+    }
+    if (mapped->depth >= GONIO_MODEL_FILE_DEPTH) { // a hostile file may hold thousands
+        return gonio_mapped_fail(mapped, offset, "more models inside each other than 8", error);
+    }
+    gonio_mapped part = {
+        .base = mapped->base, .length = mapped->length, .origin = GONIO_MAPPED_BORROWED, .depth = mapped->depth + 1};
+    part.path = strdup(mapped->path);
+    if (part.path == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to open a model");
+    }
+    const size_t begin = (size_t)(mapped->section - (const unsigned char *)mapped->base) + offset;
+    const gonio_status status = read_mapped(&part, begin, length, false, out, error);
+    if (status != GONIO_OK) {
+        gonio_mapped_release(&part);
+    }
+    return status;
+}
+
 static gonio_status open_file(const char *path, bool whole, gonio_model **out, gonio_error *error) {
     *out = NULL;
-    gonio_mapped mapped = {.open = gonio_model_open_memory};
+    gonio_mapped mapped = {0};
     gonio_status status = map_file(path, whole, &mapped, error);
     if (status == GONIO_OK) {
-        status = read_mapped(&mapped, path, whole, out, error);
+        status = read_mapped(&mapped, 0, mapped.length, whole, out, error);
     }
     if (status != GONIO_OK) {
         gonio_mapped_release(&mapped);
@@ -238,10 +275,10 @@ static gonio_status place(const void *data, size_t length, gonio_mapped *mapped,
 
 gonio_status gonio_model_open_memory(const void *data, size_t length, gonio_model **out, gonio_error *error) {
     *out = NULL;
-    gonio_mapped mapped = {.open = gonio_model_open_memory};
+    gonio_mapped mapped = {0};
     gonio_status status = place(data, length, &mapped, error);
     if (status == GONIO_OK) {
-        status = read_mapped(&mapped, MEMORY, true, out, error);
+        status = read_mapped(&mapped, 0, length, true, out, error);
     }
     if (status != GONIO_OK) {
         gonio_mapped_release(&mapped);

@@ -11,6 +11,7 @@
 #define GONIO_MODEL_FILE_ORDER 0x01020304u
 #define GONIO_MODEL_FILE_ISOTROPIC 1u // flags
 #define GONIO_MODEL_FILE_ALIGN 64     // sections and the arrays inside them begin at multiples of it
+#define GONIO_MODEL_FILE_DEPTH 7      // models inside one another, below the outermost
 #define GONIO_MODEL_FILE_ABOUT "GONIOABT"
 
 // As it stands in a file (brdf/model_file.c).
@@ -44,8 +45,12 @@ typedef struct gonio_mapped {
     int channels;
     bool isotropic;
     uint8_t origin; // of base: GONIO_MAPPED_*
-    // gonio_model_open_memory, for a kind whose section holds another model: it cannot call what calls it by itself.
-    gonio_status (*open)(const void *data, size_t length, gonio_model **out, gonio_error *error);
+    int depth; // how many models' sections the file lies in; up to GONIO_MODEL_FILE_DEPTH
+    // For kinds that hold other models: the one whose file begins at `offset` of the section, a multiple of
+    // GONIO_MODEL_FILE_ALIGN, and is `length` bytes long, without its checksum. It borrows from the file, which must
+    // outlive it. A pointer, since opening knows the kinds and the kinds do not know it.
+    gonio_status (*open_part)(const struct gonio_mapped *mapped, size_t offset, size_t length, gonio_model **out,
+                              gonio_error *error);
 } gonio_mapped;
 enum { GONIO_MAPPED_FILE, GONIO_MAPPED_COPY, GONIO_MAPPED_BORROWED };
 
@@ -57,9 +62,11 @@ typedef struct gonio_file_part {
     size_t length;
 } gonio_file_part;
 
-// Write head, names and the parts of the section: beside, sync, rename.
-gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
+// Write head, names and the parts of the section.
+gonio_status gonio_model_file_write(const gonio_model *model, FILE *stream, const gonio_file_part *parts, int n,
                                     gonio_error *error);
+// The bytes of the model's own file, to stand inside another; the caller frees bytes->data, which is NULL on failure.
+gonio_status gonio_model_file_bytes(const gonio_model *model, gonio_file_part *bytes, gonio_error *error);
 
 // Cursor over a section: the next `length` bytes, aligned, or NULL where the section is too short.
 const void *gonio_mapped_take(const gonio_mapped *mapped, size_t *offset, size_t length);

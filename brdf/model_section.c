@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the kinds of model share of their files' form: writing head, names and the parts of a section; taking the parts
 // back, one by one, from a mapped file.
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 
 #include "brdf/model_file.h"
-#include "gonio/output.h"
 
 gonio_checksum gonio_model_file_checksum(const gonio_model_file_head *head) {
     gonio_checksum sum = gonio_checksum_begin();
@@ -113,22 +113,15 @@ static gonio_model_file_head make_head(const gonio_model *model, const gonio_fil
     return h;
 }
 
-gonio_status gonio_model_file_write(const gonio_model *model, const char *path, const gonio_file_part *parts, int n,
+gonio_status gonio_model_file_write(const gonio_model *model, FILE *stream, const gonio_file_part *parts, int n,
                                     gonio_error *error) {
     const gonio_file_part names = {model->channel_names, 32 * (size_t)model->channels};
     gonio_file_part about = {0};
-    gonio_status status = about_part(model, &about, error);
+    const gonio_status status = about_part(model, &about, error);
     if (status != GONIO_OK) {
         return status;
     }
     const gonio_model_file_head h = make_head(model, &names, &about, parts, n);
-    gonio_output *output;
-    status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        free((void *)(uintptr_t)about.data);
-        return status;
-    }
-    FILE *stream = gonio_output_stream(output);
     fwrite(&h, 1, sizeof h, stream);
     write_part(stream, &names);
     write_part(stream, &about);
@@ -136,5 +129,27 @@ gonio_status gonio_model_file_write(const gonio_model *model, const char *path, 
     for (int i = 0; i < n; i++) {
         write_part(stream, &parts[i]);
     }
-    return gonio_output_commit(output, error);
+    return !ferror(stream) ? GONIO_OK : gonio_fail(error, GONIO_E_IO, "cannot write a model: %s", strerror(errno));
+}
+
+gonio_status gonio_model_file_bytes(const gonio_model *model, gonio_file_part *bytes, gonio_error *error) {
+    *bytes = (gonio_file_part){0};
+    if (model->ops->save == NULL) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "the model inside, of kind '%s', has no file form",
+                          model->ops->kind);
+    }
+    char *data = NULL;
+    FILE *stream = open_memstream(&data, &bytes->length);
+    gonio_status status = stream != NULL ? model->ops->save(model, stream, error)
+                                         : gonio_fail(error, GONIO_E_MEMORY, "no memory to write a model");
+    if (stream != NULL && fclose(stream) != 0 && status == GONIO_OK) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory to write a model");
+    }
+    if (status != GONIO_OK) {
+        free(data);
+        *bytes = (gonio_file_part){0};
+        return status;
+    }
+    bytes->data = data;
+    return GONIO_OK;
 }

@@ -78,16 +78,17 @@ static void complete(const geometry *g, gonio_vec3 point, gonio_vec3 normal, geo
 
 bool gonio_geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint) {
     const gonio_vec3 ray = ray_of(g, x, y);
-    if (ray.z >= 0 || g->camera.z <= 0) {
+    if (!(ray.z * g->camera.z < 0)) {
         return false;
     }
     const double s = -g->camera.z / ray.z;
     gonio_vec3 point = along(g, ray, s);
     point.z = 0;
     complete(g, point, (gonio_vec3){0, 0, 1}, hit);
+    hit->irradiance = fabs(hit->irradiance); // of a thin sheet, from either side
     if (footprint != NULL) {
         // dx dy / |ray|^3 is the solid angle; over |P - C|^2 / cos(theta_o) that leaves s^2 / |ray.z|.
-        *footprint = s * s / -ray.z;
+        *footprint = s * s / fabs(ray.z);
     }
     return true;
 }

@@ -26,8 +26,8 @@ gonio_pair gonio_geometry_pair(const gonio_rig_facts *facts, const gonio_pair *p
 // The geometry that a perfect rig has at these directions.
 geometry gonio_geometry_of_directions(const gonio_rig_facts *facts, const gonio_pair *pair);
 
-// The ray through (x, y) of the plane Z = 1 (an undistorted pixel). false: it misses, or meets the face away from the
-// camera. *footprint (may be NULL): area on the plate, mm^2, per unit of x and of y.
+// The ray through (x, y) of the plane Z = 1 (an undistorted pixel), on the face toward the camera. false: it misses.
+// *footprint (may be NULL): area on the plate, mm^2, per unit of x and of y.
 bool gonio_geometry_plate(const geometry *g, double x, double y, geometry_hit *hit, double *footprint);
 // A sphere about the origin.
 bool gonio_geometry_sphere(const geometry *g, double x, double y, double radius_mm, geometry_hit *hit);

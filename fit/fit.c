@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/halves.h"
 #include "fit/memory.h"
 #include "fit/options.h"
 
@@ -80,7 +81,7 @@ static gonio_status predict_part(const parts_fit *f, const gonio_fit_options *op
     }
     gonio_model *model = NULL;
     gonio_fit_report unused = {0};
-    status = f->method->fit(rest, options, &model, &unused, error);
+    status = gonio_fit_halves(f->method, rest, options, &model, &unused, error);
     gonio_samples_free(rest);
     for (size_t i = 0; i < all->n && status == GONIO_OK; i++) {
         if (f->part[i] == index) {
@@ -91,8 +92,10 @@ static gonio_status predict_part(const parts_fit *f, const gonio_fit_options *op
     return status;
 }
 
+// report: NULL, or where the errors of each half go too.
 static gonio_status held_out_errors(const gonio_samples *samples, const gonio_method *method,
-                                    const gonio_fit_options *options, gonio_errors *out, gonio_error *error) {
+                                    const gonio_fit_options *options, gonio_errors *out, gonio_fit_report *report,
+                                    gonio_error *error) {
     *out = (gonio_errors){NAN, NAN, NAN, NAN, NAN, NAN, 0};
     int parts = 0, *part = malloc(samples->n * sizeof *part);
     parts_fit f = {samples, method, part, malloc(samples->n * sizeof(bool)),
@@ -118,6 +121,10 @@ static gonio_status held_out_errors(const gonio_samples *samples, const gonio_me
         }
         status = gonio_errors_of(samples, f.predicted, f.which, out, error);
     }
+    if (status == GONIO_OK && report != NULL) {
+        status = gonio_halves_errors(samples, NULL, f.predicted, predicted > 0 ? f.which : NULL, options->threads,
+                                     report, error);
+    }
     free(part);
     free(f.which);
     free(f.predicted);
@@ -139,11 +146,11 @@ static gonio_status meet_tolerance(const gonio_samples *samples, const gonio_met
             break; // a finer level does not fit
         }
         if (held) {
-            status = held_out_errors(samples, method, options, &errors, error);
+            status = held_out_errors(samples, method, options, &errors, NULL, error);
         } else {
             gonio_model *model = NULL;
             gonio_fit_report unused = {0};
-            status = method->fit(samples, options, &model, &unused, error);
+            status = gonio_fit_halves(method, samples, options, &model, &unused, error);
             if (status == GONIO_OK) {
                 status = gonio_errors_model(model, samples, NULL, options->threads, &errors, error);
             }
@@ -176,7 +183,7 @@ static void append_note(gonio_fit_report *report, const char *text) {
 static gonio_status fit_all(const gonio_samples *samples, const gonio_method *method, const gonio_fit_options *options,
                             gonio_model **out, gonio_fit_report *report, gonio_error *error) {
     const double start = gonio_clock_s();
-    gonio_status status = method->fit(samples, options, out, report, error);
+    gonio_status status = gonio_fit_halves(method, samples, options, out, report, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -187,8 +194,10 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_method *me
     report->control_points = (*out)->control_points;
     report->bytes = (*out)->bytes;
     status = gonio_errors_model(*out, samples, NULL, options->threads, &report->train, error);
+    status =
+        status == GONIO_OK ? gonio_halves_errors(samples, *out, NULL, NULL, options->threads, report, error) : status;
     if (status == GONIO_OK) {
-        status = held_out_errors(samples, method, options, &report->held_out, error);
+        status = held_out_errors(samples, method, options, &report->held_out, report, error);
     }
     if (status != GONIO_OK) {
         gonio_model_free(*out);

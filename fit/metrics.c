@@ -44,7 +44,7 @@ static channel_errors errors_of_channel(const gonio_samples *samples, const doub
         e.max_abs = fmax(e.max_abs, difference);
         largest = fmax(largest, fabs(f));
         relative[e.n++] = fabs(p_up - f_up) / (f_up + RELATIVE_FLOOR);
-        if (samples->pairs[i].theta_i <= THETA_70) {
+        if (gonio_pair_raised(samples->pairs[i]).theta_i <= THETA_70) {
             e.mean_square_70 += difference * difference;
             e.n_70++;
         }

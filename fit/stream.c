@@ -93,6 +93,7 @@ static gonio_status begin_sigma(gonio_fit_stream *stream, gonio_error *error) {
     }
     memcpy(with->channel_names, old->channel_names, (size_t)old->channels * sizeof *old->channel_names);
     with->isotropic = old->isotropic;
+    with->transmission = old->transmission;
     for (size_t i = 0; i < old->n && status == GONIO_OK; i++) {
         status = gonio_samples_add(with, &old->pairs[i], old->values + i * (size_t)old->channels, NULL, NULL, error);
     }
@@ -124,6 +125,7 @@ gonio_status gonio_fit_stream_add(gonio_fit_stream *stream, const gonio_samples 
     }
     if (status == GONIO_OK) {
         stream->samples->isotropic = stream->samples->isotropic && samples->isotropic;
+        stream->samples->transmission = stream->samples->transmission || samples->transmission;
     }
     for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
         if (stream->provisional != NULL) {

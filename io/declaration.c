@@ -41,7 +41,13 @@ const gonio_declaration gonio_declarations_common[] = {
     {"normalised", "no|none|false|0", GONIO_DECLARED_NOTHING},
     {"cosine", "no|none|false|0", GONIO_DECLARED_NOTHING},
     {"cosine", "yes|true|1", GONIO_DECLARED_COSINE},
+    {"quantity", "btdf|f_t|btdf in 1/sr|btdf (1/sr)", GONIO_DECLARED_THROUGH},
     {"halves", "reflection", GONIO_DECLARED_NOTHING},
+    {"halves",
+     "reflection,transmission|transmission,reflection|reflection and transmission|both|all|"
+     "reflection,transmission,reflection-back,transmission-back",
+     GONIO_DECLARED_HALVES},
+    {"halves", "transmission", GONIO_DECLARED_THROUGH},
     {"missing", NULL, GONIO_DECLARED_MISSING},
     {"wavelength", NULL, GONIO_DECLARED_KNOWN},    // of a single channel: its name may say it too
     {"wavelengths", NULL, GONIO_DECLARED_NOTHING}, // how many
@@ -201,6 +207,13 @@ static void apply(const gonio_declaration *d, const char *value, gonio_declared 
     case GONIO_DECLARED_MISSING:
         declared->missing = gonio_number_parse(value, &end);
         declared->has_missing = end != value && *end == 0;
+        break;
+    case GONIO_DECLARED_THROUGH:
+        declared->through = true;
+        declared->transmission = true;
+        break;
+    case GONIO_DECLARED_HALVES:
+        declared->transmission = true;
         break;
     }
 }

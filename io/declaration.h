@@ -17,6 +17,8 @@ typedef enum gonio_declared_effect {
     GONIO_DECLARED_MISSING,     // the number that stands for missing values
     GONIO_DECLARED_KNOWN,       // no value depends on it: kept with the samples, as all is that nobody knows
     GONIO_DECLARED_FIGURE,      // likewise, and it must be a number of 0 or more
+    GONIO_DECLARED_HALVES,      // thetas beyond 90 deg are directions behind the sample
+    GONIO_DECLARED_THROUGH,     // all rows are transmission
 } gonio_declared_effect;
 
 // One known declaration; a table ends with {0}. Keys and values are compared without case, blanks, and _ - ^ * .
@@ -28,8 +30,9 @@ typedef struct gonio_declaration {
 
 typedef struct gonio_declared {
     bool isotropic, anisotropic;
-    bool cosine;   // values are to be divided by cos(theta_o)
-    double factor; // and by this
+    bool cosine;                // values are to be divided by cos(theta_o)
+    double factor;              // and by this
+    bool transmission, through; // thetas go to 180 deg; every row is transmitted
     bool has_missing;
     double missing;
     char *head; // "key = value" lines of what the measurement was, NULL: none; owned

@@ -111,10 +111,15 @@ typedef enum gonio_negatives {
 #define GONIO_OPTION_DECLARED                                                                                          \
     { "declared", GONIO_FORMAT_CHOICE, "heed|ignore", "heed", "what the comments declare of the values" }
 // The options of every text format stand first, in this order.
+#define GONIO_OPTION_TRANSMISSION                                                                                      \
+    {                                                                                                                  \
+        "transmission", GONIO_FORMAT_FLAG, "no|yes", "no",                                                             \
+            "thetas from 90 to 180 deg are directions behind the sample, as '# halves = reflection,transmission' says" \
+    }
 #define GONIO_TEXT_OPTIONS                                                                                             \
     [GONIO_TEXT_NEGATIVES] = GONIO_OPTION_NEGATIVES, [GONIO_TEXT_MISSING] = GONIO_OPTION_MISSING,                      \
-    [GONIO_TEXT_DECLARED] = GONIO_OPTION_DECLARED
-enum { GONIO_TEXT_NEGATIVES, GONIO_TEXT_MISSING, GONIO_TEXT_DECLARED, GONIO_TEXT_OPTIONS_N };
+    [GONIO_TEXT_DECLARED] = GONIO_OPTION_DECLARED, [GONIO_TEXT_TRANSMISSION] = GONIO_OPTION_TRANSMISSION
+enum { GONIO_TEXT_NEGATIVES, GONIO_TEXT_MISSING, GONIO_TEXT_DECLARED, GONIO_TEXT_TRANSMISSION, GONIO_TEXT_OPTIONS_N };
 #define GONIO_OPTION_NEGATIVES                                                                                         \
     {                                                                                                                  \
         "negatives", GONIO_FORMAT_CHOICE, "noise|reject|clamp|keep", "noise",                                          \
@@ -158,9 +163,10 @@ typedef struct gonio_row_collector {
 } gonio_row_collector;
 
 // Before the text's first line is read: reads what its comments declare. own: what the format knows of that, or NULL.
-gonio_status gonio_row_collector_begin(gonio_row_collector *collector, const gonio_text *text,
-                                       const gonio_source *source, const gonio_format_values *values,
-                                       const gonio_declaration *own, const char *format, gonio_error *error);
+// The text is told how far thetas go.
+gonio_status gonio_row_collector_begin(gonio_row_collector *collector, gonio_text *text, const gonio_source *source,
+                                       const gonio_format_values *values, const gonio_declaration *own,
+                                       const char *format, gonio_error *error);
 // A value of the row; NaN where the user said that this stands for a missing one.
 gonio_status gonio_row_collector_number(const gonio_row_collector *collector, const char *field, const char *what,
                                         double *value, gonio_error *error);

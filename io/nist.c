@@ -48,9 +48,10 @@ static gonio_status parse_row(const gonio_row_collector *collector, char **field
     if (status != GONIO_OK) {
         return status;
     }
-    if (!(fabs(number[1]) <= 90 && fabs(number[3]) <= 90)) {
-        return gonio_text_fail(text, error, "thetai, thetar: expected -90 to 90 degrees, found %s and %s", fields[1],
-                               fields[3]);
+    const int largest = text->transmission ? 180 : 90;
+    if (!(fabs(number[1]) <= largest && fabs(number[3]) <= largest)) {
+        return gonio_text_fail(text, error, "thetai, thetar: expected -%d to %d degrees, found %s and %s", largest,
+                               largest, fields[1], fields[3]);
     }
     if (!(fabs(number[2]) <= 360 && fabs(number[4]) <= 360 && number[0] > 0 && number[0] <= 100)) {
         return gonio_text_fail(text, error, "expected a lambda of 0 to 100 um and azimuths of -360 to 360 degrees");

@@ -6,6 +6,7 @@
 
 #include "base/mueller.h"
 #include "base/number.h"
+#include "gonio/plan.h"
 #include "io/format.h"
 
 static bool name_is_sound(const char *name) {
@@ -52,9 +53,9 @@ static void parse_missing(const gonio_format_values *values, const gonio_declare
     }
 }
 
-gonio_status gonio_row_collector_begin(gonio_row_collector *collector, const gonio_text *text,
-                                       const gonio_source *source, const gonio_format_values *values,
-                                       const gonio_declaration *own, const char *format, gonio_error *error) {
+gonio_status gonio_row_collector_begin(gonio_row_collector *collector, gonio_text *text, const gonio_source *source,
+                                       const gonio_format_values *values, const gonio_declaration *own,
+                                       const char *format, gonio_error *error) {
     *collector = (gonio_row_collector){
         .text = text, .policy = (gonio_negatives)values->at[GONIO_TEXT_NEGATIVES].choice, .declared = {.factor = 1}};
     collector->report.first_negative_line = -1;
@@ -63,6 +64,8 @@ gonio_status gonio_row_collector_begin(gonio_row_collector *collector, const gon
     const gonio_status status = values->at[GONIO_TEXT_DECLARED].choice == 0
                                     ? gonio_declarations_read(source, own, &collector->declared, error)
                                     : GONIO_OK;
+    collector->declared.transmission |= values->at[GONIO_TEXT_TRANSMISSION].choice == 1;
+    text->transmission = collector->declared.transmission;
     parse_missing(values, &collector->declared, &collector->missing);
     return status;
 }
@@ -211,7 +214,7 @@ gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio
     if (leaves_out(collector, values, sigma_random, sigma_systematic)) {
         return GONIO_OK;
     }
-    const double divisor = (collector->declared.cosine ? cos(pair->theta_o) : 1) * collector->declared.factor;
+    const double divisor = (collector->declared.cosine ? fabs(cos(pair->theta_o)) : 1) * collector->declared.factor;
     if (divisor < COSINE_MIN) {
         collector->horizon++;
         return GONIO_OK;
@@ -309,8 +312,24 @@ gonio_status gonio_row_collector_room(gonio_row_collector *collector, int channe
         collector->samples->isotropic = !collector->declared.anisotropic;
         collector->samples->head = collector->declared.head;
         collector->declared.head = NULL;
+        collector->samples->transmission = collector->declared.transmission;
     }
     return status;
+}
+
+// A table of transmission alone may count theta_o from the normal of the side where the light leaves: then none is
+// beyond 90 deg, and there is no other reading.
+static void turn_through(gonio_row_collector *collector) {
+    gonio_samples *s = collector->samples;
+    if (!collector->declared.through || s == NULL || gonio_pairs_transmit(s->pairs, s->n)) {
+        return;
+    }
+    for (size_t i = 0; i < s->n; i++) {
+        s->pairs[i] = gonio_pair_lowered(s->pairs[i], GONIO_TRANSMISSION);
+    }
+    gonio_text_append(collector->report.notes, sizeof collector->report.notes,
+                      "it declares transmission, and every theta_o is up to 90 deg: taken from the normal of the side "
+                      "where the light leaves\n");
 }
 
 gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
@@ -323,6 +342,7 @@ gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_statu
     status = status == GONIO_OK && collector->refused > 0 ? refuse(collector, error) : status;
     if (status == GONIO_OK) {
         tell(collector);
+        turn_through(collector);
         status = gonio_repeats_look(collector->samples, collector->lines, collector->report.notes,
                                     sizeof collector->report.notes, error);
     }
@@ -347,9 +367,10 @@ gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_statu
 
 gonio_status gonio_polar_rad(const gonio_text *text, const char *what, double rad, double *theta, gonio_error *error) {
     const double horizon = GONIO_PI / 2, rounding = 1e-6; // files give six decimals
-    if (!(rad >= 0 && rad <= horizon + rounding)) {
-        return gonio_text_fail(text, error, "%s: expected 0 to pi/2 radians, found %.9g", what, rad);
+    if (!(rad >= 0 && rad <= horizon * (text->transmission ? 2 : 1) + rounding)) {
+        return gonio_text_fail(text, error, "%s: expected 0 to %s radians, found %.9g", what,
+                               text->transmission ? "pi" : "pi/2", rad);
     }
-    *theta = gonio_angle_canonical(fmin(rad, horizon));
+    *theta = gonio_angle_canonical(rad <= horizon + rounding ? fmin(rad, horizon) : fmin(rad, GONIO_PI));
     return GONIO_OK;
 }

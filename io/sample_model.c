@@ -5,6 +5,7 @@
 #include "base/head.h"
 #include "base/thread_pool.h"
 #include "gonio/io.h"
+#include "gonio/plan.h"
 
 #define BLOCK 256
 
@@ -58,6 +59,7 @@ gonio_status gonio_samples_of_model(const gonio_model *model, const gonio_pair *
         return status;
     }
     s->isotropic = model->isotropic;
+    s->transmission = gonio_pairs_transmit(pairs, n);
     memcpy(s->channel_names, model->channel_names, (size_t)model->channels * sizeof *s->channel_names);
     memcpy(s->pairs, pairs, n * sizeof *pairs);
     s->n = n;

@@ -7,7 +7,8 @@
 // Angles in degrees, f_r in 1/sr. sigma_<channel> is the combined standard uncertainty. The two parts follow where the
 // systematic one is not zero throughout; a reader takes them then and the combined one only where they are missing. The
 // systematic part is common to the rows of one systematic_group: sets of several sessions have several. The comment
-// "# anisotropic" says that the geometry does not reduce to the difference of azimuths.
+// "# anisotropic" says that the geometry does not reduce to the difference of azimuths, "# halves = reflection,
+// transmission" that thetas beyond 90 deg are directions behind the sample.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,7 @@
 
 #define GROUP "systematic_group"
 #define ANISOTROPIC "# anisotropic"
+#define TRANSMISSION "# halves = reflection,transmission"
 
 // A header that holds one of the angles: what else is wrong with it, this reader says best.
 static bool recognise(const gonio_source *source) {
@@ -237,6 +239,9 @@ static void put_header(const gonio_samples *s, bool systematic, FILE *stream) {
     }
     if (!s->isotropic) {
         fputs(ANISOTROPIC "\n", stream);
+    }
+    if (s->transmission) {
+        fputs(TRANSMISSION "\n", stream);
     }
     fputs(GONIO_PAIR_HEADER, stream);
     static const char *const prefixes[4] = {"", "sigma_", "sigma_random_", "sigma_systematic_"};

@@ -64,7 +64,9 @@ static gonio_status parse_angle(const reader *r, gonio_mapped_role role, double 
         status = status == GONIO_OK ? gonio_text_number(&r->text, field, name, value, error) : status;
     }
     const bool polar = role == GONIO_MAPPED_THETA_I || role == GONIO_MAPPED_THETA_O;
-    const double limit = (r->mapping->radians ? GONIO_PI / 180 : 1) * (polar ? 90 : 36000);
+    const double limit = (r->mapping->radians ? GONIO_PI / 180 : 1) * (!polar                 ? 36000
+                                                                       : r->text.transmission ? 180
+                                                                                              : 90);
     if (status != GONIO_OK) {
         return status;
     }
@@ -91,7 +93,7 @@ static void direction(const reader *r, double polar, double azimuth, bool turned
     double sum = fmod(azimuth, 2 * half) + ((polar < 0) != turned ? half : 0);
     sum = sum > 2 * half ? sum - 2 * half : sum;
     if (r->mapping->radians) {
-        *theta = gonio_angle_canonical(fmin(fabs(polar), GONIO_PI / 2));
+        *theta = gonio_angle_canonical(fmin(fabs(polar), r->text.transmission ? GONIO_PI : GONIO_PI / 2));
         *phi = gonio_angle_canonical(sum);
     } else {
         *theta = gonio_radians(fabs(polar));

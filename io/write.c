@@ -49,6 +49,14 @@ gonio_status gonio_write_table_as(const gonio_model *model, const char *path, co
                                .convention = f->convention,
                                .theta_max_deg = f->theta_max_deg > 0 ? f->theta_max_deg : 90};
     snprintf(told.format, sizeof told.format, "%s", f->name);
+    if (model->ops->both_sides) {
+        model = gonio_model_half(model, GONIO_REFLECTION);
+        gonio_write_lost(&told, "all halves but the front reflection");
+    }
+    if (model == NULL) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED,
+                          "a %s is written of the front reflection, which the model does not hold", f->summary);
+    }
     status = put_table(f, model, path, &values, options != NULL ? options->max_error : 0, report != NULL, &told, error);
     if (report != NULL) {
         *report = told;

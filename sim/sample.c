@@ -61,7 +61,7 @@ static void seen_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, do
 static void seen_free(gonio_model *model) { free(model); }
 
 static const gonio_model_ops seen_ops = {
-    .kind = "seen", .eval = seen_eval, .eval_channel = seen_eval_channel, .free = seen_free};
+    .kind = "seen", .eval = seen_eval, .eval_channel = seen_eval_channel, .free = seen_free, .both_sides = true};
 
 gonio_status gonio_sim_sample_seen(gonio_model *model, int channels, gonio_model **out, gonio_error *error) {
     *out = model;

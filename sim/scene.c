@@ -88,8 +88,11 @@ void gonio_sim_scene_place(sim_scene *scene, const sim_settings *settings, const
     scene->half_panel_mm = settings->reference.panel_mm / 2;
 }
 
+// The sample is a thin sheet, which has a face on either side; of all else the back is dark.
+static bool is_sheet(const sim_scene *scene) { return scene->target == GONIO_TARGET_SAMPLE && !scene->sphere; }
+
 static bool hit_plane(const sim_scene *scene, gonio_vec3 ray, double half, gonio_vec3 *point) {
-    if (!(ray.z < 0) || !(scene->camera.z > 0)) {
+    if (!(ray.z * scene->camera.z < 0) || !(scene->camera.z > 0 || is_sheet(scene))) {
         return false;
     }
     *point = add(scene->camera, -scene->camera.z / ray.z, ray);
@@ -145,18 +148,19 @@ static bool lit(const sim_scene *scene, gonio_vec3 point, gonio_vec3 light) {
     return !isfinite(scene->beam_tan2) || dot(way, way) <= along * along * (1 + scene->beam_tan2);
 }
 
-static double reflected(const sim_scene *scene, gonio_vec3 point, gonio_vec3 normal, bool curved, int channel) {
+static double scattered(const sim_scene *scene, gonio_vec3 point, gonio_vec3 normal, bool curved, int channel) {
     double distance2, sum = 0;
     gonio_vec3 wo = toward(point, scene->camera, &distance2);
     wo = curved ? to_local(normal, wo) : wo;
-    if (!(wo.z > 0)) {
+    const bool sheet = is_sheet(scene);
+    if (!(wo.z > 0) && !sheet) {
         return 0;
     }
     for (int k = 0; k < scene->lights; k++) {
         gonio_vec3 wi = toward(point, scene->light[k], &distance2);
         wi = curved ? to_local(normal, wi) : wi;
-        if (wi.z > 0 && lit(scene, point, scene->light[k])) {
-            sum += pi_brdf(scene, wi, wo, channel) * wi.z * scene->light_distance_mm * scene->light_distance_mm /
+        if ((wi.z > 0 || sheet) && lit(scene, point, scene->light[k])) {
+            sum += pi_brdf(scene, wi, wo, channel) * fabs(wi.z) * scene->light_distance_mm * scene->light_distance_mm /
                    distance2;
         }
     }
@@ -222,13 +226,13 @@ double gonio_sim_scene_radiance(const sim_scene *scene, double x, double y, int 
         return 0;
     }
     if (scene->target == GONIO_TARGET_BALL || (scene->sphere && scene->target == GONIO_TARGET_SAMPLE)) {
-        return hit_round(scene, ray, &point, &normal) ? reflected(scene, point, normal, true, channel) : 0;
+        return hit_round(scene, ray, &point, &normal) ? scattered(scene, point, normal, true, channel) : 0;
     }
     if (scene->target == GONIO_TARGET_FIDUCIAL) {
         return hit_plane(scene, ray, INFINITY, &point)
-                   ? picture(scene, x, y) * reflected(scene, point, normal, false, channel)
+                   ? picture(scene, x, y) * scattered(scene, point, normal, false, channel)
                    : 0;
     }
     const double half = scene->target == GONIO_TARGET_REFERENCE ? scene->half_panel_mm : scene->half_plate_mm;
-    return hit_plane(scene, ray, half, &point) ? reflected(scene, point, normal, false, channel) : 0;
+    return hit_plane(scene, ray, half, &point) ? scattered(scene, point, normal, false, channel) : 0;
 }

@@ -33,7 +33,7 @@ static gonio_status unknown_formula(const char *found, gonio_error *error) {
         append(list, sizeof list, (*k)->name);
         append(list, sizeof list, ", ");
     }
-    return gonio_fail(error, GONIO_E_USAGE, "unknown BRDF '%s'; expected one of %sfile:PATH", found, list);
+    return gonio_fail(error, GONIO_E_USAGE, "unknown BRDF '%s'; expected one of %stranslucent, file:PATH", found, list);
 }
 
 static gonio_status unknown_key(const gonio_formula *formula, const char *found, gonio_error *error) {

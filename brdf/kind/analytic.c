@@ -102,7 +102,7 @@ typedef struct description {
 } description;
 _Static_assert(sizeof(description) == 8 + 16 * GONIO_ANALYTIC_TERMS_MAX, "the description is written as it stands");
 
-static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const analytic_model *m = (const analytic_model *)model;
     description about = {.n_terms = (uint32_t)m->n_terms, .has_sigmas = m->sigmas != NULL};
     for (int t = 0; t < m->n_terms; t++) {
@@ -111,7 +111,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
     const gonio_file_part parts[3] = {{&about, sizeof about},
                                       {m->parameters, m->count * sizeof *m->parameters},
                                       {m->sigmas, m->count * sizeof *m->parameters}};
-    return gonio_model_file_write(model, path, parts, m->sigmas != NULL ? 3 : 2, error);
+    return gonio_model_file_write(model, stream, parts, m->sigmas != NULL ? 3 : 2, error);
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {

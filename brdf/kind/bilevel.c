@@ -78,7 +78,7 @@ static size_t diffuse_bytes(int level, int channels) {
     return gonio_lattice_count(3, level) * (size_t)channels * sizeof(float);
 }
 
-static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const bilevel_model *m = (const bilevel_model *)model;
     const gonio_sparse *s = &m->parts.sparse;
     const size_t c = (size_t)model->channels;
@@ -100,13 +100,13 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
         parts[3] = (gonio_file_part){s->key, s->keys * sizeof *s->key};
         parts[4] = (gonio_file_part){s->values, s->keys * c * sizeof *s->values};
         parts[5] = (gonio_file_part){s->packed, s->packed_length};
-        return gonio_model_file_write(model, path, parts, 6, error);
+        return gonio_model_file_write(model, stream, parts, 6, error);
     }
     const bool bytes = s->storage == GONIO_STORAGE_BYTE;
     parts[3] = (gonio_file_part){s->table, s->side * s->side * s->side * sizeof *s->table};
     parts[4] = (gonio_file_part){s->data, s->bricks * c * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage)};
     parts[5] = (gonio_file_part){s->scales, bytes ? s->bricks * c * sizeof *s->scales : 0};
-    return gonio_model_file_write(model, path, parts, bytes ? 6 : 5, error);
+    return gonio_model_file_write(model, stream, parts, bytes ? 6 : 5, error);
 }
 
 static const gonio_model_ops bilevel_ops = {

@@ -125,7 +125,7 @@ static void release(gonio_model *model) {
     gonio_channels_free(&m->channels);
 }
 
-static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const lattice_model *m = (const lattice_model *)model;
     const description about = {.dims = (uint32_t)m->lattice.dims,
                                .level = (uint32_t)m->lattice.level,
@@ -137,7 +137,7 @@ static gonio_status save(const gonio_model *model, const char *path, gonio_error
         {m->channels.transforms, c * sizeof *m->channels.transforms},
         {m->lattice.points, m->lattice.count * c * sizeof(float)},
     };
-    return gonio_model_file_write(model, path, parts, 3, error);
+    return gonio_model_file_write(model, stream, parts, 3, error);
 }
 
 static const gonio_model_ops lattice_ops = {

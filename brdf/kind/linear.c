@@ -119,7 +119,7 @@ typedef struct description {
     uint32_t order, has_spread;
 } description;
 
-gonio_status gonio_linear_save(const gonio_model *model, const char *path, gonio_error *error) {
+gonio_status gonio_linear_save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const linear_model *m = (const linear_model *)model;
     const description about = {.order = (uint32_t)m->order, .has_spread = m->matrix != NULL};
     const size_t terms = (size_t)m->terms;
@@ -127,7 +127,7 @@ gonio_status gonio_linear_save(const gonio_model *model, const char *path, gonio
                                       {m->coefficients, m->head.bytes},
                                       {m->factors, (size_t)model->channels * sizeof *m->factors},
                                       {m->matrix, terms * terms * sizeof *m->matrix}};
-    return gonio_model_file_write(model, path, parts, m->matrix != NULL ? 4 : 2, error);
+    return gonio_model_file_write(model, stream, parts, m->matrix != NULL ? 4 : 2, error);
 }
 
 gonio_status gonio_linear_read(const gonio_linear_basis *basis, gonio_mapped *mapped, gonio_model **out,

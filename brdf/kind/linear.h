@@ -40,7 +40,7 @@ gonio_status gonio_linear_read(const gonio_linear_basis *basis, gonio_mapped *ma
                                gonio_error *error);
 void gonio_linear_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);
 double gonio_linear_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel);
-gonio_status gonio_linear_save(const gonio_model *model, const char *path, gonio_error *error);
+gonio_status gonio_linear_save(const gonio_model *model, FILE *stream, gonio_error *error);
 void gonio_linear_free(gonio_model *model);
 
 void gonio_linear_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);

@@ -36,7 +36,7 @@ static gonio_transform_kind kind_of(uint32_t number) {
     return number == FILE_POSITIVE || number == FILE_GRAZING ? GONIO_TRANSFORM_POSITIVE : (gonio_transform_kind)number;
 }
 
-gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, gonio_error *error) {
+gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const gonio_lobe_spline_parts *p = &((const gonio_lobe_spline *)model)->parts;
     const description about = {.dims = (uint32_t)p->dims,
                                .level = p->lattice.points != NULL ? (uint32_t)p->lattice.level : NO_LEVEL,
@@ -78,7 +78,7 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, 
     if (p->shares != NULL) {
         parts[n++] = (gonio_file_part){p->shares, c * (1 + GONIO_LOBES_MAX) * sizeof(double)};
     }
-    return gonio_model_file_write(model, path, parts, n, error);
+    return gonio_model_file_write(model, stream, parts, n, error);
 }
 
 static bool level_possible(uint32_t level) { return level == NO_LEVEL || level <= 9; }

@@ -47,7 +47,7 @@ void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gon
 double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo);
 void gonio_lobe_spline_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double out[4]);
 
-gonio_status gonio_lobe_spline_save(const gonio_model *model, const char *path, gonio_error *error);
+gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, gonio_error *error);
 // The parts of a file's section: their arrays lie in it.
 gonio_status gonio_lobe_spline_read_parts(gonio_mapped *mapped, gonio_lobe_spline_parts *parts, gonio_error *error);
 

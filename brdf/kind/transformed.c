@@ -11,7 +11,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "brdf/kind.h"
 #include "gonio/sample.h"
@@ -151,58 +150,26 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
 
 // ---- the model file's section: the description, factors, tables, then the inner model's own file ----
 
-// The bytes of the inner model's file: a kind can write one only, so it is written beside and read back.
-static gonio_status inner_bytes(const gonio_model *inner, const char *path, void **bytes, size_t *length,
-                                gonio_error *error) {
-    char name[4096];
-    *bytes = NULL;
-    const int written = snprintf(name, sizeof name, "%s.inner-%ld", path, (long)getpid());
-    if (written < 0 || (size_t)written >= sizeof name) {
-        return gonio_fail_line(error, GONIO_E_IO, path, -1, "the path is too long");
-    }
-    gonio_status status = gonio_model_save(inner, name, error);
-    FILE *file = status == GONIO_OK ? fopen(name, "rb") : NULL;
-    if (file != NULL && fseek(file, 0, SEEK_END) == 0) {
-        const long end = ftell(file);
-        *length = end > 0 ? (size_t)end : 0;
-        *bytes = malloc(*length + 1);
-        rewind(file);
-    }
-    if (status == GONIO_OK && (*bytes == NULL || fread(*bytes, 1, *length, file) != *length)) {
-        status = gonio_fail_line(error, GONIO_E_IO, name, -1, "cannot read back the model inside");
-    }
-    if (file != NULL) {
-        fclose(file);
-    }
-    unlink(name);
-    if (status != GONIO_OK) {
-        free(*bytes);
-        *bytes = NULL;
-    }
-    return status;
-}
-
 static size_t table_count(const gonio_transformed_parts *p, size_t channels) {
     return p->products * channels * 2 * p->thetas * p->phis;
 }
 
-static gonio_status save(const gonio_model *model, const char *path, gonio_error *error) {
+static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *error) {
     const transformed *m = (const transformed *)model;
     const gonio_transformed_parts *p = &m->parts;
-    void *bytes;
-    size_t length = 0;
-    gonio_status status = inner_bytes(m->inner, path, &bytes, &length, error);
+    gonio_file_part inner;
+    gonio_status status = gonio_model_file_bytes(m->inner, &inner, error);
     if (status != GONIO_OK) {
         return status;
     }
     const description about = {(uint32_t)p->what, p->geometric, p->delta, p->knots,
-                               p->products,       p->thetas,    p->phis,  length};
+                               p->products,       p->thetas,    p->phis,  inner.length};
     const gonio_file_part parts[4] = {{&about, sizeof about},
                                       {p->factors, p->knots * sizeof(double)},
                                       {p->tables, table_count(p, (size_t)model->channels) * sizeof(double)},
-                                      {bytes, length}};
-    status = gonio_model_file_write(model, path, parts, 4, error);
-    free(bytes);
+                                      inner};
+    status = gonio_model_file_write(model, stream, parts, 4, error);
+    free((void *)(uintptr_t)inner.data);
     return status;
 }
 
@@ -239,42 +206,6 @@ static bool is_sound(const description *about, const gonio_transformed_parts *p)
     return about->what < GONIO_TRANSFORMATIONS && about->geometric <= 1 && possible(p);
 }
 
-static size_t aligned(size_t length) {
-    return (length + GONIO_MODEL_FILE_ALIGN - 1) / GONIO_MODEL_FILE_ALIGN * GONIO_MODEL_FILE_ALIGN;
-}
-
-// Do more than NESTED_MAX transformed models stand inside each other? Found without recursion, for a hostile file may
-// hold thousands. What is not sound ends the search: opening it will say so.
-enum { NESTED_MAX = 8 };
-static bool nests_too_deep(const void *bytes, size_t length) {
-    const unsigned char *at = bytes;
-    for (int depth = 1; depth < NESTED_MAX; depth++) {
-        gonio_model_file_head head;
-        description about;
-        if (length < sizeof head) {
-            return false;
-        }
-        memcpy(&head, at, sizeof head);
-        if (memcmp(head.kind, "transformed", sizeof "transformed") != 0 || head.section > length ||
-            length - head.section < sizeof about || head.channels > GONIO_CHANNELS_MAX) {
-            return false;
-        }
-        memcpy(&about, at + head.section, sizeof about);
-        const gonio_transformed_parts p = parts_of(&about);
-        if (!is_sound(&about, &p)) {
-            return false;
-        }
-        const size_t before = (size_t)head.section + aligned(sizeof about) + aligned(p.knots * sizeof(double)) +
-                              aligned(table_count(&p, head.channels) * sizeof(double));
-        if (before > length || about.inner > length - before) {
-            return false;
-        }
-        at += before;
-        length = (size_t)about.inner;
-    }
-    return true;
-}
-
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
@@ -287,17 +218,13 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     p.factors = gonio_mapped_take(mapped, &at, p.knots * sizeof(double));
     p.tables = gonio_mapped_take(mapped, &at, tables * sizeof(double));
     const size_t inner_at = at;
-    const void *bytes = gonio_mapped_take(mapped, &at, about->inner);
-    if (p.factors == NULL || p.tables == NULL || bytes == NULL || !finite_all(p.factors, p.knots) ||
-        !finite_all(p.tables, tables)) {
+    if (p.factors == NULL || p.tables == NULL || !finite_all(p.factors, p.knots) || !finite_all(p.tables, tables)) {
         return gonio_mapped_fail(mapped, factors_at, "its tables are short or not finite", error);
     }
     gonio_model *inner;
-    if (nests_too_deep(bytes, about->inner)) {
-        return gonio_mapped_fail(mapped, inner_at, "more transformed models inside each other than 8", error);
-    }
-    if (mapped->open(bytes, about->inner, &inner, NULL) != GONIO_OK) {
-        return gonio_mapped_fail(mapped, inner_at, "the model inside is not sound", error);
+    gonio_status status = mapped->open_part(mapped, inner_at, (size_t)about->inner, &inner, error);
+    if (status != GONIO_OK) {
+        return status;
     }
     const bool same = inner->channels == mapped->channels &&
                       memcmp(inner->channel_names, mapped->names, 32 * (size_t)mapped->channels) == 0;
@@ -305,7 +232,7 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
         gonio_model_free(inner);
         return gonio_mapped_fail(mapped, inner_at, "the model inside has other channels", error);
     }
-    const gonio_status status = gonio_transformed_new(inner, &p, out, error);
+    status = gonio_transformed_new(inner, &p, out, error);
     if (status != GONIO_OK) {
         gonio_model_free(inner);
         return status;
@@ -352,6 +279,10 @@ gonio_status gonio_transformed_new(gonio_model *inner, const gonio_transformed_p
     if (!possible(parts)) {
         return gonio_fail(error, GONIO_E_RANGE, "no transformation: delta %g; expected 0 to 1", parts->delta);
     }
+    if (inner->ops->both_sides) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED,
+                          "a model of halves, of which reflection and transmission would each need its own change");
+    }
     transformed *m = calloc(1, sizeof *m);
     if (m != NULL) {
         m->parts = *parts;
@@ -368,6 +299,7 @@ gonio_status gonio_transformed_new(gonio_model *inner, const gonio_transformed_p
     memcpy(m->names, inner->channel_names, c * sizeof *m->names);
     m->inner = inner;
     m->head = *inner;
+    m->head.sampler = NULL;
     m->head.about = NULL; // of the inner one; whoever makes this one says what it is made of
     m->head.ops = inner->ops->sigma != NULL ? &ops_sigma : &ops_plain;
     m->head.channel_names = (const char(*)[32])m->names;

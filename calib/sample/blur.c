@@ -14,6 +14,9 @@
 // and the BRDF does not. What a model knows of the curvature it can be asked twice: by Helmholtz' reciprocity
 // f_r(wi, wo) = f_r(wo, wi), so the same means with light and camera exchanged come from another place of the fit. Both
 // answers count alike; what they disagree by is the correction's uncertainty.
+//
+// Transmission is looked at in front of the sample, as its model is (gonio_model_half). Its exchange holds for sheets
+// with two like faces alone; for others the answers disagree, and less is corrected.
 #include <math.h>
 #include <stdlib.h>
 
@@ -90,8 +93,13 @@ static blur_bias mean_over(const probe *p, double centre) {
     return (blur_bias){(here + there) / 2 / centre, hypot(higher, (here - there) / sqrt(2)) / centre};
 }
 
-blur_terms gonio_blur_of(const gonio_rig_facts *facts, const gonio_model *model, int channel, const gonio_pair *pair,
+blur_terms gonio_blur_of(const gonio_rig_facts *facts, const gonio_model *whole, int channel, const gonio_pair *actual,
                          double centre) {
+    const gonio_model *model = gonio_model_half(whole, gonio_pair_half(*actual));
+    const gonio_pair raised = gonio_pair_raised(*actual), *pair = &raised;
+    if (model == NULL) {
+        return (blur_terms){0};
+    }
     const geometry g = gonio_geometry_of_directions(facts, pair);
     const gonio_pair swapped = {pair->theta_o, pair->phi_o, pair->theta_i, pair->phi_i};
     const geometry turned = gonio_geometry_of_directions(facts, &swapped); // its right and up are the light arm's

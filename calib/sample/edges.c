@@ -15,7 +15,8 @@ static void extent(double along, double across, double azimuth, double half[2]) 
 // How far the beam reaches from the centre along its azimuth, on its far side. A beam of `spot` radius on a plane that
 // faces it is a cone from the lamp; a ray of its rim at theta + delta meets the sample at d (cos theta tan(theta +
 // delta) - sin theta).
-static double spot_reach(const gonio_rig_facts *facts, double theta) {
+static double spot_reach(const gonio_rig_facts *facts, double theta_i) {
+    const double theta = fmin(theta_i, GONIO_PI - theta_i); // behind the sample as in front
     const double d = facts->light_distance_mm, rim = theta + atan(facts->light_spot_mm / d);
     return rim < gonio_radians(89.99) ? d * (cos(theta) * tan(rim) - sin(theta)) : 1e6; // beyond any table
 }
@@ -25,7 +26,7 @@ static void region_extent(const gonio_camera_info *camera, const gonio_rig_facts
                           double half[2]) {
     const double pixel = facts->camera_distance_mm / fmin(camera->fx, camera->fy) / 2;
     double blur[2];
-    extent(pixel / fmax(cos(pair->theta_o), 1e-6), pixel, pair->phi_o, blur);
+    extent(pixel / fmax(fabs(cos(pair->theta_o)), 1e-6), pixel, pair->phi_o, blur);
     for (int c = 0; c < 2; c++) {
         half[c] = facts->region_radius_mm + blur[c];
     }

@@ -14,6 +14,8 @@
 #define COVERAGE_MIN 0.75
 // Largest relative change of cos(theta_i) by the pointing's uncertainty.
 #define INCIDENCE_MAX 0.1
+// Standard uncertainties of pointing from the sample's plane within which a camera is edge-on.
+#define EDGE_ON_SIGMAS 3
 // A rig that is called perfect still stands on arithmetic and the lamp's size.
 #define POINTING_MIN_DEG 1e-4
 
@@ -108,7 +110,14 @@ static gonio_status check_incidence(const gonio_calib *calib, const gonio_pair *
     const double systematic =
         facts->alignment.known ? gonio_degrees(facts->alignment.sigma_rad) : facts->pointing_systematic_deg;
     const double pointing = fmax(hypot(facts->pointing_random_deg, systematic), POINTING_MIN_DEG);
-    if (gonio_radians(pointing) * sin(pair->theta_i) < INCIDENCE_MAX * cos(pair->theta_i)) {
+    // Which face the camera sees decides whether light was reflected or transmitted: not known edge-on.
+    if (fabs(gonio_degrees(pair->theta_o) - 90) < EDGE_ON_SIGMAS * pointing) {
+        return gonio_fail_frame(
+            error, GONIO_E_RANGE, first->frame.stamp.pose, first->frame.stamp.frame,
+            "theta_o %.6g deg sees the sample edge-on: pointing to %.2g deg leaves the face unknown",
+            gonio_degrees(pair->theta_o), pointing);
+    }
+    if (gonio_radians(pointing) * sin(pair->theta_i) < INCIDENCE_MAX * fabs(cos(pair->theta_i))) {
         return GONIO_OK;
     }
     return gonio_fail_frame(error, GONIO_E_RANGE, first->frame.stamp.pose, first->frame.stamp.frame,

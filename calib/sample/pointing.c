@@ -25,9 +25,12 @@
 
 static double square(double x) { return x * x; }
 
-static double model_at(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel) {
-    wi.z = fmax(wi.z, 0);
-    wo.z = fmax(wo.z, 0);
+static double model_at(const gonio_model *model, const gonio_pair *pair, int channel) {
+    gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i), wo = gonio_direction(pair->theta_o, pair->phi_o);
+    if (!model->ops->both_sides) {
+        wi.z = fmax(wi.z, 0);
+        wo.z = fmax(wo.z, 0);
+    }
     return gonio_model_eval_channel(model, wi, wo, channel);
 }
 
@@ -50,8 +53,7 @@ static double alignment_variance(const gonio_rig_facts *facts, const gonio_pair 
 
 slope_terms gonio_slope_terms_of(const gonio_rig_facts *facts, const gonio_model *model, int channel,
                                  const gonio_pair *pair, double measured) {
-    const double value = model_at(model, gonio_direction(pair->theta_i, pair->phi_i),
-                                  gonio_direction(pair->theta_o, pair->phi_o), channel);
+    const double value = model_at(model, pair, channel);
     const double floor = fmax(value, VALUE_MIN);
     const double random = square(gonio_radians(facts->pointing_random_deg));
     const double systematic = facts->alignment.known ? square(facts->alignment.sigma_rad)

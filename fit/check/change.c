@@ -16,6 +16,7 @@ static gonio_status copy(const gonio_samples *in, bool twice, gonio_samples **ou
         return status;
     }
     (*out)->isotropic = in->isotropic;
+    (*out)->transmission = in->transmission;
     memcpy((*out)->channel_names, in->channel_names, c * sizeof *in->channel_names);
     status = gonio_head_copy(in->head, &(*out)->head, error);
     for (size_t i = 0; i < in->n && status == GONIO_OK; i++) {
@@ -37,12 +38,18 @@ gonio_status gonio_check_change(const gonio_samples *samples, const gonio_change
     gonio_table *table = NULL;
     gonio_status status = gonio_change_check(change, error);
     status = status == GONIO_OK ? gonio_samples_check(samples, error) : status;
+    const bool by_sample = change->kind == GONIO_CHANGE_MIRROR || change->kind == GONIO_CHANGE_CLAMP;
+    if (status == GONIO_OK && !by_sample && gonio_samples_halves(samples) != 1u << GONIO_REFLECTION) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED,
+                          "%s changes reflection from the front alone; these samples have others",
+                          gonio_change_name(change->kind));
+    }
     status = status == GONIO_OK ? copy(samples, change->kind == GONIO_CHANGE_MIRROR, out, error) : status;
     if (status == GONIO_OK && change->kind == GONIO_CHANGE_CLAMP) {
         for (size_t k = 0; k < (*out)->n * (size_t)(*out)->channels; k++) {
             (*out)->values[k] = fmax((*out)->values[k], 0);
         }
-    } else if (status == GONIO_OK && change->kind != GONIO_CHANGE_MIRROR) {
+    } else if (status == GONIO_OK && !by_sample) {
         status = gonio_table_of(samples, &table, error);
         if (status == GONIO_OK) {
             status = table != NULL ? gonio_change_table(table, change, threads, *out, error)

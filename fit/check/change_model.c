@@ -239,10 +239,19 @@ static gonio_status change_model(gonio_model *model, const gonio_change *change,
     return status;
 }
 
+// Transmission's exchanged value is that of the other side, and what goes through counts in the albedo.
+static gonio_status refuse_halves(const gonio_model *model, gonio_error *error) {
+    return !model->ops->both_sides
+               ? GONIO_OK
+               : gonio_fail(error, GONIO_E_UNSUPPORTED,
+                            "reflection from the front alone can be changed; this model has other halves");
+}
+
 gonio_status gonio_check_change_model(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
                                       gonio_error *error) {
     *out = NULL;
     gonio_status status = gonio_change_check(change, error);
+    status = status == GONIO_OK ? refuse_halves(model, error) : status;
     status = status == GONIO_OK ? change_model(model, change, threads, out, error) : status;
     if (status != GONIO_OK) {
         gonio_model_free(model);
@@ -350,7 +359,8 @@ gonio_status gonio_check_make_physical(gonio_model *model, bool reciprocal, bool
     *report = (gonio_physical_report){.least_factor = 1};
     gonio_model *made = model;
     double largest;
-    gonio_status status = compare(model, true, &largest, &report->reciprocity_before, error);
+    gonio_status status = refuse_halves(model, error);
+    status = status == GONIO_OK ? compare(model, true, &largest, &report->reciprocity_before, error) : status;
     if (status == GONIO_OK && reciprocal && largest > holds) {
         const gonio_transformed_parts parts = {.what = GONIO_MADE_RECIPROCAL, .delta = 1};
         status = gonio_transformed_new(model, &parts, &made, error);

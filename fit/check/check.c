@@ -24,8 +24,8 @@ static gonio_status check_table(const gonio_table *table, int threads, gonio_che
     return gonio_check_interpolated(table->samples, missing, threads, r, error);
 }
 
-gonio_status gonio_check_samples(const gonio_samples *samples, int threads, gonio_check_report *report,
-                                 gonio_error *error) {
+gonio_status gonio_check_half_samples(const gonio_samples *samples, int threads, gonio_check_report *report,
+                                      gonio_error *error) {
     *report = (gonio_check_report){.reciprocity_expected = NAN};
     report->reciprocity_test = report->isotropy_test = report->energy_test = gonio_check_no_test;
     gonio_table *table = NULL;

@@ -14,7 +14,10 @@ const char *gonio_check_form_name(gonio_check_form form) {
 
 void gonio_check_report_free(gonio_check_report *report) {
     free(report->albedos);
+    free(report->channel_albedos);
+    free(report->channel_sigmas);
     report->albedos = NULL;
+    report->channel_albedos = report->channel_sigmas = NULL;
 }
 
 // ---- differences ----
@@ -90,7 +93,8 @@ void gonio_check_sum_up_albedos(gonio_check_report *r) {
     r->energy_range.where = (gonio_pair){r->energy_theta_rad, r->energy_phi_rad, 0, 0};
 }
 
-void gonio_check_test_energy(gonio_check_report *r, const double *values, const double *sigmas, int channels) {
+void gonio_check_test_energy(gonio_check_report *r, int channels) {
+    const double *values = r->channel_albedos, *sigmas = r->channel_sigmas;
     const size_t c = (size_t)channels;
     int joined = 0;
     r->energy_test = gonio_check_no_test;

@@ -23,9 +23,14 @@ gonio_check_range gonio_differences_end(gonio_differences *d, double *median);
 
 // The albedos of the report are there: excess, albedo, energy and their range from them.
 void gonio_check_sum_up_albedos(gonio_check_report *report);
-// Does one of the albedos exceed 1 by more than sigma and the sum's own error explain? values: [incidences][channels]
-// albedos and sigmas their standard uncertainties.
-void gonio_check_test_energy(gonio_check_report *report, const double *values, const double *sigmas, int channels);
+// Does one of the albedos exceed 1 by more than sigma and the sum's own error explain?
+void gonio_check_test_energy(gonio_check_report *report, int channels);
+
+// gonio_check_model and gonio_check_samples of one half, in front of the surface.
+gonio_status gonio_check_half_model(const gonio_model *model, int threads, gonio_check_report *report,
+                                    gonio_error *error);
+gonio_status gonio_check_half_samples(const gonio_samples *samples, int threads, gonio_check_report *report,
+                                      gonio_error *error);
 
 // The albedo of n samples of one incidence into point: sum weight f, and the same by other weights, whose difference is
 // what the sum may be off. value[channels], sigma: what the test takes, by the better weights. point: its place and

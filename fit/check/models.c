@@ -242,7 +242,8 @@ static gonio_status check_pairs(const gonio_model *model, gonio_check_report *r,
     return status;
 }
 
-gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error) {
+gonio_status gonio_check_half_model(const gonio_model *model, int threads, gonio_check_report *report,
+                                    gonio_error *error) {
     *report = (gonio_check_report){.form = GONIO_CHECK_MODEL, .reciprocity_expected = NAN};
     report->reciprocity_test = report->isotropy_test = report->energy_test = gonio_check_no_test;
     gonio_status status = check_pairs(model, report, error);

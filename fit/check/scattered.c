@@ -266,13 +266,13 @@ static gonio_status energy(const scattered *x, gonio_check_report *r, gonio_erro
         }
     }
     r->albedos = e.points;
+    r->channel_albedos = e.values;
+    r->channel_sigmas = e.sigmas;
     r->incidences = e.n;
     if (status == GONIO_OK) {
         gonio_check_sum_up_albedos(r);
-        gonio_check_test_energy(r, e.values, e.sigmas, (int)c);
+        gonio_check_test_energy(r, (int)c);
     }
-    free(e.sigmas);
-    free(e.values);
     free(in);
     return status;
 }

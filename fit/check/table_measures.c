@@ -252,6 +252,8 @@ static gonio_status energy(const gonio_table *t, gonio_check_report *report, gon
     report->albedos = calloc(t->n_in, sizeof *report->albedos);
     double *values = malloc(t->n_in * c * sizeof *values), *sigmas = malloc(t->n_in * c * sizeof *sigmas);
     gonio_status status = GONIO_OK;
+    report->channel_albedos = values;
+    report->channel_sigmas = sigmas;
     if (report->albedos == NULL || values == NULL || sigmas == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu albedos", t->n_in * c);
     } else {
@@ -263,10 +265,8 @@ static gonio_status energy(const gonio_table *t, gonio_check_report *report, gon
                                   values + p * c, sigmas + p * c, &report->albedos[p]);
         }
         gonio_check_sum_up_albedos(report);
-        gonio_check_test_energy(report, values, sigmas, (int)c);
+        gonio_check_test_energy(report, (int)c);
     }
-    free(sigmas);
-    free(values);
     return status;
 }
 

@@ -91,6 +91,7 @@ typedef struct gonio_process {
     size_t n;
     size_t first_sample; // steps before it calibrate; those after the last sample bound the drift
     bool isotropic;      // the plan never turns the sample
+    bool transmission;   // it goes behind the sample
 } gonio_process;
 
 // Read the setup and the steps; the calibration is new and empty. Release with gonio_process_end, also on failure.

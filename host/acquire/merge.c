@@ -154,6 +154,7 @@ static gonio_status describe(gonio_session *session, uint16_t group, const gonio
 static gonio_status append(gonio_samples *all, const gonio_samples *set, uint16_t group, gonio_error *error) {
     gonio_status status = GONIO_OK;
     all->isotropic = all->isotropic && set->isotropic;
+    all->transmission = all->transmission || set->transmission;
     for (size_t i = 0; status == GONIO_OK && i < set->n; i++) {
         const size_t c = i * (size_t)set->channels;
         status = gonio_samples_add(all, &set->pairs[i], set->values + c, set->sigma_random + c,

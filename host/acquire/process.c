@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From the session's frames to samples; a replay and a resume run this on what is stored.
+#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -31,6 +32,10 @@ gonio_status gonio_process_begin(gonio_session *session, gonio_process *process,
     const gonio_step *steps = process->steps;
     while (process->first_sample < process->n && steps[process->first_sample].kind != GONIO_STEP_SAMPLE) {
         process->first_sample++;
+    }
+    for (size_t i = process->first_sample; i < process->n; i++) {
+        const gonio_pair tilts = {fabs(steps[i].pose.theta_i), 0, fabs(steps[i].pose.theta_o), 0};
+        process->transmission |= steps[i].kind == GONIO_STEP_SAMPLE && gonio_pair_half(tilts) != GONIO_REFLECTION;
     }
     for (size_t i = process->first_sample; i < process->n && !process->setup.facts.sphere; i++) {
         process->isotropic &=
@@ -107,6 +112,7 @@ gonio_status gonio_process_new_samples(const gonio_process *process, gonio_sampl
     const gonio_status status = gonio_samples_new(channels, true, out, error);
     if (status == GONIO_OK) {
         (*out)->isotropic = process->isotropic;
+        (*out)->transmission = process->transmission;
         memcpy((*out)->channel_names, gonio_calib_channel_names(process->calib),
                (size_t)channels * sizeof *(*out)->channel_names);
     }

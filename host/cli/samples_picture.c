@@ -52,10 +52,14 @@ static gonio_status find_range(picture *p, gonio_error *error) {
     return GONIO_OK;
 }
 
-// An incidence as one number: theta_i in tenths of a degree and, where it counts, phi_i in degrees.
+#define BEHIND 5000 // in an incidence's number: the camera's side
+
+// An incidence, and the side that it is seen from, as one number: theta_i in tenths of a degree and, where it counts,
+// phi_i in degrees.
 static double key_of(const gonio_samples *s, const gonio_pair *p) {
-    const double phi = round(fmod(gonio_degrees(p->phi_i) + 720, 360));
-    return round(gonio_degrees(p->theta_i) * 10) + (s->isotropic ? 0 : 10000 * phi);
+    const double phi = round(fmod(gonio_degrees(p->phi_i) + 720, 360)),
+                 side = gonio_pair_raised(*p).theta_o != p->theta_o;
+    return round(gonio_degrees(p->theta_i) * 10) + BEHIND * side + (s->isotropic ? 0 : 10000 * phi);
 }
 
 static int ascending(const void *left, const void *right) {
@@ -126,8 +130,10 @@ static void draw_frame(const picture *p, int disc, double x, double y) {
         cairo_stroke(c);
     }
     cairo_set_source_rgb(c, 0, 0, 0);
+    const bool behind = p->incidences[disc][0] >= BEHIND;
     snprintf(label, sizeof label, p->samples->isotropic ? "theta_i %g deg" : "theta_i %g, phi_i %g deg",
-             p->incidences[disc][0] / 10, p->incidences[disc][1]);
+             (p->incidences[disc][0] - (behind ? BEHIND : 0)) / 10, p->incidences[disc][1]);
+    snprintf(label + strlen(label), sizeof label - strlen(label), "%s", behind ? ", from behind" : "");
     centred(c, x, y - RADIUS - 8, label);
 }
 

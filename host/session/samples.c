@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/text.h"
+#include "gonio/plan.h"
 #include "host/session/internal.h"
 
 static size_t row_doubles(int channels) { return 4 + 3 * (size_t)channels; }
@@ -250,6 +251,7 @@ static gonio_status read_set(gonio_session *session, const char *table, int64_t 
         gonio_samples_free(samples);
         return status;
     }
+    samples->transmission = gonio_pairs_transmit(samples->pairs, samples->n); // of a plan that was declared
     *out = samples;
     return GONIO_OK;
 }

@@ -30,7 +30,7 @@ typedef struct gonio_check_range {
     size_t compared;
 } gonio_check_range;
 
-// Directional-hemispherical reflectance for light from one direction, mean over the channels where not said otherwise.
+// Directional-hemispherical reflectance for light from one direction, and what goes through with it; mean over the channels where not said otherwise.
 typedef struct gonio_check_albedo_point {
     double theta_i, phi_i;     // rad
     double value, largest;     // mean and largest over the channels
@@ -38,6 +38,8 @@ typedef struct gonio_check_albedo_point {
     double integration;        // what the sum itself may be off, from two rules
     double covered;            // fraction of the projected hemisphere that samples reach
     int channel;               // of the largest
+    // Of a sheet that transmits: the parts of value. NaN: not measured, and not in value.
+    double reflected, transmitted;
 } gonio_check_albedo_point;
 
 typedef enum gonio_check_form {
@@ -50,6 +52,11 @@ const char *gonio_check_form_name(gonio_check_form form); // "uniform" "semi-uni
 
 typedef struct gonio_check_report {
     gonio_check_form form;
+    // Are there other halves than the front reflection? Then the albedos and the energy are of what is reflected and what
+    // goes through, and all else is of one half, the first there is: reflection, from the front before the back, then
+    // transmission.
+    bool transmission;
+    gonio_half half;
     // P_r (4.1), 1/sr^2; P_i (4.10), 1/sr; the means over the channels. NaN: the samples do not allow it.
     double reciprocity, isotropy;
     gonio_check_range reciprocity_range, isotropy_range;
@@ -66,6 +73,8 @@ typedef struct gonio_check_report {
     gonio_check_test energy_test;      // does an albedo exceed 1
     gonio_check_albedo_point *albedos; // [incidences]; gonio_check_report_free
     size_t incidences;
+    // Of samples, those of each channel and their standard uncertainties, 0: not known; [incidences][channels].
+    double *channel_albedos, *channel_sigmas;
     // P_s^(k) (4.20), k = 1 ... ranks, 1/sr: the rms over entries and channels of what the k best products leave.
     double separability[GONIO_CHECK_RANKS];
     double separability_error;                    // of each at most, downwards: a randomised decomposition; else 0

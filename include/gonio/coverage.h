@@ -13,9 +13,10 @@ typedef struct gonio_coverage {
     size_t incidences;                     // distinct theta_i, and phi_i of anisotropic sets, to a tenth of a degree
     bool in_plane;                         // every direction out lies in the plane of incidence
     double theta_i_deg[2], theta_o_deg[2]; // smallest and largest
+    unsigned halves;                       // bits 1 << gonio_half
     double horizon_deg;                    // nothing was measured nearer to it, on the light's or the camera's side
-    // The pair, up to 80 deg and mirrored where the set is isotropic, that is the furthest from any sample: how far,
-    // over both directions' angles, and where.
+    // The pair, up to 80 deg and mirrored where the set is isotropic, that is the furthest from any sample of its half:
+    // how far, over both directions' angles, and where.
     double hole_deg;
     gonio_pair hole;
 } gonio_coverage;

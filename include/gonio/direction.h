@@ -14,7 +14,8 @@ GONIO_BEGIN
 
 #define GONIO_PI 3.14159265358979323846
 
-// An incident (light) and an outgoing (camera) direction, in radians; theta in [0, pi/2].
+// An incident (light) and an outgoing (camera) direction, in radians; theta in [0, pi/2], and on to pi for directions
+// behind the surface where transmission is spoken of.
 typedef struct gonio_pair {
     double theta_i, phi_i, theta_o, phi_o;
 } gonio_pair;
@@ -29,6 +30,29 @@ double gonio_direction_phi(gonio_vec3 v);             // in (-pi, pi]; 0 at the 
 gonio_pair gonio_pair_from_vectors(gonio_vec3 wi, gonio_vec3 wo);
 gonio_pair gonio_pair_mirrored(gonio_pair p); // phi -> -phi on both
 gonio_pair gonio_pair_swapped(gonio_pair p);  // Helmholtz: incident <-> outgoing
+
+// The halves of what a thin sheet scatters: which side the light is on, and whether it comes back or goes through.
+// X(identifier, number, name, what it is): bit 0 of the number: transmitted, bit 1: light from behind.
+#define GONIO_HALF_TABLE(X)                                                                                            \
+    X(REFLECTION, 0, "reflection", "light and camera in front (theta up to 90 deg)")                                   \
+    X(TRANSMISSION, 1, "transmission", "light in front, camera behind (theta_o beyond 90 deg)")                        \
+    X(REFLECTION_BACK, 2, "reflection-back", "light and camera behind")                                                \
+    X(TRANSMISSION_BACK, 3, "transmission-back", "light behind, camera in front")
+
+#define GONIO_HALF_ENUM(id, number, name, summary) GONIO_##id = number,
+typedef enum gonio_half { GONIO_HALF_TABLE(GONIO_HALF_ENUM) } gonio_half;
+#undef GONIO_HALF_ENUM
+#define GONIO_HALVES 4
+
+const char *gonio_half_name(gonio_half half);
+// A direction within rounding (1e-9 rad) of the horizon counts as in front.
+gonio_half gonio_half_of(gonio_vec3 wi, gonio_vec3 wo);
+gonio_half gonio_pair_half(gonio_pair p);
+// Both directions in front of the surface: those behind it are mirrored in it, so that the direct way through becomes
+// the mirror direction.
+gonio_pair gonio_pair_raised(gonio_pair p);
+// The inverse: the pair of a half whose directions, mirrored, are these.
+gonio_pair gonio_pair_lowered(gonio_pair p, gonio_half half);
 
 double gonio_radians(double deg);
 // Degrees d that gonio_radians() turns back into exactly rad wherever such a d exists (always, for angles that

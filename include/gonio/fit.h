@@ -103,6 +103,13 @@ typedef struct gonio_fit_options {
     int order;                  // linear bases: 0..GONIO_ORDER_MAX, or GONIO_ORDER_AUTO
 } gonio_fit_options;
 
+// One half of a fit with transmission, fitted by itself by the same method.
+typedef struct gonio_half_report {
+    size_t samples; // 0: the set has none of it, and the model no such half
+    gonio_errors train, held_out;
+    char options[256]; // as the whole fit's
+} gonio_half_report;
+
 // What was done; the JSON of `gonio fit` is made from it.
 typedef struct gonio_fit_report {
     char method[32];
@@ -116,6 +123,9 @@ typedef struct gonio_fit_report {
     gonio_errors held_out; // from fits that did not see them; NaN figures and 0 samples without a hold-out
     char options[256];     // method's own choices, for people: "(4,6,95)", "lambda=1e-4"
     char note[512];        // what the user should know: warnings, how the level was chosen
+    // Of samples with transmission, by gonio_half; what stands above is of all of them, the method's choices of the
+    // first that is there. Of others all are empty.
+    gonio_half_report half[GONIO_HALVES];
 } gonio_fit_report;
 
 void gonio_fit_options_default(gonio_fit_options *options);

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 #include "gonio/direction.h"
 #include "gonio/export.h"
@@ -21,7 +22,8 @@ typedef struct gonio_model gonio_model;
 // What a kind of model must provide; a new kind is one such table (fit/ fills them).
 typedef struct gonio_model_ops {
     const char *kind; // "lattice" "cbmba" "analytic" "table" ...
-    // Required; any thread, does not block or allocate. f_r (1/sr) of every channel, for unit vectors with z >= 0.
+    // Required; any thread, does not block or allocate. f_r (1/sr) of every channel, for unit vectors with z >= 0, with
+    // both_sides for all.
     void (*eval)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);
     // Optional, as eval; for renderers. NULL: eval and narrow.
     void (*eval_f32)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values);
@@ -38,10 +40,13 @@ typedef struct gonio_model_ops {
     // is above 0 wherever f_r cos(theta_o) is. NULL: a cosine and a broad lobe.
     double (*sample)(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo);
     double (*pdf)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
-    // Required: write the model's own section of a model file; see docs/formats.md. NULL: cannot be saved.
-    gonio_status (*save)(const gonio_model *model, const char *path, gonio_error *error);
+    // Write a model file to the stream, whose own failures are the caller's matter; see docs/formats.md. NULL: cannot
+    // be saved.
+    gonio_status (*save)(const gonio_model *model, FILE *stream, gonio_error *error);
     // Required: release everything, the model itself too.
     void (*free)(gonio_model *model);
+    // Does it answer for directions behind the surface? Others are not asked: there their values are 0.
+    bool both_sides;
 } gonio_model_ops;
 
 // The common head of every model; kinds embed it as their first member. Read-only for users.
@@ -76,7 +81,10 @@ void gonio_model_free(gonio_model *model); // NULL is allowed
 // Put a copy of these lines in place of model->about; NULL: none. Evaluation does not depend on them.
 gonio_status gonio_model_tell(gonio_model *model, const char *about, gonio_error *error);
 
-// f_r of every channel (values: channels); wi and wo must be unit vectors with z >= 0.
+// f_r of every channel (values: channels); wi and wo must be unit vectors. Behind the surface (z < 0 by more than
+// rounding, 1e-9) lie transmission and what the back reflects: f is then dL_o / dE_i all the same, E_i with |cos
+// theta_i|. Halves that the model does not hold are 0, as all behind the surface are of a model of reflection alone; so
+// are their gradients and sigmas.
 void gonio_model_eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);
 void gonio_model_eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values);
 double gonio_model_eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, int channel);
@@ -92,7 +100,8 @@ bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, d
 // Importance sampling: draw wo for light from wi. u: two numbers of [0, 1), uniform for an estimate. Returns the
 // density at wo (1/sr, above 0), with f_r of every channel in values (may be NULL), so that values[c] wo.z / density
 // averages to the albedo at wi. wo lies above the surface; no sample is lost. Any thread, allocates nothing. Whoever
-// follows light from the eye exchanges the two directions, which a reciprocal model allows.
+// follows light from the eye exchanges the two directions, which a reciprocal model allows. Of a model of halves all of
+// this is of its front reflection, whose wi and wo lie above the surface.
 double gonio_model_sample(const gonio_model *model, gonio_vec3 wi, const double u[2], gonio_vec3 *wo, double *values);
 // That density at wo. It integrates to 1 over the upper hemisphere and is above 0 wherever f_r cos(theta_o) is.
 double gonio_model_pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
@@ -101,13 +110,25 @@ double gonio_model_pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
 // and a broad lobe; with it splines and measured tables are drawn as they are. A table that would scatter more than the
 // lobes is not kept. Done again, it changes nothing.
 gonio_status gonio_model_prepare_sampling(gonio_model *model, gonio_error *error);
+// ---- the halves of a thin sheet (gonio_half) ----
+
+// The model of one half, which takes directions in front of the surface (gonio_pair_raised). Borrowed: it lives as long
+// as the model. A model of reflection alone is its own front reflection. NULL: the model has no such half.
+const gonio_model *gonio_model_half(const gonio_model *model, gonio_half half);
+// One model of up to four, NULL where there is none; they have the same number of channels, and the names of the first.
+// The new model owns them and its caller frees it; on failure they stay the caller's. A front reflection alone is given
+// back as it is.
+gonio_status gonio_model_of_halves(gonio_model *const halves[GONIO_HALVES], gonio_model **out, gonio_error *error);
 
 // The wavelength in nm of a channel whose name states it ("550nm"); NaN where it is not known.
 double gonio_model_wavelength_nm(const gonio_model *model, int channel);
 
 // An exact analytic BRDF: "lambert:rho=0.5", "ward:rho_d=0.3,rho_s=0.2,alpha=0.15", "ggx:...", a channel triple as
-// rho_d=0.3/0.2/0.1, or "file:PATH" (a measured table or a model file). Not in libgonio-eval. Unknown names, keys and
-// impossible values are GONIO_E_USAGE, and the message lists what exists. The caller frees the model.
+// rho_d=0.3/0.2/0.1, or "file:PATH" (a measured table or a model file). A thin sheet is "SPEC|SPEC|SPEC|SPEC", the
+// specs of its halves in the order of gonio_half, of which any may be empty, or
+// "translucent:rho=,rho_s=,tau=,tau_s=,alpha=, alpha_t=": two like faces, of diffuse parts and Ward's lobes, about the
+// way straight through as about the mirror. Not in libgonio-eval. Unknown names, keys and impossible values are
+// GONIO_E_USAGE, and the message lists what exists. The caller frees the model.
 gonio_status gonio_model_from_spec(const char *spec, gonio_model **out, gonio_error *error);
 // MODEL of the command line: a model file, "spec:SPEC", or a measured table (MERL, RGL). The caller frees the model.
 gonio_status gonio_model_resolve(const char *name, gonio_model **out, gonio_error *error);

@@ -25,6 +25,8 @@ typedef struct gonio_samples {
     size_t n, capacity;
     int channels;
     bool isotropic; // geometry depends on phi_o - phi_i only (the set's sample was declared or read as isotropic)
+    // Thetas beyond 90 deg are meant: light or camera behind the sample. False: they are an error.
+    bool transmission;
     gonio_pair *pairs;
     double *values;
     double *sigma_random;
@@ -56,8 +58,16 @@ gonio_status gonio_samples_select(const gonio_samples *samples, const bool *keep
                                   gonio_error *error);
 // A new set with one channel; the caller frees it.
 gonio_status gonio_samples_channel(const gonio_samples *samples, int channel, gonio_samples **out, gonio_error *error);
-// GONIO_E_INPUT, with the first sample at fault, for no samples, thetas outside 0 to 90 deg (by more than rounding,
-// 1e-9 rad), and angles or values that are not finite: what no fit can use.
+// The halves that the set's samples lie in: bits 1 << gonio_half. Of a set without transmission: reflection's. Samples
+// at the horizon, of which nothing tells reflected from transmitted, count where no other sample does.
+unsigned gonio_samples_halves(const gonio_samples *samples);
+// A new set, without transmission, of one half's samples, their directions raised (gonio_pair_raised) in front of the
+// surface; those at the horizon belong to reflection where the set has it from their light's side. The caller frees
+// it. With which (may be NULL; n flags): it tells which samples these are.
+gonio_status gonio_samples_half(const gonio_samples *samples, gonio_half half, bool *which, gonio_samples **out,
+                                gonio_error *error);
+// GONIO_E_INPUT, with the first sample at fault, for no samples, thetas outside 0 to 90 deg (180 with transmission; by
+// more than rounding, 1e-9 rad), and angles or values that are not finite: what no fit can use.
 gonio_status gonio_samples_check(const gonio_samples *samples, gonio_error *error);
 // Combined standard uncertainty of one value; 0 where the set carries none.
 double gonio_samples_sigma(const gonio_samples *samples, size_t index, int channel);

@@ -284,18 +284,19 @@ static gonio_status add_row(alta *a, const double *row, gonio_error *error) {
     if (!(fabs(li - 1) < 1e-3 && fabs(lo - 1) < 1e-3)) {
         return gonio_text_fail(&a->text, error, "the coordinates are no pair of directions");
     }
-    if (wi.z < -1e-6 || wo.z < -1e-6) {
+    if (!a->text.transmission && (wi.z < -1e-6 || wo.z < -1e-6)) {
         a->below++;
         return GONIO_OK;
     }
-    wi.z = fmax(wi.z, 0);
-    wo.z = fmax(wo.z, 0);
+    wi.z = wi.z < -1e-6 ? wi.z : fmax(wi.z, 0);
+    wo.z = wo.z < -1e-6 ? wo.z : fmax(wo.z, 0);
     memcpy(values, row + a->coordinates, (size_t)a->values * sizeof *values);
     if (a->xyz) {
         gonio_xyz_to_rgb(row + a->coordinates, values);
     }
-    const gonio_pair pair = {angle(fmin(gonio_direction_theta(wi), GONIO_PI / 2)), angle(gonio_direction_phi(wi)),
-                             angle(fmin(gonio_direction_theta(wo), GONIO_PI / 2)), angle(gonio_direction_phi(wo))};
+    const double most = a->text.transmission ? GONIO_PI : GONIO_PI / 2;
+    const gonio_pair pair = {angle(fmin(gonio_direction_theta(wi), most)), angle(gonio_direction_phi(wi)),
+                             angle(fmin(gonio_direction_theta(wo), most)), angle(gonio_direction_phi(wo))};
     return gonio_row_collector_add(&a->collector, &pair, values, NULL, NULL, error);
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The text of ASTM E1392 and E2387 as the Cornell laboratory's site had it: header lines, NUM_POINTS n, VARS with the
 // columns' names, then rows theta_i,phi_i,theta_s,phi_s in radians and values of f_r in 1/sr. The standards' own text
-// was not at hand: a header line that speaks of degrees, of a cosine or of transmission is refused.
+// was not at hand: a header line that speaks of degrees or of a cosine is refused, one that speaks of transmission
+// declares it.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -65,7 +66,7 @@ static gonio_status read_names(astm *a, char *line, gonio_error *error) {
 }
 
 static gonio_status read_header(astm *a, gonio_error *error) {
-    static const char *const changing[] = {"degree", "cos", "transmi", "btdf", "specular", "relative"};
+    static const char *const changing[] = {"degree", "cos", "specular", "relative"};
     for (char *line; (line = gonio_text_line(&a->text)) != NULL;) {
         if (strncasecmp(line, "VARS", 4) == 0 && (line[4] == ' ' || line[4] == '\t')) {
             return read_names(a, line + 5, error);
@@ -76,6 +77,9 @@ static gonio_status read_header(astm *a, gonio_error *error) {
             if (status != GONIO_OK) {
                 return status;
             }
+        }
+        if (strcasestr(line, "transmi") != NULL || strcasestr(line, "btdf") != NULL) {
+            a->collector.declared.through = a->collector.declared.transmission = a->text.transmission = true;
         }
         for (size_t k = 0; k < sizeof changing / sizeof *changing; k++) {
             if (strcasestr(line, changing[k]) != NULL) {

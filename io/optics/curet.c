@@ -64,7 +64,7 @@ static gonio_status read_direction(const gonio_text *text, char *line, int index
     return status;
 }
 
-static gonio_status read_directions(const gonio_source *source, const char *given, gonio_pair *pairs,
+static gonio_status read_directions(const gonio_source *source, const char *given, bool transmission, gonio_pair *pairs,
                                     gonio_error *error) {
     char *path = NULL;
     const char *slash = strrchr(source->path, '/');
@@ -83,6 +83,7 @@ static gonio_status read_directions(const gonio_source *source, const char *give
                          "beside the file as " STANDARD)
                    : status;
     }
+    text.transmission = transmission;
     int n = 0;
     for (char *line; status == GONIO_OK && n < MEASUREMENTS && (line = gonio_text_content(&text)) != NULL; n++) {
         status = read_direction(&text, line, n, &pairs[n], error);
@@ -142,7 +143,9 @@ static gonio_status read_curet(const gonio_source *source, const gonio_format_va
     gonio_row_collector collector;
     gonio_pair pairs[MEASUREMENTS];
     gonio_status status = gonio_row_collector_begin(&collector, &text, source, values, NULL, "curet", error);
-    status = status == GONIO_OK ? read_directions(source, values->at[DIRECTIONS].text, pairs, error) : status;
+    if (status == GONIO_OK) {
+        status = read_directions(source, values->at[DIRECTIONS].text, text.transmission, pairs, error);
+    }
     status = status == GONIO_OK ? gonio_row_collector_room(&collector, 1, false, error) : status;
     if (status == GONIO_OK) {
         strcpy(collector.samples->channel_names[0], "value");

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // DDR, the directional distribution of reflectance of Integra's Lumicept and its family: for each channel the scale of
 // each incidence (kbdf) and values about the mirror direction (def). Luminance values are pi f_r over kbdf, intensities
-// pi f_r cos(theta_o) over kbdf. Relative values, which a reader has to scale to a reflectance, are refused.
+// pi f_r cos(theta_o) over kbdf. Transmission (DDT) has the same form, about the way straight through. Relative values,
+// which a reader has to scale to a reflectance, are refused.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -173,7 +174,9 @@ static gonio_status read_channel(ddr *d, gonio_error *error) {
 static gonio_status read_ddr(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                              gonio_read_report *report, gonio_error *error) {
     ddr d = {.words = gonio_words_begin(source, ";;"),
-             .grid = {.frame = GONIO_GRID_SPECULAR, .policy = (gonio_negatives)values->at[0].choice}};
+             .grid = {.frame = GONIO_GRID_SPECULAR,
+                      .policy = (gonio_negatives)values->at[0].choice,
+                      .half = values->at[1].choice == 1 ? GONIO_TRANSMISSION : GONIO_REFLECTION}};
     gonio_status status = GONIO_OK;
     for (char *word; status == GONIO_OK && (word = gonio_word(&d.words)) != NULL;) {
         status = is_channel(word)        ? read_channel(&d, error)
@@ -190,7 +193,10 @@ static gonio_status read_ddr(const gonio_source *source, const gonio_format_valu
     return gonio_grid_end(&d.grid, status, source, "ddr", out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
+static const gonio_format_option options[] = {
+    GONIO_OPTION_NEGATIVES,
+    {"transmission", GONIO_FORMAT_FLAG, "no|yes", "no", "the table is of transmission (DDT); nothing in it says so"},
+    {0}};
 
 const gonio_format gonio_format_ddr = {.name = "ddr",
                                        .summary = "DDR text",

@@ -193,6 +193,7 @@ static gonio_status add_node(gonio_grid *grid, const int at[GONIO_GRID_AXES], do
     if (grid->xyz) {
         gonio_xyz_to_rgb(values, rgb);
     }
+    pair = gonio_pair_lowered(pair, grid->half);
     return gonio_samples_add(samples, &pair, grid->xyz ? rgb : values, NULL, NULL, error);
 }
 
@@ -213,10 +214,16 @@ static gonio_status add_nodes(gonio_grid *grid, gonio_samples *samples, gonio_er
 
 gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_source *source, const char *format,
                             gonio_samples **out, gonio_read_report *report, gonio_error *error) {
-    *out = NULL;
-    status = status == GONIO_OK ? gonio_samples_new(grid->channels, false, out, error) : status;
+    const bool isotropic = grid->axis[GONIO_GRID_IN_PHI].n == 1, first = *out == NULL;
+    status = status == GONIO_OK && first ? gonio_samples_new(grid->channels, false, out, error) : status;
+    if (status == GONIO_OK && !first && (*out)->channels != grid->channels) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, source->path, -1, "its %s has %d channels, the table before it %d",
+                            gonio_half_name(grid->half), grid->channels, (*out)->channels);
+    }
     if (status == GONIO_OK) {
-        (*out)->isotropic = grid->axis[GONIO_GRID_IN_PHI].n == 1;
+        (*out)->isotropic = isotropic && (first || (*out)->isotropic);
+        (*out)->transmission = (*out)->transmission || grid->half != GONIO_REFLECTION;
         memcpy((*out)->channel_names, grid->names, (size_t)grid->channels * sizeof *grid->names);
         status = add_nodes(grid, *out, error);
     }

@@ -40,6 +40,7 @@ typedef struct gonio_grid {
     gonio_grid_frame frame;
     gonio_grid_axis axis[GONIO_GRID_AXES];
     double light_deg; // added to every incident azimuth
+    gonio_half half;  // that the table is of; its angles are those of the half raised in front of the surface
     int channels;
     char (*names)[GONIO_CHANNEL_NAME_MAX];
     bool xyz;       // the channels are X, Y, Z and become r, g, b
@@ -62,7 +63,7 @@ gonio_status gonio_grid_value(gonio_grid *grid, gonio_words *words, double *valu
 // The pair of a node; false where a direction lies below the horizon.
 bool gonio_grid_pair(const gonio_grid *grid, const int at[GONIO_GRID_AXES], gonio_pair *pair);
 // Every node above the horizon that has a value in each channel, as samples; frees the grid's arrays in every case.
-// status: how reading went so far.
+// status: how reading went so far. *out may be a set of such samples, to which they are added.
 gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_source *source, const char *format,
                             gonio_samples **out, gonio_read_report *report, gonio_error *error);
 

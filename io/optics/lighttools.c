@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // LightTools' BSDF text (docs/formats.md): absolute outgoing angles, f_r in 1/sr, a block for each incidence and
-// channel. The light of a plane-symmetrical or isotropic file stands at azimuth 90 deg. Front reflection is read;
-// blocks of the back and of transmission are passed over and counted.
+// channel. The light of a plane-symmetrical or isotropic file stands at azimuth 90 deg. Angles of a side or of
+// transmission count from the normal of the side that the light comes from or leaves by.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,6 +48,10 @@ typedef struct block {
     double aoi, poi, tis;
     int side, type, channel; // front, back; BRDF, BTDF; of X, Y, Z
 } block;
+
+static gonio_half half_of(const block *b) {
+    return (gonio_half)((b->side == 1 ? GONIO_REFLECTION_BACK : 0) | (b->type == 1 ? GONIO_TRANSMISSION : 0));
+}
 
 // The lines before a block's values; *end: DataEnd stood there.
 static gonio_status read_block_head(gonio_words *words, block *b, bool *end, gonio_error *error) {
@@ -120,7 +124,7 @@ static gonio_status read_blocks(gonio_words *words, gonio_grid *grid, blocks *al
         bool end;
         gonio_status status = grow(all, words, error);
         status = status == GONIO_OK ? read_block_head(words, &b, &end, error) : status;
-        if (status == GONIO_OK && !end && (b.aoi < 0 || b.aoi > 90 || (b.poi != 0 && b.type == 0 && b.side == 0))) {
+        if (status == GONIO_OK && !end && (b.aoi < 0 || b.aoi > 90 || b.poi != 0)) {
             status = gonio_text_fail(&words->text, error,
                                      "AOI %g, POI %g; expected an incidence of 0 to 90 deg in one plane (POI 0)", b.aoi,
                                      b.poi);
@@ -131,11 +135,7 @@ static gonio_status read_blocks(gonio_words *words, gonio_grid *grid, blocks *al
         if (status != GONIO_OK || end) {
             return status;
         }
-        all->items[all->n] = b;
-        const bool front = b.side == 0 && b.type == 0;
-        all->n += front;
-        grid->report.rows += front ? 0 : all->each;
-        grid->report.invalid += front ? 0 : all->each;
+        all->items[all->n++] = b;
     }
 }
 
@@ -146,31 +146,34 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-static gonio_status incidences(gonio_grid *grid, const blocks *all, const gonio_words *words, gonio_error *error) {
+static gonio_status incidences(gonio_grid *grid, const blocks *all, gonio_error *error) {
     gonio_grid_axis *in = &grid->axis[GONIO_GRID_IN_THETA];
     in->deg = malloc((all->n + 1) * sizeof *in->deg);
     if (in->deg == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu angles", all->n);
     }
+    size_t n = 0;
     for (size_t k = 0; k < all->n; k++) {
-        in->deg[k] = all->items[k].aoi;
+        if (half_of(&all->items[k]) == grid->half) {
+            in->deg[n++] = all->items[k].aoi;
+        }
     }
-    qsort(in->deg, all->n, sizeof *in->deg, compare);
-    for (size_t k = 0; k < all->n; k++) {
+    qsort(in->deg, n, sizeof *in->deg, compare);
+    for (size_t k = 0; k < n; k++) {
         if (in->n == 0 || in->deg[k] > in->deg[in->n - 1]) {
             in->deg[in->n++] = in->deg[k];
         }
     }
-    return in->n > 0 ? GONIO_OK
-                     : gonio_text_fail(&words->text, error,
-                                       "there is no block of front reflection (Side Front, "
-                                       "ScatterType BRDF)");
+    return GONIO_OK;
 }
 
 static gonio_status place(gonio_grid *grid, const blocks *all, const gonio_words *words, gonio_error *error) {
     for (size_t k = 0; k < all->n; k++) {
         const block *b = &all->items[k];
         int t = 0;
+        if (half_of(b) != grid->half) {
+            continue;
+        }
         while (grid->axis[GONIO_GRID_IN_THETA].deg[t] != b->aoi) {
             t++;
         }
@@ -183,20 +186,76 @@ static gonio_status place(gonio_grid *grid, const blocks *all, const gonio_words
     return GONIO_OK;
 }
 
+static bool has_half(const blocks *all, int half) {
+    bool any = false;
+    for (size_t k = 0; k < all->n && !any; k++) {
+        any = (int)half_of(&all->items[k]) == half;
+    }
+    return any;
+}
+
+// A copy of the header's grid, for the blocks of one half.
+static gonio_status read_half(const gonio_grid *head, int half, const blocks *all, const gonio_words *words,
+                              const gonio_source *source, gonio_samples **out, gonio_read_report *report,
+                              gonio_error *error) {
+    gonio_grid grid = *head;
+    gonio_status status = GONIO_OK;
+    grid.half = (gonio_half)half;
+    grid.names = NULL;
+    for (int k = 0; k < GONIO_GRID_AXES; k++) {
+        grid.axis[k] = (gonio_grid_axis){0};
+    }
+    for (int k = GONIO_GRID_OUT_PHI; k <= GONIO_GRID_OUT_THETA && status == GONIO_OK; k++) {
+        const size_t size = (size_t)head->axis[k].n * sizeof(double);
+        grid.axis[k].deg = malloc(size);
+        if (grid.axis[k].deg == NULL) {
+            status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the angles");
+        } else {
+            memcpy(grid.axis[k].deg, head->axis[k].deg, size);
+            grid.axis[k].n = head->axis[k].n;
+        }
+    }
+    status = status == GONIO_OK ? gonio_grid_channels(&grid, head->channels, error) : status;
+    status = status == GONIO_OK ? incidences(&grid, all, error) : status;
+    status = status == GONIO_OK ? gonio_grid_allocate(&grid, words, error) : status;
+    status = status == GONIO_OK ? place(&grid, all, words, error) : status;
+    gonio_read_report own = {0};
+    status = gonio_grid_end(&grid, status, source, "lighttools", out, &own, error);
+    if (status == GONIO_OK && report != NULL) {
+        own.rows += report->rows;
+        own.invalid += report->invalid;
+        *report = own; // negatives are counted while the blocks are read: each half's copy has them all
+    }
+    return status;
+}
+
 static gonio_status read_lighttools(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                     gonio_read_report *report, gonio_error *error) {
     gonio_words words = gonio_words_begin(source, "#");
     gonio_grid grid = {
         .frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG, .policy = (gonio_negatives)values->at[0].choice};
     blocks all = {0};
+    *out = NULL;
+    if (report != NULL) {
+        *report = (gonio_read_report){0};
+    }
     gonio_status status = read_header(&words, &grid, error);
     status = status == GONIO_OK ? read_blocks(&words, &grid, &all, error) : status;
-    status = status == GONIO_OK ? incidences(&grid, &all, &words, error) : status;
-    status = status == GONIO_OK ? gonio_grid_allocate(&grid, &words, error) : status;
-    status = status == GONIO_OK ? place(&grid, &all, &words, error) : status;
+    if (status == GONIO_OK && all.n == 0) {
+        status = gonio_text_fail(&words.text, error, "there is no block");
+    }
+    for (int h = 0; h < GONIO_HALVES && status == GONIO_OK; h++) {
+        if (has_half(&all, h)) {
+            status = read_half(&grid, h, &all, &words, source, out, report, error);
+        }
+    }
     free(all.items);
     free(all.values);
-    return gonio_grid_end(&grid, status, source, "lighttools", out, report, error);
+    for (int k = 0; k < GONIO_GRID_AXES; k++) {
+        free(grid.axis[k].deg);
+    }
+    free(grid.names);
+    return status;
 }
 
 static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};

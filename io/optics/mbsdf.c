@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // MBSDF, the measured BSDF of NVIDIA's Material Definition Language (MDL specification, appendix "MBSDF file format"):
-// a header line, lines name="value", then MBSDF_DATA_REFLECTION= (or MBSDF_DATA=) and, little-endian, u32 type (0
-// scalar, 1 rgb), u32 thetas, u32 phis, float32 f_r in 1/sr at cells' centres: [theta_in][theta_out][dphi][type]. dphi
-// = 0 is the light's side. Isotropic and mirror-symmetric.
+// a header line, lines name="value", then MBSDF_DATA_REFLECTION= (or MBSDF_DATA=), MBSDF_DATA_TRANSMISSION= or both,
+// each followed by, little-endian, u32 type (0 scalar, 1 rgb), u32 thetas, u32 phis, float32 f_r in 1/sr at cells'
+// centres: [theta_in][theta_out][dphi][type]. dphi = 0 is the light's side; theta_out counts from the normal of the
+// side where the light leaves. Isotropic and mirror-symmetric.
 #include <endian.h>
 #include <math.h>
 #include <stdlib.h>
@@ -24,55 +25,67 @@ static uint32_t word_at(const gonio_source *source, size_t byte) {
     return le32toh(raw);
 }
 
-// Where the reflection's numbers begin.
-static gonio_status find_data(const gonio_source *source, size_t *at, gonio_error *error) {
-    size_t line = sizeof MAGIC - 1;
+static bool is_line(const char *begin, size_t n, const char *text) {
+    return n == strlen(text) && memcmp(begin, text, n) == 0;
+}
+
+// From a line's begin at *at on: where the numbers of the next table begin, and of which half. 0: there is none.
+static gonio_status find_data(const gonio_source *source, size_t line, size_t *at, gonio_half *half,
+                              gonio_error *error) {
+    *at = 0;
     while (line < source->size) {
         const char *begin = source->data + line, *end = memchr(begin, '\n', source->size - line);
         if (end == NULL) {
-            break;
+            return source->size - line >= 5 && memcmp(begin, "MBSDF", 5) == 0
+                       ? gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)line,
+                                         "the file ends inside the line of a table")
+                       : GONIO_OK;
         }
         const size_t n = (size_t)(end - begin);
-        if ((n == 22 && memcmp(begin, "MBSDF_DATA_REFLECTION=", 22) == 0) ||
-            (n == 11 && memcmp(begin, "MBSDF_DATA=", 11) == 0)) {
+        const bool through = is_line(begin, n, "MBSDF_DATA_TRANSMISSION=");
+        if (through || is_line(begin, n, "MBSDF_DATA_REFLECTION=") || is_line(begin, n, "MBSDF_DATA=")) {
             *at = line + n + 1;
+            *half = through ? GONIO_TRANSMISSION : GONIO_REFLECTION;
             return GONIO_OK;
         }
         const char *equals = memchr(begin, '=', n);
         if (n > 0 && (equals == NULL || n > 1000)) {
             return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)line,
-                                   "expected name=\"value\" or MBSDF_DATA_REFLECTION=, found '%.30s'", begin);
-        }
-        if (n >= 12 && memcmp(begin, "MBSDF_DATA_T", 12) == 0) {
-            break; // transmission alone
+                                   "expected name=\"value\", MBSDF_DATA_REFLECTION= or MBSDF_DATA_TRANSMISSION=, found "
+                                   "'%.30s'",
+                                   begin);
         }
         line += n + 1;
     }
-    return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)line, "there is no MBSDF_DATA_REFLECTION=");
+    return GONIO_OK;
 }
 
 typedef struct table {
-    size_t begin, thetas, phis, channels;
+    size_t begin, thetas, phis, channels, end;
+    gonio_half half;
 } table;
 
-static gonio_status read_head(const gonio_source *source, table *t, gonio_error *error) {
-    size_t at = 0;
+// The next table from a line on; begin 0: there is none.
+static gonio_status read_head(const gonio_source *source, size_t line, table *t, gonio_error *error) {
+    size_t at;
     *t = (table){0};
-    const gonio_status status = find_data(source, &at, error);
-    if (status != GONIO_OK) {
+    const gonio_status status = find_data(source, line, &at, &t->half, error);
+    if (status != GONIO_OK || at == 0) {
         return status;
     }
+    const gonio_half half = t->half;
     if (source->size - at < 12) {
         return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)at, "the file ends inside its table");
     }
     const uint32_t type = word_at(source, at);
-    *t = (table){at + 12, word_at(source, at + 4), word_at(source, at + 8), type == 1 ? 3 : 1};
+    *t = (table){at + 12, word_at(source, at + 4), word_at(source, at + 8), type == 1 ? 3 : 1, 0, half};
     if (type > 1 || t->thetas < 1 || t->phis < 1 || t->thetas > SIDE_MAX || t->phis > SIDE_MAX) {
         return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)at,
                                "type %u, %zu thetas, %zu azimuths; expected type 0 or 1 and 1 to %d", type, t->thetas,
                                t->phis, SIDE_MAX);
     }
     const size_t bytes = 4 * t->thetas * t->thetas * t->phis * t->channels;
+    t->end = t->begin + bytes;
     return source->size - t->begin >= bytes
                ? GONIO_OK
                : gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)source->size,
@@ -99,25 +112,48 @@ static gonio_status add_cell(const gonio_source *source, const table *t, size_t 
                                    "expected a finite number, 0 or more, found %g", values[c]);
         }
     }
-    return gonio_samples_add(samples, &pair, values, NULL, NULL, error);
+    const gonio_pair lowered = gonio_pair_lowered(pair, t->half);
+    return gonio_samples_add(samples, &lowered, values, NULL, NULL, error);
+}
+
+static gonio_status begin_samples(const table *t, gonio_samples **out, gonio_error *error) {
+    const gonio_status status = gonio_samples_new((int)t->channels, false, out, error);
+    for (size_t c = 0; status == GONIO_OK && c < t->channels; c++) {
+        snprintf((*out)->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%.*s", t->channels == 1 ? 7 : 1,
+                 t->channels == 1 ? "visible" : &"rgb"[c]);
+    }
+    return status;
+}
+
+static gonio_status add_table(const gonio_source *source, const table *t, gonio_samples **out, gonio_error *error) {
+    gonio_status status = *out == NULL ? begin_samples(t, out, error) : GONIO_OK;
+    if (status == GONIO_OK && (*out)->channels != (int)t->channels) {
+        return gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)t->begin - 12,
+                               "a table of %zu channels; the one before it has %d", t->channels, (*out)->channels);
+    }
+    for (size_t cell = 0; status == GONIO_OK && cell < t->thetas * t->thetas * t->phis; cell++) {
+        status = add_cell(source, t, cell, *out, error);
+    }
+    if (status == GONIO_OK) {
+        (*out)->transmission = (*out)->transmission || t->half != GONIO_REFLECTION;
+    }
+    return status;
 }
 
 static gonio_status read_mbsdf(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                gonio_read_report *report, gonio_error *error) {
     (void)values;
     table t;
-    gonio_status status = read_head(source, &t, error);
-    status = status == GONIO_OK ? gonio_samples_new((int)t.channels, false, out, error) : status;
-    if (status != GONIO_OK) {
-        return status;
+    *out = NULL;
+    gonio_status status = read_head(source, sizeof MAGIC - 1, &t, error);
+    if (status == GONIO_OK && t.begin == 0) {
+        status = gonio_fail_byte(error, GONIO_E_INPUT, source->path, (long long)source->size,
+                                 "there is neither MBSDF_DATA_REFLECTION= nor MBSDF_DATA_TRANSMISSION=");
     }
-    (*out)->isotropic = true;
-    for (size_t c = 0; c < t.channels; c++) {
-        snprintf((*out)->channel_names[c], GONIO_CHANNEL_NAME_MAX, "%.*s", t.channels == 1 ? 7 : 1,
-                 t.channels == 1 ? "visible" : &"rgb"[c]);
-    }
-    for (size_t cell = 0; status == GONIO_OK && cell < t.thetas * t.thetas * t.phis; cell++) {
-        status = add_cell(source, &t, cell, *out, error);
+    while (status == GONIO_OK && t.begin != 0) {
+        const size_t end = t.end + (t.end < source->size && source->data[t.end] == '\n');
+        status = add_table(source, &t, out, error);
+        status = status == GONIO_OK ? read_head(source, end, &t, error) : status;
     }
     if (status != GONIO_OK) {
         gonio_samples_free(*out);

@@ -2,12 +2,13 @@
 // Text of pab-opto's pgII gonio-photometer (the program "mountain"; described in the manual page of Radiance's
 // pabopto2bsdf): header lines with #, one incidence a file, then rows theta phi value in degrees. DSF values carry the
 // cosine of the outgoing angle, BSDF values do not. Above the sample, theta < 90; rows on the other side of the sample
-// than the light are transmission and left out.
+// than the light are transmission.
 #include <math.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/number.h"
+#include "gonio/plan.h"
 #include "io/optics/grid.h"
 
 #define COSINE_MIN 1e-3
@@ -124,20 +125,18 @@ static gonio_status read_row(pab *p, char *line, gonio_error *error) {
     if (status != GONIO_OK) {
         return status;
     }
-    const bool behind = p->theta_i > 90;
-    const double theta = behind ? 180 - v[0] : v[0];
-    if (theta >= 90) {
+    if (v[0] == 90) { // neither reflected nor transmitted
         p->elsewhere++;
         return GONIO_OK;
     }
     for (int k = 2; p->dsf && k < columns; k++) {
-        v[k] /= fmax(cos(gonio_radians(theta)), COSINE_MIN);
+        v[k] /= fmax(fabs(cos(gonio_radians(v[0]))), COSINE_MIN);
     }
     if (p->xyz) {
         gonio_xyz_to_rgb((double[3]){v[2], v[3], v[4]}, v + 2);
     }
-    const gonio_pair pair = {gonio_angle_canonical(gonio_radians(behind ? 180 - p->theta_i : p->theta_i)),
-                             azimuth(p->phi_i), gonio_angle_canonical(gonio_radians(theta)), azimuth(v[1])};
+    const gonio_pair pair = {gonio_angle_canonical(gonio_radians(p->theta_i)), azimuth(p->phi_i),
+                             gonio_angle_canonical(gonio_radians(v[0])), azimuth(v[1])};
     return gonio_row_collector_add(&p->collector, &pair, v + 2, NULL, NULL, error);
 }
 
@@ -156,7 +155,18 @@ static gonio_status read_lines(pab *p, gonio_error *error) {
     }
     return status != GONIO_OK || (p->collector.samples != NULL && p->collector.samples->n > 0)
                ? status
-               : gonio_text_fail(&p->text, error, "there is no row on the light's side of the sample");
+               : gonio_text_fail(&p->text, error, "there is no row on either side of the sample");
+}
+
+// What the back reflects, measured alone, is a reflection like any other.
+static void settle_halves(gonio_samples *s) {
+    s->transmission = gonio_pairs_transmit(s->pairs, s->n);
+    if (s->transmission && gonio_samples_halves(s) == 1u << GONIO_REFLECTION_BACK) {
+        for (size_t i = 0; i < s->n; i++) {
+            s->pairs[i] = gonio_pair_raised(s->pairs[i]);
+        }
+        s->transmission = false;
+    }
 }
 
 static gonio_status read_pab(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
@@ -164,6 +174,9 @@ static gonio_status read_pab(const gonio_source *source, const gonio_format_valu
     pab p = {.text = gonio_text_begin(source->path, source->data, source->size), .theta_i = NAN, .phi_i = NAN};
     gonio_status status = gonio_row_collector_begin(&p.collector, &p.text, source, values, NULL, "pab", error);
     status = status == GONIO_OK ? read_lines(&p, error) : status;
+    if (status == GONIO_OK) {
+        settle_halves(p.collector.samples);
+    }
     p.collector.report.invalid += p.elsewhere;
     p.collector.report.rows += p.elsewhere;
     return gonio_row_collector_end(&p.collector, status, out, report, error);

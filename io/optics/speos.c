@@ -19,15 +19,19 @@ static bool recognise(const gonio_source *source) {
 // The tables of one incidence: angles that all its wavelengths share, values[wavelength][theta][phi].
 typedef struct tables {
     int thetas, phis;
+    bool behind; // thetas run from 90 to 180 deg
     double *theta, *phi, *values;
 } tables;
+
+// From the normal of the side where the light leaves.
+static double leaving_deg(const tables *t, int i) { return t->behind ? 180 - t->theta[i] : t->theta[i]; }
 
 typedef struct speos {
     gonio_words words;
     gonio_negatives policy;
     gonio_samples *samples;
     gonio_read_report report;
-    bool intensity;
+    bool intensity, through; // through: a table of transmission
     int incidences, wavelengths;
     double *incidence;
 } speos;
@@ -62,7 +66,7 @@ static gonio_status skip_description(speos *s, gonio_error *error) {
 }
 
 static gonio_status read_kind(speos *s, gonio_error *error) {
-    int reflection, transmission, bsdf;
+    int reflection = 0, transmission = 0, bsdf;
     const char *version = gonio_text_line(&s->words.text) + sizeof MAGIC - 1;
     if (strncmp(version, "8.", 2) != 0) {
         return gonio_text_fail(&s->words.text, error, "version '%.20s' of a Speos brdf; 8.0 is read", version);
@@ -71,8 +75,14 @@ static gonio_status read_kind(speos *s, gonio_error *error) {
     s->words.rest = gonio_text_line(&s->words.text); // a comment
     s->words.rest = NULL;
     status = status == GONIO_OK ? skip_description(s, error) : status;
-    status = status == GONIO_OK ? gonio_word_choice(&s->words, "reflection (1)", "1", &reflection, error) : status;
+    status = status == GONIO_OK ? gonio_word_choice(&s->words, "reflection", "0|1", &reflection, error) : status;
     status = status == GONIO_OK ? gonio_word_choice(&s->words, "transmission", "0|1", &transmission, error) : status;
+    if (status == GONIO_OK && reflection == transmission) {
+        status = gonio_text_fail(
+            &s->words.text, error, "a file of %s; one of reflection (1 0) or of transmission (0 1) is read",
+            reflection == 1 ? "reflection and transmission" : "neither reflection nor transmission");
+    }
+    s->through = transmission == 1;
     status = status == GONIO_OK ? gonio_word_choice(&s->words, "intensity or bsdf", "0|1", &bsdf, error) : status;
     s->intensity = bsdf == 0;
     return status;
@@ -153,6 +163,19 @@ static gonio_status angle(speos *s, const char *what, double high, double *list,
     return GONIO_OK;
 }
 
+// Of transmission, thetas may run from 90 to 180 deg; they are kept as 0 to 90 from the far side's normal, with the
+// rows as they stand.
+static gonio_status theta(speos *s, tables *t, int i, bool first, gonio_error *error) {
+    const gonio_status status = angle(s, "theta", s->through ? 180 : 90, t->theta, i, first, error);
+    if (status == GONIO_OK && i == 0) {
+        t->behind = s->through && t->theta[0] >= 90;
+    }
+    return status == GONIO_OK && !t->behind && t->theta[i] > 90
+               ? gonio_text_fail(&s->words.text, error, "theta: expected 0 to 90 or 90 to 180 deg, found %g",
+                                 t->theta[i])
+               : status;
+}
+
 static gonio_status value(speos *s, double *to, gonio_error *error) {
     const gonio_status status = gonio_word_number(&s->words, "value", to, error);
     if (status != GONIO_OK || *to >= 0) {
@@ -173,8 +196,8 @@ static gonio_status value(speos *s, double *to, gonio_error *error) {
 static double integral(const tables *t, const double *v) {
     double sum = 0;
     for (int i = 0; i + 1 < t->thetas; i++) {
-        const double low = sin(gonio_radians(t->theta[i])), high = sin(gonio_radians(fmin(t->theta[i + 1], 90)));
-        const double ring = fmax(high * high - low * low, 0) / 2;
+        const double low = sin(gonio_radians(leaving_deg(t, i))), high = sin(gonio_radians(leaving_deg(t, i + 1)));
+        const double ring = fabs(high * high - low * low) / 2;
         const double *a = v + (size_t)i * (size_t)t->phis, *b = a + t->phis;
         double mean = t->phis == 1 ? (a[0] + b[0]) * GONIO_PI : 0;
         for (int k = 0; k + 1 < t->phis; k++) {
@@ -202,11 +225,11 @@ static gonio_status read_table(speos *s, tables *t, int wavelength, gonio_error 
     }
     double *v = status == GONIO_OK ? t->values + (size_t)wavelength * (size_t)thetas * (size_t)phis : NULL;
     for (int i = 0; status == GONIO_OK && i < thetas; i++) {
-        status = angle(s, "theta", 90, t->theta, i, first, error);
+        status = theta(s, t, i, first, error);
         for (int k = 0; status == GONIO_OK && k < phis; k++) {
             double *to = &v[(size_t)i * (size_t)phis + (size_t)k];
             status = value(s, to, error);
-            *to /= s->intensity ? fmax(cos(gonio_radians(t->theta[i])), 1e-4) : 1;
+            *to /= s->intensity ? fmax(cos(gonio_radians(leaving_deg(t, i))), 1e-4) : 1;
         }
     }
     if (status != GONIO_OK) {
@@ -229,7 +252,7 @@ static gonio_status add_tables(speos *s, const tables *t, double incidence, goni
         for (int k = 0; status == GONIO_OK && k < t->phis; k++) {
             s->report.rows++;
             // The pole is one direction, and so are 0 and 360 deg.
-            if ((t->theta[i] == 0 && k > 0) || (k > 0 && t->phi[k] - t->phi[0] == 360)) {
+            if ((leaving_deg(t, i) == 0 && k > 0) || (k > 0 && t->phi[k] - t->phi[0] == 360)) {
                 continue;
             }
             for (int w = 0; w < s->wavelengths; w++) {
@@ -237,9 +260,11 @@ static gonio_status add_tables(speos *s, const tables *t, double incidence, goni
             }
             const double phi = remainder(t->phi[k] + 180, 360);
             const gonio_pair pair = {gonio_angle_canonical(gonio_radians(incidence)), 0,
-                                     gonio_angle_canonical(gonio_radians(t->theta[i])),
+                                     gonio_angle_canonical(gonio_radians(leaving_deg(t, i))),
                                      gonio_angle_canonical(gonio_radians(phi))};
-            status = gonio_samples_add(s->samples, &pair, values, NULL, NULL, error);
+            const gonio_pair lowered = gonio_pair_lowered(pair, s->through ? GONIO_TRANSMISSION : GONIO_REFLECTION);
+            s->samples->transmission = s->through;
+            status = gonio_samples_add(s->samples, &lowered, values, NULL, NULL, error);
         }
     }
     free(values);

@@ -70,7 +70,9 @@ static gonio_status read_kind(ssdd *s, const char *word, bool *done, gonio_error
     int choice;
     gonio_status status;
     if (strcmp(word, "DATA_TYPE") == 0) {
-        return gonio_word_choice(&s->words, "DATA_TYPE (of the first block)", "brdf", &choice, error);
+        status = gonio_word_choice(&s->words, "DATA_TYPE", "brdf|btdf", &choice, error);
+        s->grid.half = choice == 1 ? GONIO_TRANSMISSION : GONIO_REFLECTION;
+        return status;
     }
     if (strcmp(word, "COLOR_MODEL") == 0) {
         status = gonio_word_choice(&s->words, "COLOR_MODEL", "monochrome|rgb|xyz|spectrum", &choice, error);
@@ -199,26 +201,50 @@ static gonio_status read_values(ssdd *s, gonio_error *error) {
     return status;
 }
 
-// What follows must be a further block.
-static gonio_status check_end(ssdd *s, gonio_error *error) {
+// What follows must be a further block: *more, one that is read, of which the word is still to come.
+static gonio_status check_end(ssdd *s, bool *more, gonio_error *error) {
     const char *word = gonio_word(&s->words);
-    return word == NULL || strcmp(word, "DATA_TYPE") == 0
-               ? GONIO_OK
-               : gonio_text_fail(&s->words.text, error, "expected the end or a further DATA_TYPE, found '%.40s'", word);
+    *more = false;
+    if (word == NULL) {
+        return GONIO_OK;
+    }
+    if (strcmp(word, "DATA_TYPE") != 0) {
+        return gonio_text_fail(&s->words.text, error, "expected the end or a further DATA_TYPE, found '%.40s'", word);
+    }
+    const char *kind = s->words.rest != NULL ? s->words.rest + strspn(s->words.rest, " \t") : "";
+    *more = strncmp(kind, "brdf", 4) == 0 || strncmp(kind, "btdf", 4) == 0;
+    return GONIO_OK;
+}
+
+// One block of the file; *more: another one of scattering follows, whose DATA_TYPE was read.
+static gonio_status read_block(ssdd *s, bool begun, const gonio_source *source, gonio_samples **out, bool *more,
+                               gonio_read_report *report, gonio_error *error) {
+    bool done;
+    gonio_status status = begun ? read_kind(s, "DATA_TYPE", &done, error) : GONIO_OK;
+    status = status == GONIO_OK ? read_header(s, error) : status;
+    status = status == GONIO_OK ? read_values(s, error) : status;
+    status = status == GONIO_OK ? check_end(s, more, error) : status;
+    return gonio_grid_end(&s->grid, status, source, "ssdd", out, report, error);
 }
 
 static gonio_status read_ssdd(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                               gonio_read_report *report, gonio_error *error) {
     ssdd *s = calloc(1, sizeof *s);
+    *out = NULL;
     if (s == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
     }
-    s->words = gonio_words_begin(source, "#");
-    s->grid.policy = (gonio_negatives)values->at[0].choice;
-    gonio_status status = read_header(s, error);
-    status = status == GONIO_OK ? read_values(s, error) : status;
-    status = status == GONIO_OK ? check_end(s, error) : status;
-    status = gonio_grid_end(&s->grid, status, source, "ssdd", out, report, error);
+    const gonio_words words = gonio_words_begin(source, "#");
+    s->words = words;
+    gonio_status status = GONIO_OK;
+    bool more = false, begun = false;
+    do {
+        // Wavelengths, colours and coordinates are stated once a block.
+        const ssdd next = {.words = s->words, .grid = {.policy = (gonio_negatives)values->at[0].choice}};
+        *s = next;
+        status = read_block(s, begun, source, out, &more, report, error);
+        begun = true;
+    } while (status == GONIO_OK && more);
     free(s);
     return status;
 }

@@ -4,7 +4,7 @@
 // azimuth of incidence (degrees), length and azimuth (degrees) of the vector beta - beta_0, BRDF and BTDF (1/sr). beta
 // is the outgoing direction's projection on the surface, beta_0 that of the mirror direction; azimuth 0 is taken to
 // point from the normal outwards, in the plane of incidence. A symmetric table (Scatter 4) holds at every azimuth and
-// is read at five.
+// is read at five. BTDFs, about the way straight through, are read where --transmission asks for them.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,9 +21,10 @@ typedef struct tracepro {
     gonio_text text;
     gonio_row_collector collector;
     gonio_long_rows rows;
-    int scatter;                       // the type of its data
-    double kelvin;                     // of all rows; NaN: none yet
-    size_t transmitted, below, turned; // rows with a BTDF; nodes below the horizon; rows of another azimuth
+    int scatter;                   // the type of its data
+    double kelvin;                 // of all rows; NaN: none yet
+    size_t reflected, transmitted; // rows with a BRDF, with a BTDF
+    size_t below, turned;          // nodes below the horizon; rows of another azimuth
     char name[200], made[100];
 } tracepro;
 
@@ -86,7 +87,7 @@ static gonio_status read_header(tracepro *t, gonio_error *error) {
 
 static double angle(double deg) { return gonio_angle_canonical(gonio_radians(remainder(deg, 360))); }
 
-static gonio_status add_node(tracepro *t, const double *v, double azimuth_deg, gonio_error *error) {
+static gonio_status add_node(tracepro *t, const double *v, double azimuth_deg, bool through, gonio_error *error) {
     const double beta_0 = sin(gonio_radians(v[2])), turn = gonio_radians(azimuth_deg);
     // In the frame of the plane of incidence: x from the normal to the mirror direction.
     const double x = beta_0 + v[4] * cos(turn), y = v[4] * sin(turn), beta = hypot(x, y);
@@ -95,10 +96,10 @@ static gonio_status add_node(tracepro *t, const double *v, double azimuth_deg, g
         return GONIO_OK;
     }
     const gonio_long_row row = {
-        .pair = {angle(v[2]), angle(v[3]), gonio_angle_canonical(asin(beta)),
+        .pair = {angle(v[2]), angle(v[3]), gonio_angle_canonical(through ? GONIO_PI - asin(beta) : asin(beta)),
                  beta > 0 ? angle(v[3] + 180 + gonio_degrees(atan2(y, x))) : 0},
         .lambda_um = v[1],
-        .value = v[6],
+        .value = v[through ? 7 : 6],
         .line = t->text.line,
     };
     return gonio_long_rows_add(&t->text, &t->rows, &row, error);
@@ -128,20 +129,39 @@ static gonio_status read_row(tracepro *t, char *line, gonio_error *error) {
     gonio_status status =
         n == COLUMNS ? GONIO_OK : gonio_text_fail(&t->text, error, "expected %d numbers, found %d", COLUMNS, n);
     for (int k = 0; k < COLUMNS && status == GONIO_OK; k++) {
-        status = k == 6 ? gonio_row_collector_number(&t->collector, fields[k], "BRDF", &v[k], error)
-                        : gonio_text_number(&t->text, fields[k], "column", &v[k], error);
+        status = k == 6 || (k == 7 && t->text.transmission)
+                     ? gonio_row_collector_number(&t->collector, fields[k], k == 6 ? "BRDF" : "BTDF", &v[k], error)
+                     : gonio_text_number(&t->text, fields[k], "column", &v[k], error);
     }
     status = status == GONIO_OK ? check_row(t, v, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
+    t->reflected += v[6] != 0;
     t->transmitted += v[7] != 0;
     t->turned += v[3] != 0;
     const bool every = t->scatter == SYMMETRIC && v[4] > 0;
     for (int k = 0; k < (every ? 5 : 1) && status == GONIO_OK; k++) {
-        status = add_node(t, v, every ? 45 * k : v[5], error);
+        status = add_node(t, v, every ? 45 * k : v[5], false, error);
+        if (status == GONIO_OK && t->text.transmission) {
+            status = add_node(t, v, every ? 45 * k : v[5], true, error);
+        }
     }
     return status;
+}
+
+// A column of zeros beside another of values says that this half was not measured.
+static void drop_empty_half(tracepro *t) {
+    if (!t->text.transmission || (t->reflected > 0) == (t->transmitted > 0)) {
+        return;
+    }
+    size_t kept = 0;
+    for (size_t i = 0; i < t->rows.n; i++) {
+        if ((t->rows.rows[i].pair.theta_o > GONIO_PI / 2) == (t->transmitted > 0)) {
+            t->rows.rows[kept++] = t->rows.rows[i];
+        }
+    }
+    t->rows.n = kept;
 }
 
 static gonio_status tell_head(tracepro *t, gonio_error *error) {
@@ -168,13 +188,14 @@ static gonio_status read_rows(tracepro *t, const gonio_format_values *values, go
     if (status == GONIO_OK && line != NULL && gonio_text_content(&t->text) != NULL) {
         gonio_text_append(notes, size, "properties and sides behind the first are not read\n");
     }
+    drop_empty_half(t);
     if (status == GONIO_OK && values->wavelength_nm > 0) {
         status = gonio_long_rows_choose(&t->text, &t->rows, values->wavelength_nm / 1000, notes, size, error);
     }
     status = status == GONIO_OK ? gonio_long_rows_collect(&t->text, &t->rows, false, &t->collector, error) : status;
     status = status == GONIO_OK ? tell_head(t, error) : status;
-    if (status == GONIO_OK && t->transmitted > 0) {
-        gonio_text_append(notes, size, "the BTDF of %zu rows is not read\n", t->transmitted);
+    if (status == GONIO_OK && t->transmitted > 0 && !t->text.transmission) {
+        gonio_text_append(notes, size, "the BTDF of %zu rows is not read; --transmission reads it\n", t->transmitted);
     }
     return status;
 }

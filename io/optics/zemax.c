@@ -29,7 +29,8 @@ static gonio_status read_header(gonio_words *words, gonio_grid *grid, int *chann
             grid->xyz = choice == 1;
             status = status == GONIO_OK ? gonio_grid_channels(grid, grid->xyz ? 3 : 1, error) : status;
         } else if (strcasecmp(word, "ScatterType") == 0) {
-            status = gonio_word_choice(words, "ScatterType (transmission is not read)", "BRDF", &choice, error);
+            status = gonio_word_choice(words, "ScatterType", "BRDF|BTDF", &choice, error);
+            grid->half = choice == 1 ? GONIO_TRANSMISSION : GONIO_REFLECTION;
         } else if (strcasecmp(word, "SampleRotation") == 0) {
             status = gonio_grid_axis_counted(grid, GONIO_GRID_IN_PHI, words, "SampleRotation", -360, 360, error);
         } else if (strcasecmp(word, "AngleOfIncidence") == 0) {

@@ -2,8 +2,9 @@
 // BSDF files of Radiance and LBNL WINDOW: XML with Klems matrices or tensor trees (docs/formats.md), as samples and as
 // a model that is constant over each cell, as Radiance evaluates them.
 //
-// Radiance's front (+z) is "Reflection Back" of the file. Colour: matrices carry CIE-X and CIE-Z beside Visible, which
-// is Y; tensor trees the chromaticity u', v' of CIE 1976. It becomes linear sRGB.
+// Radiance's front (+z) is the back of the file: "Reflection Back", and "Transmission Back" for light from there.
+// Colour: matrices carry CIE-X and CIE-Z beside Visible, which is Y; tensor trees the chromaticity u', v' of CIE 1976.
+// It becomes linear sRGB.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -144,38 +145,92 @@ static void find_floor(const gonio_radiance_file *file, gonio_radiance_model *m)
     }
 }
 
-// side: 0 the one that is there, the front (+z) first; 1 and 2 that one.
-static gonio_status load(const gonio_source *source, int side, gonio_radiance_model **out, gonio_error *error) {
+// The file's names of the halves.
+static const char *const directions[GONIO_HALVES] = {"Reflection Back", "Transmission Back", "Reflection Front",
+                                                     "Transmission Front"};
+
+static gonio_status load_half(const gonio_radiance_file *file, const char *direction, gonio_model **out,
+                              gonio_error *error) {
+    gonio_radiance_model *m = calloc(1, sizeof *m);
+    if (m == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", file->path);
+    }
+    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file->structure, "TensorTree3") == 0};
+    const gonio_status status = fill(file, direction, m, error);
+    find_floor(file, m);
+    m->head.channels = m->parts;
+    m->head.channel_names = m->parts == 3 ? names : single;
+    if (status != GONIO_OK) {
+        release(&m->head);
+        return status;
+    }
+    *out = &m->head;
+    return GONIO_OK;
+}
+
+// Where one half has no colour, none has.
+static void level_colours(gonio_model *halves[GONIO_HALVES]) {
+    bool grey = false;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        grey = grey || (halves[h] != NULL && halves[h]->channels == 1);
+    }
+    for (int h = 0; h < GONIO_HALVES && grey; h++) {
+        if (halves[h] != NULL) {
+            ((gonio_radiance_model *)halves[h])->parts = halves[h]->channels = 1;
+            halves[h]->channel_names = single;
+        }
+    }
+}
+
+enum { SIDE_AUTO, SIDE_FRONT, SIDE_BACK };
+
+// Which halves to read, bits 1 << gonio_half. Of a reflection alone, which is then looked at from its own side, the
+// index goes to *single_half; else -1.
+static unsigned wanted(const gonio_radiance_file *file, int side, int *single_half) {
+    unsigned there = 0;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        there |= (unsigned)(find(file, "Visible", directions[h]) != NULL) << h;
+    }
+    there = side == SIDE_FRONT || there == 0 ? 1u << GONIO_REFLECTION
+            : side == SIDE_BACK              ? 1u << GONIO_REFLECTION_BACK
+                                             : there;
+    *single_half = there == 1u << GONIO_REFLECTION        ? GONIO_REFLECTION
+                   : there == 1u << GONIO_REFLECTION_BACK ? GONIO_REFLECTION_BACK
+                                                          : -1;
+    return there;
+}
+
+static gonio_status load(const gonio_source *source, int side, gonio_model *halves[GONIO_HALVES], gonio_error *error) {
     gonio_radiance_file file;
     gonio_status status = gonio_radiance_open(source, &file, error);
     if (status != GONIO_OK) {
         return status;
     }
-    gonio_radiance_model *m = calloc(1, sizeof *m);
-    if (m == NULL) {
-        gonio_radiance_close(&file);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", source->path);
+    int single_half;
+    const unsigned there = wanted(&file, side, &single_half);
+    for (int h = 0; status == GONIO_OK && h < GONIO_HALVES; h++) {
+        if (there >> h & 1) {
+            status = load_half(&file, directions[h], &halves[single_half < 0 ? h : GONIO_REFLECTION], error);
+        }
     }
-    const bool front = side == 1 || (side == 0 && (find(&file, "Visible", "Reflection Back") != NULL ||
-                                                   find(&file, "Visible", "Reflection Front") == NULL));
-    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file.structure, "TensorTree3") == 0};
-    status = fill(&file, front ? "Reflection Back" : "Reflection Front", m, error);
-    find_floor(&file, m);
-    m->head.channels = m->parts;
-    m->head.channel_names = m->parts == 3 ? names : single;
     gonio_radiance_close(&file);
-    if (status != GONIO_OK) {
-        release(&m->head);
-        return status;
+    level_colours(halves);
+    return status;
+}
+
+static void free_halves(gonio_model *halves[GONIO_HALVES]) {
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        gonio_model_free(halves[h]);
     }
-    *out = m;
-    return GONIO_OK;
 }
 
 static gonio_status table_radiance(const gonio_source *source, gonio_model **out, gonio_error *error) {
-    gonio_radiance_model *m = NULL;
-    const gonio_status status = load(source, 0, &m, error);
-    *out = status == GONIO_OK ? &m->head : NULL;
+    gonio_model *halves[GONIO_HALVES] = {NULL};
+    gonio_status status = load(source, SIDE_AUTO, halves, error);
+    status = status == GONIO_OK ? gonio_model_of_halves(halves, out, error) : status;
+    if (status != GONIO_OK) {
+        free_halves(halves);
+    }
     return status;
 }
 
@@ -183,6 +238,7 @@ static gonio_status table_radiance(const gonio_source *source, gonio_model **out
 
 typedef struct cells {
     const gonio_radiance_model *m;
+    gonio_half half;
     gonio_samples *samples;
     size_t count, n; // cells so far; in all
     double share;
@@ -205,7 +261,8 @@ static bool add_cell(void *context, const gonio_pair *pair) {
     }
     double values[3];
     eval(&c->m->head, gonio_direction(pair->theta_i, pair->phi_i), gonio_direction(pair->theta_o, pair->phi_o), values);
-    c->status = gonio_samples_add(c->samples, pair, values, NULL, NULL, c->error);
+    const gonio_pair lowered = gonio_pair_lowered(*pair, c->half);
+    c->status = gonio_samples_add(c->samples, &lowered, values, NULL, NULL, c->error);
     return c->status == GONIO_OK;
 }
 
@@ -225,33 +282,54 @@ static void for_cells(const gonio_radiance_model *m, gonio_tensor_tree_fn call, 
     }
 }
 
-static gonio_status read_radiance(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
-                                  gonio_read_report *report, gonio_error *error) {
-    gonio_radiance_model *m = NULL;
-    gonio_status status = load(source, values->at[1].choice, &m, error);
-    if (status != GONIO_OK) {
-        return status;
+// Every half's cells, or all of them counted.
+static void for_halves(gonio_model *halves[GONIO_HALVES], gonio_tensor_tree_fn call, cells *c) {
+    for (int h = 0; h < GONIO_HALVES && c->status == GONIO_OK; h++) {
+        if (halves[h] != NULL) {
+            c->m = (const gonio_radiance_model *)halves[h];
+            c->half = (gonio_half)h;
+            for_cells(c->m, call, c);
+        }
     }
-    cells c = {.m = m, .key = gonio_random(values->seed), .error = error};
-    status = gonio_samples_new(m->head.channels, false, &c.samples, error);
-    if (status == GONIO_OK) {
-        c.samples->isotropic = m->head.isotropic;
-        memcpy(c.samples->channel_names, m->head.channel_names,
-               (size_t)m->head.channels * sizeof *c.samples->channel_names);
-        for_cells(m, count_cell, &c);
+}
+
+static gonio_status sample(gonio_model *halves[GONIO_HALVES], const gonio_format_values *values, gonio_samples **out,
+                           gonio_error *error) {
+    int first = 0;
+    while (halves[first] == NULL) {
+        first++;
+    }
+    const gonio_model *head = halves[first];
+    cells c = {.key = gonio_random(values->seed), .error = error};
+    c.status = gonio_samples_new(head->channels, false, &c.samples, error);
+    if (c.status == GONIO_OK) {
+        c.samples->isotropic = head->isotropic;
+        c.samples->transmission = halves[GONIO_TRANSMISSION] != NULL || halves[GONIO_REFLECTION_BACK] != NULL ||
+                                  halves[GONIO_TRANSMISSION_BACK] != NULL;
+        memcpy(c.samples->channel_names, head->channel_names,
+               (size_t)head->channels * sizeof *c.samples->channel_names);
+        for_halves(halves, count_cell, &c);
         c.share = values->at[0].count > 0 ? (double)values->at[0].count / (double)c.n : 1;
-        for_cells(m, add_cell, &c);
-        status = c.status;
-    }
-    if (status == GONIO_OK && report != NULL) {
-        *report = (gonio_read_report){.format = "radiance", .rows = c.samples->n, .first_negative_line = -1};
-    }
-    release(&m->head);
-    if (status != GONIO_OK) {
-        gonio_samples_free(c.samples);
-        c.samples = NULL;
+        for_halves(halves, add_cell, &c);
     }
     *out = c.samples;
+    return c.status;
+}
+
+static gonio_status read_radiance(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
+                                  gonio_read_report *report, gonio_error *error) {
+    gonio_model *halves[GONIO_HALVES] = {NULL};
+    *out = NULL;
+    gonio_status status = load(source, values->at[1].choice, halves, error);
+    status = status == GONIO_OK ? sample(halves, values, out, error) : status;
+    free_halves(halves);
+    if (status == GONIO_OK && report != NULL) {
+        *report = (gonio_read_report){.format = "radiance", .rows = (*out)->n, .first_negative_line = -1};
+    }
+    if (status != GONIO_OK) {
+        gonio_samples_free(*out);
+        *out = NULL;
+    }
     return status;
 }
 
@@ -264,7 +342,7 @@ static gonio_status write_radiance(const gonio_model *model, const gonio_format_
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"},
     {"side", GONIO_FORMAT_CHOICE, "auto|front|back", "auto",
-     "which reflection: front (+z, 'Reflection Back' of the file) or back"},
+     "one reflection alone: front (+z, 'Reflection Back' of the file) or back; else every half that is there"},
     {0}};
 
 const gonio_format gonio_format_radiance = {.name = "radiance",

@@ -51,6 +51,8 @@ static const kind_maker kind_forms[] = {
     {"transformed", "scaled", .parts = GONIO_MADE_SCALED},
     {"transformed", "passive", .parts = GONIO_MADE_PASSIVE},
     {"transformed", "separable", .parts = GONIO_MADE_SEPARABLE},
+    {"halves", "all four, with sigma", .parts = KIND_SPLINE | KIND_SIGMA},
+    {"halves", "of several kinds, one not there", .lobes = 1, .parts = KIND_SPLINE},
 };
 #define KIND_FORMS (sizeof kind_forms / sizeof *kind_forms)
 
@@ -259,10 +261,30 @@ static inline gonio_model *kind_make_transformed(const kind_maker *maker, bool i
     return model;
 }
 
+// Four models of the form, which differ by their scale and in the second form by their kind.
+static inline gonio_model *kind_make_halves(const kind_maker *maker, bool isotropic, int channels) {
+    gonio_model *halves[GONIO_HALVES] = {NULL}, *model = NULL;
+    gonio_error error = {0};
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        kind_maker own = *maker;
+        own.coordinates = h % 2 == 0 ? GONIO_NUSSELT : GONIO_HALF_VECTOR;
+        own.formula = maker->lobes > 0 && h == GONIO_TRANSMISSION ? gonio_formula_find("lambert") : NULL;
+        if (maker->lobes == 0 || h != GONIO_TRANSMISSION_BACK) {
+            halves[h] = own.formula != NULL ? kind_make_analytic(&own, isotropic, channels)
+                                            : kind_make_lobes(&own, isotropic, channels);
+        }
+    }
+    if (gonio_model_of_halves(halves, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    return model;
+}
+
 // A model of the maker's form on a small lattice: its file is short enough to be damaged byte by byte. The caller frees
 // it.
 static inline gonio_model *kind_make(const kind_maker *maker, bool isotropic, int channels) {
-    return maker->formula != NULL                    ? kind_make_analytic(maker, isotropic, channels)
+    return strcmp(maker->kind, "halves") == 0        ? kind_make_halves(maker, isotropic, channels)
+           : maker->formula != NULL                  ? kind_make_analytic(maker, isotropic, channels)
            : maker->basis != NULL                    ? kind_make_linear(maker, isotropic, channels)
            : strcmp(maker->kind, "transformed") == 0 ? kind_make_transformed(maker, isotropic, channels)
            : maker->method != NULL                   ? kind_make_fitted(maker, isotropic, channels)

@@ -23,6 +23,7 @@
 static char path[64], copy_path[64];
 static const char *model_name; // for messages
 static int cases;
+static bool behind; // the model answers behind the surface too
 
 // Directions all over the hemisphere, with both poles, the horizon, a mirror pair and a retro pair among them.
 static void set_directions(gonio_vec3 *wi, gonio_vec3 *wo) {
@@ -36,6 +37,7 @@ static void set_directions(gonio_vec3 *wi, gonio_vec3 *wo) {
             const double *s = special[i];
             p = (gonio_pair){gonio_radians(s[0]), gonio_radians(s[1]), gonio_radians(s[2]), gonio_radians(s[3])};
         }
+        p = behind ? gonio_pair_lowered(p, (gonio_half)(i % GONIO_HALVES)) : p;
         wi[i] = gonio_direction(p.theta_i, p.phi_i);
         wo[i] = gonio_direction(p.theta_o, p.phi_o);
     }
@@ -189,8 +191,9 @@ static void gradient_agrees(const gonio_model *model, double largest) {
     for (int i = 0; i < 24; i++) {
         const gonio_pair p = simulate_pair(&seed, 0);
         // Away from the poles and the horizon, where a step would leave the hemisphere.
-        const double at[4] = {fmin(0.1 + 0.9 * p.theta_i, 1.3), p.phi_i, fmin(0.1 + 0.9 * p.theta_o, 1.3), p.phi_o};
-        const gonio_pair pair = {at[0], at[1], at[2], at[3]};
+        const gonio_pair front = {fmin(0.1 + 0.9 * p.theta_i, 1.3), p.phi_i, fmin(0.1 + 0.9 * p.theta_o, 1.3), p.phi_o};
+        const gonio_pair pair = gonio_pair_lowered(front, (gonio_half)(behind ? i % GONIO_HALVES : 0));
+        const double at[4] = {pair.theta_i, pair.phi_i, pair.theta_o, pair.phi_o};
         const int channel = i % model->channels;
         double gradient[4];
         gonio_model_gradient(model, &pair, channel, gradient);
@@ -247,6 +250,7 @@ static void for_every_model(void (*test)(const kind_maker *maker, const gonio_mo
                 if (model->isotropic != (isotropic != 0) || strcmp(model->ops->kind, maker.kind) != 0) {
                     fail_msg("%s: its builder made a model of kind %s", name, model->ops->kind);
                 }
+                behind = model->ops->both_sides;
                 test(&maker, model);
                 cases++;
                 gonio_model_free(model);

@@ -34,7 +34,7 @@ for format in samples cornell nist retro; do
     [ $format = samples ] && all=1 || all=
     for line in '# units = percent' '#unit: %%' '# Quantity = transmittance' '# angles = gon' '# angle convention: signed' \
         '# symmetry = bilateral' '# wavelength unit: cm' '# polarisation = s' '# polarization: p' '# scale = 100' '# Factor: 0.5' \
-        '# offset = 3' '# normalized: yes' '# half = transmission' '#PARAM_OUT UNHEARD_OF' '#UNITS PERCENT' \
+        '# offset = 3' '# normalized: yes' '# half = absorption' '#PARAM_OUT UNHEARD_OF' '#UNITS PERCENT' \
         '# values are brdf times cos(theta)' '# Note: multiplied by cos(theta_o)' '# all values in percent' '# log10 of the brdf'; do
         case $all$line in 1* | '# scale'* | *PARAM_OUT* | *times*) ;; *) continue ;; esac
         refused "$format: $line" "$first$line\n$body" "$(printf "$line" | sed 's/^# *//')"

@@ -416,6 +416,88 @@ static void scattered_samples_are_judged_as_they_lie(void **state) {
     gonio_model_free(m);
 }
 
+// A centred table of every half that the model has.
+static gonio_samples *sampled_sheet(const gonio_model *m) {
+    gonio_plan *plan;
+    gonio_samples *s;
+    assert_int_equal(gonio_plan_make("uniform:15,centred=1,anisotropic=1,transmission=1,back=1", 1, &plan, NULL),
+                     GONIO_OK);
+    assert_int_equal(gonio_samples_new(m->channels, false, &s, NULL), GONIO_OK);
+    s->transmission = true;
+    double values[GONIO_CHANNELS_MAX];
+    for (size_t i = 0; i < plan->n; i++) {
+        if (gonio_model_half(m, gonio_pair_half(plan->poses[i])) != NULL) {
+            gonio_model_eval_pair(m, &plan->poses[i], values);
+            assert_int_equal(gonio_samples_add(s, &plan->poses[i], values, NULL, NULL, NULL), GONIO_OK);
+        }
+    }
+    gonio_plan_free(plan);
+    return s;
+}
+
+// What is reflected and what goes through, by incidence and side: of a model, and of samples of it.
+static void energy_of_a_sheet(void **state) {
+    (void)state;
+    gonio_check_report r;
+    gonio_model *m;
+    assert_int_equal(
+        gonio_model_from_spec("lambert:rho=0.2/0.1|lambert:rho=0.3/0.6|lambert:rho=0.4|lambert:rho=0.1", &m, NULL),
+        GONIO_OK);
+    for (int sampled = 0; sampled < 2; sampled++) {
+        if (sampled) {
+            gonio_samples *s = sampled_sheet(m);
+            assert_int_equal(gonio_check_samples(s, 0, &r, NULL), GONIO_OK);
+            gonio_samples_free(s);
+        } else {
+            assert_int_equal(gonio_check_model(m, 0, &r, NULL), GONIO_OK);
+        }
+        assert_true(r.transmission && r.half == GONIO_REFLECTION);
+        assert_near(r.energy, 0.7, sampled ? 0.01 : 1e-3);
+        assert_int_equal(r.energy_channel, 1);
+        size_t back = 0;
+        for (size_t k = 0; k < r.incidences; k++) {
+            const gonio_check_albedo_point *a = &r.albedos[k];
+            const bool behind = a->theta_i > GONIO_PI / 2;
+            back += behind;
+            assert_near(a->reflected, behind ? 0.4 : 0.15, sampled ? 0.01 : 1e-3);
+            assert_near(a->transmitted, behind ? 0.1 : 0.45, sampled ? 0.01 : 1e-3);
+            assert_near(a->value, a->reflected + a->transmitted, 1e-12);
+        }
+        assert_true(r.incidences > 0 && 2 * back == r.incidences);
+        gonio_check_report_free(&r);
+    }
+    gonio_model_free(m);
+    // Transmission alone is judged as such.
+    assert_int_equal(gonio_model_from_spec("|ward:rho_d=0.3,rho_s=0.2,alpha=0.2", &m, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_model(m, 0, &r, NULL), GONIO_OK);
+    assert_true(r.half == GONIO_TRANSMISSION && r.reciprocity < 1e-9 && r.separability[0] > 1e-3);
+    assert_true(r.albedos[0].reflected == 0 && r.albedos[0].transmitted > 0.4);
+    gonio_check_report_free(&r);
+    gonio_model_free(m);
+}
+
+// What changes a BRDF does not touch a sheet's other halves, and says so.
+static void sheets_are_not_changed(void **state) {
+    (void)state;
+    for (int kind = 0; kind < GONIO_CHANGES; kind++) {
+        const gonio_change change = {.kind = (gonio_change_kind)kind, .products = 1, .delta = 1, .ceiling = 1};
+        const bool by_sample = kind == GONIO_CHANGE_MIRROR || kind == GONIO_CHANGE_CLAMP;
+        gonio_model *m, *changed;
+        gonio_samples *out;
+        assert_int_equal(gonio_model_from_spec("lambert:rho=0.2|lambert:rho=0.9", &m, NULL), GONIO_OK);
+        gonio_samples *s = sampled_sheet(m);
+        assert_int_equal(gonio_check_change(s, &change, 1, &out, NULL), by_sample ? GONIO_OK : GONIO_E_UNSUPPORTED);
+        assert_true(out == NULL || out->transmission);
+        gonio_samples_free(out);
+        gonio_samples_free(s);
+        assert_int_equal(gonio_check_change_model(m, &change, 1, &changed, NULL), GONIO_E_UNSUPPORTED);
+    }
+    gonio_model *m, *physical;
+    gonio_physical_report report;
+    assert_int_equal(gonio_model_from_spec("lambert:rho=0.2|lambert:rho=0.9", &m, NULL), GONIO_OK);
+    assert_int_equal(gonio_check_make_physical(m, true, true, 1, &physical, &report, NULL), GONIO_E_UNSUPPORTED);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(albedos),
@@ -434,6 +516,8 @@ int main(void) {
         cmocka_unit_test(the_nine_reflectances),
         cmocka_unit_test(sigma_explains_what_it_makes_and_no_more),
         cmocka_unit_test(scattered_samples_are_judged_as_they_lie),
+        cmocka_unit_test(energy_of_a_sheet),
+        cmocka_unit_test(sheets_are_not_changed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -146,8 +146,9 @@ static void assert_same(const gonio_model *a, const gonio_model *b) {
 // A model's file keeps what it was made of, for as many channels as there are, and evaluates as without it.
 static void a_model_file_keeps_it(void **state) {
     (void)state;
-    static const char *const specs[] = {"ward:rho_d=0.3,rho_s=0.2,alpha=0.2", "lambert:rho=0.3/0.2/0.1"};
-    for (size_t k = 0; k < 2; k++) {
+    static const char *const specs[] = {"ward:rho_d=0.3,rho_s=0.2,alpha=0.2", "lambert:rho=0.3/0.2/0.1",
+                                        "ward:rho_d=0.3,rho_s=0.2,alpha=0.2|lambert:rho=0.3"};
+    for (size_t k = 0; k < sizeof specs / sizeof *specs; k++) {
         gonio_model *model, *back;
         char path[64];
         assert_int_equal(gonio_model_from_spec(specs[k], &model, NULL), GONIO_OK);
@@ -238,6 +239,15 @@ static void a_fit_carries_it(void **state) {
     assert_false(gonio_coverage_take(NULL, &told));
     assert_int_equal(gonio_samples_of_model(model, s->pairs, s->n, 1, &back, NULL), GONIO_OK);
     assert_true(strncmp(back->head, "operator = me\norigin = ", 23) == 0 && strstr(back->head, "sampled") == NULL);
+    char *lines = NULL;
+    for (unsigned halves = 1; halves < 16; halves++) {
+        coverage.halves = halves;
+        assert_int_equal(gonio_coverage_put(&coverage, &lines, NULL), GONIO_OK);
+        assert_true(gonio_coverage_take(lines, &told));
+        assert_int_equal(told.halves, halves);
+        free(lines);
+        lines = NULL;
+    }
     gonio_samples_free(back);
     gonio_samples_free(s);
     gonio_model_free(model);

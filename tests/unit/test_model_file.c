@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "brdf/kind/transformed.h"
 #include "fit/options.h"
 #include "gonio/fit.h"
 #include "tests/simulate.h"
@@ -230,12 +231,39 @@ static void gradient_follows_the_model(void **state) {
     }
 }
 
+// Models inside models are read to a depth of 8; halves stand outermost or not at all.
+static void depth_is_bounded(void **state) {
+    (void)state;
+    const gonio_transformed_parts parts = {.what = GONIO_MADE_RECIPROCAL, .delta = 0.5};
+    for (int depth = 7; depth <= 8; depth++) {
+        gonio_model *m, *again;
+        assert_int_equal(gonio_model_from_spec("ward:rho_d=0.3,rho_s=0.2,alpha=0.2", &m, NULL), GONIO_OK);
+        for (int k = 0; k < depth; k++) {
+            assert_int_equal(gonio_transformed_new(m, &parts, &m, NULL), GONIO_OK);
+        }
+        assert_int_equal(gonio_model_save(m, path, NULL), GONIO_OK);
+        if (depth == 7) {
+            assert_int_equal(gonio_model_open(path, &again, NULL), GONIO_OK);
+            assert_same_model(m, again);
+            gonio_model_free(again);
+        } else {
+            assert_refused("inside each other");
+        }
+        gonio_model_free(m);
+    }
+    gonio_model *sheet, *changed;
+    assert_int_equal(gonio_model_from_spec("lambert:rho=0.2|lambert:rho=0.3", &sheet, NULL), GONIO_OK);
+    assert_int_equal(gonio_transformed_new(sheet, &parts, &changed, NULL), GONIO_E_UNSUPPORTED);
+    gonio_model_free(sheet);
+    unlink(path);
+}
+
 int main(void) {
     snprintf(path, sizeof path, "/tmp/gonio_test_model_%ld", (long)getpid());
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(written_models_come_back),   cmocka_unit_test(damage_is_found),
         cmocka_unit_test(models_come_from_memory),    cmocka_unit_test(a_full_disk_leaves_nothing),
-        cmocka_unit_test(gradient_follows_the_model),
+        cmocka_unit_test(gradient_follows_the_model), cmocka_unit_test(depth_is_bounded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

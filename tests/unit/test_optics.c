@@ -141,7 +141,8 @@ static void speos(void **state) {
 static void pab(void **state) {
     (void)state;
     gonio_samples *s = read_file("pab");
-    assert_int_equal(s->n, 3); // the row below the sample is left out
+    assert_int_equal(s->n, 4);
+    has(s, 30, 120, 180, 6); // below the sample: transmission
     assert_false(s->isotropic);
     has(s, 30, 60, 180, 1); // over the cosine
     has(s, 30, 20, 120, 0.125 / cos(gonio_radians(20)));
@@ -156,7 +157,8 @@ static void pab(void **state) {
 static void lighttools(void **state) {
     (void)state;
     gonio_samples *s = read_file("lighttools");
-    assert_int_equal(s->n, 4);
+    assert_int_equal(s->n, 8); // of them four from behind, through the sample, of 0
+    assert_int_equal(gonio_samples_halves(s), 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION_BACK);
     has(s, 30, 30, 0, 2); // azimuth 90 is the light's own
     has(s, 30, 30, 180, 4);
     gonio_samples_free(s);
@@ -172,9 +174,10 @@ static void ssdd(void **state) {
     has(s, 30, 40, 180, 15);
     gonio_samples_free(s);
     // Half and difference angles: theta_h 0, theta_d 30 is the mirror direction; theta_h 30, theta_d 0 looks back.
-    s = read_text("VERSION 0.2\nDATA_TYPE brdf\nCOLOR_MODEL monochrome\nPARAM_TYPE half_difference_coordinate_system\n"
-                  "PARAM0_LIST 0 30\nPARAM2_LIST 0 30\nPARAM3_LIST 0\nDATA ascii\n1\n2\n3\n4\n\nDATA_TYPE btdf\n",
-                  NULL);
+    s = read_text(
+        "VERSION 0.2\nDATA_TYPE brdf\nCOLOR_MODEL monochrome\nPARAM_TYPE half_difference_coordinate_system\n"
+        "PARAM0_LIST 0 30\nPARAM2_LIST 0 30\nPARAM3_LIST 0\nDATA ascii\n1\n2\n3\n4\n\nDATA_TYPE specular_reflectance\n",
+        NULL);
     has(s, 0, 0, 0, 1);
     has(s, 30, 30, 0, 2);
     has(s, 30, 30, 180, 3);
@@ -242,14 +245,69 @@ static void utia(void **state) {
     gonio_samples_free(s);
 }
 
+// Every half that a file states, where it stands: azimuths are kept, the way straight through lies half a turn from the
+// light.
+static void halves(void **state) {
+    (void)state;
+    gonio_samples *s =
+        read_text("Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType BTDF\n"
+                  "SampleRotation 1\n0\nAngleOfIncidence 1\n30\nScatterAzimuth 2\n0 180\nScatterRadial 2\n0 10\n\n"
+                  "Monochrome\nDataBegin\nTIS 0\n1 2\n3 4\nDataEnd\n",
+                  NULL);
+    has(s, 30, 150, 180, 1); // straight through
+    has(s, 30, 160, 180, 2); // toward the normal
+    has(s, 30, 140, 180, 4);
+    gonio_samples_free(s);
+    s = read_text(
+        "Symmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterAzimuth 2\n90 270\nScatterRadial 1\n20\n"
+        "DataBegin\nAOI 30\nPOI 0\nSide Front\nScatterType BRDF\nTIS 0\n1 2\nAOI 30\nSide Front\n"
+        "ScatterType BTDF\nTIS 0\n3 4\nAOI 40\nSide Back\nScatterType BRDF\nTIS 0\n5 6\n"
+        "AOI 50\nSide Back\nScatterType BTDF\nTIS 0\n7 8\nDataEnd\n",
+        NULL);
+    assert_int_equal(s->n, 8);
+    has(s, 30, 20, 180, 2);
+    has(s, 30, 160, 0, 3);
+    has(s, 30, 160, 180, 4);
+    has(s, 140, 160, 180, 6);
+    has(s, 130, 20, 0, 7);
+    gonio_samples_free(s);
+#define SSDD(type, value)                                                                                              \
+    "DATA_TYPE " type "\nCOLOR_MODEL monochrome\nPARAM_TYPE spherical_coordinate_system\nPARAM0_LIST "                 \
+    "45\nPARAM2_LIST 20\nPARAM3_LIST 180\nDATA ascii\n" value "\n"
+    s = read_text("VERSION 0.3\n" SSDD("brdf", "1") SSDD("btdf", "2") "DATA_TYPE specular_reflectance\n", NULL);
+    assert_int_equal(s->n, 2);
+    has(s, 45, 20, 180, 1);
+    has(s, 45, 160, 180, 2);
+    gonio_samples_free(s);
+    // Thetas of transmission from either normal; 40 % of the light.
+    s = read_text("OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n0 1\n1\n1 1\n30\n550\n40\n2 1\n0\n0 1\n90 1\n", NULL);
+    has(s, 30, 180, 0, 0.4 / GONIO_PI);
+    gonio_samples_free(s);
+    s = read_text("OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n0 1\n1\n1 1\n30\n550\n40\n2 1\n0\n90 1\n180 1\n", NULL);
+    has(s, 30, 180, 0, 0.4 / GONIO_PI);
+    gonio_samples_free(s);
+    static const char mbsdf_text[] = "NVIDIA ARC MBSDF V1\nMBSDF_DATA_REFLECTION=\n"
+                                     "\0\0\0\0\1\0\0\0\1\0\0\0\0\0\x80\x3f\nMBSDF_DATA_TRANSMISSION=\n"
+                                     "\0\0\0\0\1\0\0\0\1\0\0\0\0\0\0\x3f";
+    assert_int_equal(gonio_read(memory_file((const uint8_t *)mbsdf_text, sizeof mbsdf_text - 1), NULL, &s, NULL, NULL),
+                     GONIO_OK);
+    has(s, 45, 45, 90, 1);
+    has(s, 45, 135, 90, 0.5);
+    gonio_samples_free(s);
+    // A header of ASTM's that speaks of it; thetas from the far normal.
+    s = read_text("BTDF of a diffuser\nVARS theta_i,phi_i,theta_s,phi_s,R\n0.5,0,0.2,3,4\n", NULL);
+    has(s, gonio_degrees(0.5), 180 - gonio_degrees(0.2), gonio_degrees(3), 4);
+    gonio_samples_free(s);
+}
+
 static void refused_with_words(void **state) {
     (void)state;
     static const struct {
         const char *text, *words;
     } bad[] = {
-        {"Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType BTDF\nAngleOfIncidence "
+        {"Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\nScatterType BSSRDF\nAngleOfIncidence "
          "ScatterRadial\n",
-         "transmission"},
+         "ScatterType"},
         {"Source Measured\nUnits degrees\nAngleOfIncidence ScatterRadial\n", "unknown keyword 'Units'"},
         {"Source Measured\nSpectralContent Monochrome\nAngleOfIncidence 2\n30 0\nScatterRadial 1\n", "ascending"},
         {"Source Measured\nSpectralContent Monochrome\nAngleOfIncidence 1\n30\nScatterAzimuth 1\n0\nScatterRadial "
@@ -260,9 +318,11 @@ static void refused_with_words(void **state) {
         {"note\nunits: degrees\nVARS theta_i,phi_i,theta_s,phi_s,R\n", "may change"},
         {"VARS theta_i,phi_i,theta_s,phi_s,R\n1,2,3\n", "expected 5 columns"},
         {"NUM_POINTS 3\nVARS theta_i,phi_i,theta_s,phi_s,R\n0,0,0,0,1\n", "NUM_POINTS states 3"},
-        {"VERSION 0.3\nDATA_TYPE btdf\n", "expected brdf"},
+        {"VERSION 0.3\nDATA_TYPE specular_reflectance\n", "DATA_TYPE"},
+        {"VERSION 0.3\nDATA_TYPE btdf\n", "ends before its DATA"},
         {"OPTIS - brdf surface file v7.0\n0\n", "version '7.0'"},
-        {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n0 1\n", "reflection (1)"},
+        {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n1 1\n", "reflection (1 0)"},
+        {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n0 0\n", "neither"},
         {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n1 0\n1\n1 1\n30\n550\n50\n2 1\n0\n0 0\n90 0\n",
          "without any light"},
         {"#format: theta phi power\n#intheta 3\n", "expected theta phi DSF"},
@@ -299,6 +359,7 @@ int main(void) {
         cmocka_unit_test(ddr),
         cmocka_unit_test(astm),
         cmocka_unit_test(mbsdf),
+        cmocka_unit_test(halves),
         cmocka_unit_test(utia),
         cmocka_unit_test(refused_with_words),
     };

@@ -124,6 +124,44 @@ static void refused(const char *text, gonio_status status, long long line, const
     }
 }
 
+// Behind the sample as in front of it, each pose once.
+static void presets_go_behind(void **state) {
+    (void)state;
+    static const struct {
+        const char *flags;
+        int halves;
+    } cases[] = {{"", 1}, {",transmission=1", 2}, {",back=1", 2}, {",transmission=1,back=1", 4}};
+    gonio_plan *front = make("nusselt:25", 1), *grid = make("uniform:30,theta_max=90", 1);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char text[80];
+        snprintf(text, sizeof text, "nusselt:%d%s", 25 * cases[k].halves, cases[k].flags);
+        gonio_plan *plan = make(text, 1);
+        size_t counts[GONIO_HALVES] = {0};
+        for (size_t i = 0; i < plan->n; i++) {
+            const gonio_pair raised = gonio_pair_raised(plan->poses[i]);
+            counts[gonio_pair_half(plan->poses[i])]++;
+            assert_memory_equal(&raised, &front->poses[i / (size_t)cases[k].halves], sizeof raised);
+        }
+        for (int h = 0; h < GONIO_HALVES; h++) {
+            assert_true(counts[h] == 0 || counts[h] == 25);
+        }
+        assert_int_equal(gonio_pairs_transmit(plan->poses, plan->n), k > 0);
+        gonio_plan_free(plan);
+        // A grid that touches the horizon has it once.
+        snprintf(text, sizeof text, "uniform:30,theta_max=90%s", cases[k].flags);
+        plan = make(text, 1);
+        for (size_t i = 0; i < plan->n; i++) {
+            for (size_t j = 0; j < i; j++) {
+                assert_memory_not_equal(&plan->poses[i], &plan->poses[j], sizeof *plan->poses);
+            }
+        }
+        assert_true(plan->n <= (size_t)cases[k].halves * grid->n && (k == 0 || plan->n > grid->n));
+        gonio_plan_free(plan);
+    }
+    gonio_plan_free(front);
+    gonio_plan_free(grid);
+}
+
 static void bad_presets(void **state) {
     (void)state;
     refused("uniform:", GONIO_E_USAGE, -1, "expected a number");
@@ -187,6 +225,7 @@ int main(void) {
         cmocka_unit_test(nusselt_gives_exactly_n_in_range),
         cmocka_unit_test(nusselt_is_stratified),
         cmocka_unit_test(a_prefix_is_a_plan),
+        cmocka_unit_test(presets_go_behind),
         cmocka_unit_test(bad_presets),
         cmocka_unit_test(bad_files),
         cmocka_unit_test(a_file_is_read),

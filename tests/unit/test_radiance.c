@@ -146,7 +146,7 @@ static void the_side_is_chosen(void **state) {
     size_t size;
     FILE *to = begin(&text, &size, "Columns");
     block(to, "Solar", "Reflection Back", bases[2].basis, "1");
-    block(to, "Visible", "Transmission Back", bases[2].basis, "1");
+    block(to, "Visible", "Transmission Back", bases[2].basis, values);
     block(to, "Visible", "Reflection Front", bases[2].basis, values);
     const char *path = end(to, &text, &size);
     free(values);
@@ -161,10 +161,61 @@ static void the_side_is_chosen(void **state) {
         assert_int_equal(gonio_read(path, &options, &s, NULL, &error), sides[k].status);
         if (s != NULL) {
             assert_true(s->n > 50 && s->n < 150);
+            assert_int_equal(s->transmission, k == 0);
+            assert_int_equal(gonio_samples_halves(s),
+                             k == 0 ? 1u << GONIO_TRANSMISSION | 1u << GONIO_REFLECTION_BACK : 1u << GONIO_REFLECTION);
         } else if (sides[k].status == GONIO_E_INPUT) {
             assert_non_null(strstr(error.message, "the file holds Solar Reflection Back, Visible Transmission Back"));
         }
         gonio_samples_free(s);
+    }
+}
+
+// ---- halves ----
+
+// The file's four, each a constant, at their places: what the file calls the back is Radiance's front.
+static void every_half_is_read(void **state) {
+    (void)state;
+    static const struct {
+        const char *direction;
+        double theta_i, theta_o;
+    } halves[] = {{"Reflection Back", 30, 40},
+                  {"Transmission Back", 30, 140},
+                  {"Reflection Front", 150, 140},
+                  {"Transmission Front", 150, 40}};
+    static const char *const structures[] = {"Columns", "TensorTree4"};
+    for (int tree = 0; tree < 2; tree++) {
+        for (unsigned left_out = 0; left_out < 3; left_out++) { // reflection alone at last
+            char *text;
+            size_t size, n = 0;
+            FILE *to = begin(&text, &size, structures[tree]);
+            for (int h = 0; h < GONIO_HALVES; h++) {
+                if (left_out == 0 || (left_out == 1 && h != 3) || h == 0) {
+                    char numbers[8 * 41 * 41] = "";
+                    for (int k = 0; k < (tree ? 1 : 41 * 41); k++) {
+                        snprintf(numbers + strlen(numbers), 8, tree ? "{%d}" : "%d ", h + 1);
+                    }
+                    block(to, "Visible", halves[h].direction,
+                          tree ? "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>" : KLEMS("LBNL/Klems Quarter"), numbers);
+                    n++;
+                }
+            }
+            const char *path = end(to, &text, &size);
+            gonio_model *model = table_of(path);
+            for (int h = 0; h < GONIO_HALVES; h++) {
+                const bool there = left_out == 0 || (left_out == 1 && h != 3) || h == 0;
+                assert_near(at(model, halves[h].theta_i, 10, halves[h].theta_o, 20), there ? h + 1 : 0, 0);
+            }
+            gonio_samples *s;
+            assert_int_equal(gonio_read(path, NULL, &s, NULL, NULL), GONIO_OK);
+            assert_int_equal(s->transmission, n > 1);
+            assert_int_equal(s->n, n * (tree ? 1 : 41 * 41));
+            for (size_t i = 0; i < s->n; i++) {
+                assert_near(s->values[i], (int)gonio_pair_half(s->pairs[i]) + 1, 0);
+            }
+            gonio_samples_free(s);
+            gonio_model_free(model);
+        }
     }
 }
 
@@ -306,6 +357,7 @@ int main(void) {
         cmocka_unit_test(a_patch_is_where_it_stands),
         cmocka_unit_test(samples_are_the_centres),
         cmocka_unit_test(the_side_is_chosen),
+        cmocka_unit_test(every_half_is_read),
         cmocka_unit_test(a_cell_is_where_it_stands),
         cmocka_unit_test(three_dimensions_turn_with_the_light),
         cmocka_unit_test(colour),

@@ -68,6 +68,63 @@ static void groups_stay_with_their_samples(void **state) {
     gonio_samples_free(channel);
 }
 
+static gonio_pair degrees(double ti, double pi, double to, double po) {
+    return (gonio_pair){gonio_radians(ti), gonio_radians(pi), gonio_radians(to), gonio_radians(po)};
+}
+
+// Every half's directions in front of the surface and back, with the digits of their degrees.
+static void halves_are_mirrored(void **state) {
+    (void)state;
+    static const double thetas[] = {0, 0.1, 17, 29.9, 30, 60, 89.99};
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        for (size_t k = 0; k < sizeof thetas / sizeof *thetas; k++) {
+            const gonio_pair front = degrees(thetas[k], 20, thetas[6 - k], -170);
+            const gonio_pair lowered = gonio_pair_lowered(front, (gonio_half)h);
+            assert_int_equal(gonio_pair_half(lowered), h);
+            assert_int_equal(gonio_half_of(gonio_direction(lowered.theta_i, lowered.phi_i),
+                                           gonio_direction(lowered.theta_o, lowered.phi_o)),
+                             h);
+            const gonio_pair raised = gonio_pair_raised(lowered);
+            assert_memory_equal(&raised, &front, sizeof front);
+        }
+    }
+    assert_int_equal(gonio_pair_half(degrees(90, 0, 90, 0)), GONIO_REFLECTION);
+    assert_string_equal(gonio_half_name(GONIO_TRANSMISSION_BACK), "transmission-back");
+}
+
+// A sample at the horizon goes with the reflection, or with what else there is.
+static void halves_of_a_set(void **state) {
+    (void)state;
+    for (int with = 0; with < 2; with++) {
+        gonio_samples *s = make(2, true), *half;
+        bool which[4];
+        add(s, degrees(30, 0, 90, 0), 1);
+        add(s, degrees(30, 0, 150, 90), 2);
+        if (with) {
+            add(s, degrees(30, 0, 80, 90), 3);
+        }
+        assert_int_equal(gonio_samples_halves(s), 1);
+        assert_int_equal(gonio_samples_check(s, NULL), GONIO_E_INPUT);
+        s->transmission = true;
+        assert_int_equal(gonio_samples_check(s, NULL), GONIO_OK);
+        assert_int_equal(gonio_samples_halves(s), with ? 3 : 2);
+        assert_int_equal(gonio_samples_half(s, GONIO_TRANSMISSION, which, &half, NULL), GONIO_OK);
+        assert_false(half->transmission);
+        assert_int_equal(half->n, with ? 1 : 2);
+        assert_int_equal(which[0], !with);
+        assert_true(which[1]);
+        assert_near(gonio_degrees(half->pairs[half->n - 1].theta_o), 30, 0);
+        assert_near(half->values[2 * (half->n - 1)], 2, 0);
+        gonio_samples_free(half);
+        assert_int_equal(gonio_samples_half(s, GONIO_REFLECTION_BACK, NULL, &half, NULL), GONIO_OK);
+        assert_int_equal(half->n, 0);
+        gonio_samples_free(half);
+        s->pairs[0].theta_i = GONIO_PI + 1e-8;
+        assert_int_equal(gonio_samples_check(s, NULL), GONIO_E_INPUT);
+        gonio_samples_free(s);
+    }
+}
+
 static void unusable_samples_are_named(void **state) {
     (void)state;
     const double right = GONIO_PI / 2;
@@ -257,6 +314,8 @@ int main(void) {
         cmocka_unit_test(what_is_added_is_there),
         cmocka_unit_test(groups_stay_with_their_samples),
         cmocka_unit_test(unusable_samples_are_named),
+        cmocka_unit_test(halves_are_mirrored),
+        cmocka_unit_test(halves_of_a_set),
         cmocka_unit_test(impossible_sets),
         cmocka_unit_test(folds_keep_equal_geometries_together),
         cmocka_unit_test(a_split_ignores_order_and_follows_the_seed),

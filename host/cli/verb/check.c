@@ -229,6 +229,27 @@ static gonio_status check_stream(const char *name, check_arguments *a, gonio_che
 
 static bool is_model_name(const char *name) { return strncmp(name, "spec:", 5) == 0 || gonio_model_file_is(name); }
 
+// The nine reflectances and the pictures, of the half that the report is of.
+static gonio_status look_closer(check_arguments *a, const cli_common *common, const gonio_model *model,
+                                const gonio_samples *samples, const gonio_check_report *report, gonio_error *error) {
+    gonio_samples *raised = NULL;
+    gonio_status status = GONIO_OK;
+    if (report->transmission && samples != NULL) {
+        status = gonio_samples_half(samples, report->half, NULL, &raised, error);
+        samples = raised;
+    } else if (report->transmission) {
+        model = gonio_model_half(model, report->half);
+    }
+    if (status == GONIO_OK && a->reflectances != NULL) {
+        status = find_nine(a, model, samples, error);
+    }
+    if (status == GONIO_OK && a->images != NULL) {
+        status = show(a, common, model, samples, report, error);
+    }
+    gonio_samples_free(raised);
+    return status;
+}
+
 static gonio_status check(const char *name, check_arguments *a, const cli_common *common, gonio_check_report *report,
                           gonio_error *error) {
     const bool is_model = is_model_name(name);
@@ -251,12 +272,7 @@ static gonio_status check(const char *name, check_arguments *a, const cli_common
         a->sigma = status == GONIO_OK && samples->sigma_random != NULL;
         status = status == GONIO_OK ? gonio_check_samples(samples, common->threads, report, error) : status;
     }
-    if (status == GONIO_OK && a->reflectances != NULL) {
-        status = find_nine(a, model, samples, error);
-    }
-    if (status == GONIO_OK && a->images != NULL) {
-        status = show(a, common, model, samples, report, error);
-    }
+    status = status == GONIO_OK ? look_closer(a, common, model, samples, report, error) : status;
     if (status == GONIO_OK && a->n_changes > 0 && a->output != NULL) {
         status = is_model ? apply_model(a, common, &model, error) : apply_samples(a, common, samples, error);
     }
@@ -283,11 +299,15 @@ static json_t *to_json_albedos(const gonio_check_report *r) {
     json_t *rows = json_array();
     for (size_t k = 0; k < r->incidences; k++) {
         const gonio_check_albedo_point *a = &r->albedos[k];
-        json_array_append_new(rows,
-                              json_pack("{s:f,s:f,s:o,s:o,s:f,s:f,s:f,s:f}", "theta_i", gonio_degrees(a->theta_i),
-                                        "phi_i", gonio_degrees(a->phi_i), "albedo", cli_json_real(a->value), "largest",
-                                        cli_json_real(a->largest), "sigma_random", a->random, "sigma_systematic",
-                                        a->systematic, "integration", a->integration, "covered", a->covered));
+        json_t *row = json_pack("{s:f,s:f,s:o,s:o,s:f,s:f,s:f,s:f}", "theta_i", gonio_degrees(a->theta_i), "phi_i",
+                                gonio_degrees(a->phi_i), "albedo", cli_json_real(a->value), "largest",
+                                cli_json_real(a->largest), "sigma_random", a->random, "sigma_systematic", a->systematic,
+                                "integration", a->integration, "covered", a->covered);
+        if (r->transmission) {
+            json_object_set_new(row, "reflected", cli_json_real(a->reflected));
+            json_object_set_new(row, "transmitted", cli_json_real(a->transmitted));
+        }
+        json_array_append_new(rows, row);
     }
     return rows;
 }
@@ -345,6 +365,9 @@ static json_t *to_json(const char *name, const check_arguments *a, const gonio_c
     json_object_set_new(out, "mueller", cli_json_mueller(&a->mueller));
     add_ranges(out, r);
     json_object_set_new(out, "albedos", to_json_albedos(r));
+    if (r->transmission) {
+        json_object_set_new(out, "half", json_string(gonio_half_name(r->half)));
+    }
     if (a->reflectances != NULL) {
         json_object_set_new(out, "reflectances", nine_json(a));
     }
@@ -402,6 +425,24 @@ static double energy_sigma(const gonio_check_report *r) {
     return 0;
 }
 
+// At most about eight of the incidences.
+static void print_parts(const gonio_check_report *r) {
+    const size_t step = r->incidences / 8 + 1;
+    printf("              of what is reflected and what goes through, mean over the channels:\n");
+    for (size_t k = 0; k < r->incidences; k += step) {
+        const gonio_check_albedo_point *a = &r->albedos[k];
+        char part[2][40] = {"not measured", "not measured"};
+        if (isfinite(a->reflected)) {
+            snprintf(part[0], sizeof part[0], "%.4g reflected", a->reflected);
+        }
+        if (isfinite(a->transmitted)) {
+            snprintf(part[1], sizeof part[1], "%.4g transmitted", a->transmitted);
+        }
+        printf("              theta_i %g, phi_i %g: %s + %s = %.4g\n", gonio_degrees(a->theta_i),
+               gonio_degrees(a->phi_i), part[0], part[1], a->value);
+    }
+}
+
 static void print_energy(const gonio_check_report *r) {
     const double sigma = energy_sigma(r);
     if (!isfinite(r->energy)) {
@@ -414,6 +455,9 @@ static void print_energy(const gonio_check_report *r) {
         r->energy > 1.002 + 2 * sigma ? ": MORE THAN ARRIVES"
         : r->energy > 1.002           ? ": more than arrives, but no more than it may be off"
                                       : "");
+    if (r->transmission) {
+        print_parts(r);
+    }
     print_test(&r->energy_test, true);
 }
 
@@ -423,6 +467,9 @@ static void print(const check_arguments *a, const gonio_check_report *r) {
         cli_print_mueller(&a->mueller);
     }
     printf("form          %s\n", gonio_check_form_name(r->form));
+    if (r->transmission) {
+        printf("half          %s, of which all but the energy is\n", gonio_half_name(r->half));
+    }
     print_reciprocity(r, a->sigma);
     print_energy(r);
     printf("isotropy      P_i = %.6g /sr\n", r->isotropy);

@@ -1,11 +1,28 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio compare: the error figures of a model on an input's samples.
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "host/cli/input.h"
 
+// Of samples with transmission, each half's; else none has samples.
+static gonio_status compare_halves(const gonio_model *model, const gonio_samples *samples, int threads,
+                                   gonio_errors halves[GONIO_HALVES], gonio_error *error) {
+    bool *mask = malloc(samples->n * sizeof *mask);
+    gonio_status status = mask != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the halves");
+    for (int h = 0; h < GONIO_HALVES && status == GONIO_OK && samples->transmission; h++) {
+        gonio_samples *half;
+        status = gonio_samples_half(samples, (gonio_half)h, mask, &half, error);
+        gonio_samples_free(half);
+        status = status == GONIO_OK ? gonio_errors_model(model, samples, mask, threads, &halves[h], error) : status;
+    }
+    free(mask);
+    return status;
+}
+
 static gonio_status compare(const char *const *names, const cli_input *in, const cli_common *common,
-                            gonio_errors *errors, int *channels, gonio_error *error) {
+                            gonio_errors *errors, gonio_errors halves[GONIO_HALVES], int *channels,
+                            gonio_error *error) {
     gonio_model *model;
     gonio_status status = gonio_model_resolve(names[0], &model, error);
     if (status != GONIO_OK) {
@@ -16,10 +33,21 @@ static gonio_status compare(const char *const *names, const cli_input *in, const
     if (status == GONIO_OK) {
         *channels = samples->channels;
         status = gonio_errors_model(model, samples, NULL, common->threads, errors, error);
+        status = status == GONIO_OK ? compare_halves(model, samples, common->threads, halves, error) : status;
         gonio_samples_free(samples);
     }
     gonio_model_free(model);
     return status;
+}
+
+static json_t *halves_json(const gonio_errors halves[GONIO_HALVES]) {
+    json_t *object = json_object();
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if (halves[h].samples > 0) {
+            json_object_set_new(object, gonio_half_name((gonio_half)h), cli_json_errors(&halves[h]));
+        }
+    }
+    return object;
 }
 
 static int run(int argc, char **argv) {
@@ -33,16 +61,22 @@ static int run(int argc, char **argv) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};
-    gonio_errors errors;
-    if (compare(names, &in, &common, &errors, &channels, &error) != GONIO_OK) {
+    gonio_errors errors, halves[GONIO_HALVES] = {{0}};
+    if (compare(names, &in, &common, &errors, halves, &channels, &error) != GONIO_OK) {
         return cli_fail(&common, &error);
     }
     if (common.json) {
-        return cli_json(json_pack("{s:s,s:s,s:i,s:I,s:o}", "model", names[0], "input", names[1], "channels", channels,
-                                  "samples", (json_int_t)errors.samples, "errors", cli_json_errors(&errors)));
+        return cli_json(json_pack("{s:s,s:s,s:i,s:I,s:o,s:o}", "model", names[0], "input", names[1], "channels",
+                                  channels, "samples", (json_int_t)errors.samples, "errors", cli_json_errors(&errors),
+                                  "halves", halves_json(halves)));
     }
     printf("%s on %s, %d channels\n", names[0], names[1], channels);
     cli_print_errors("errors", &errors);
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if (halves[h].samples > 0) {
+            cli_print_errors(gonio_half_name((gonio_half)h), &halves[h]);
+        }
+    }
     return 0;
 }
 

@@ -49,6 +49,15 @@ static gonio_status sampled(const gonio_model *model, const char *plan_text, con
     return status;
 }
 
+// In the halves that the model has.
+static void default_plan(const gonio_model *model, char *text, size_t size) {
+    const bool back = gonio_model_half(model, GONIO_REFLECTION_BACK) != NULL ||
+                      gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
+    const bool through =
+        gonio_model_half(model, GONIO_TRANSMISSION) != NULL || gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
+    snprintf(text, size, PLAN_DEFAULT "%s%s", through ? ",transmission=1" : "", back ? ",back=1" : "");
+}
+
 static gonio_status to_samples(const char *in, const char *out, const char *format, const convert_arguments *a,
                                const cli_common *common, json_t *result, gonio_error *error) {
     gonio_samples *samples = NULL;
@@ -60,7 +69,9 @@ static gonio_status to_samples(const char *in, const char *out, const char *form
         gonio_model *model;
         status = open_model(in, &a->input, &model, error);
         if (status == GONIO_OK) {
-            status = sampled(model, a->plan != NULL ? a->plan : PLAN_DEFAULT, common, &samples, error);
+            char plan[80];
+            default_plan(model, plan, sizeof plan);
+            status = sampled(model, a->plan != NULL ? a->plan : plan, common, &samples, error);
             gonio_model_free(model);
         }
     } else {
@@ -100,6 +111,10 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     gonio_status status = format == NULL ? cli_export_refuse(&a->output, "a model file", error) : GONIO_OK;
     status = status == GONIO_OK ? open_model(in, &a->input, &model, error) : status;
     if (status == GONIO_OK) {
+        const gonio_model *reflection = gonio_model_half(model, GONIO_REFLECTION);
+        if (format != NULL && reflection != NULL && reflection != model) {
+            fprintf(stderr, "gonio: %s: of the model's halves it holds the reflection alone\n", out);
+        }
         status = format == NULL ? gonio_model_save(model, out, error)
                                 : cli_export_model(model, in, out, format, &a->output, common, result, error);
         if (status == GONIO_OK && format != NULL) {

@@ -52,11 +52,13 @@ static gonio_status parse_row(const gonio_text *text, const char *line, char *co
                   : gonio_text_fail(text, error, "expected the 4 columns " GONIO_PAIR_HEADER ", found %d", n);
 }
 
-static gonio_status read_directions(const char *path, directions *d, gonio_error *error) {
+// transmission: thetas go to 180 deg, whether the text declares it or not.
+static gonio_status read_directions(const char *path, bool transmission, directions *d, gonio_error *error) {
     gonio_status status = gonio_text_open(path, 0, &d->text, error);
     if (status != GONIO_OK) {
         return status;
     }
+    d->text.transmission = transmission || gonio_text_declares_transmission(&d->text);
     char copy[1024], *fields[4];
     char *line = gonio_text_row(&d->text);
     if (line == NULL) {
@@ -140,10 +142,12 @@ static gonio_status write_csv(const char *path, const directions *d, const gonio
 
 static int run(int argc, char **argv) {
     const char *output = NULL, *names[2] = {NULL, "-"};
-    bool sigma = false;
+    bool sigma = false, transmission = false;
     const cli_option options[] = {
         {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "where to write (standard output)"},
         {"sigma", 0, CLI_FLAG, &sigma, NULL, NULL, "add sigma_<channel>, the standard uncertainty"},
+        {"transmission", 0, CLI_FLAG, &transmission, NULL, NULL,
+         "directions go behind the sample, to 180 deg; so they do for a model with such halves"},
         {0}};
     extern const cli_verb cmd_eval;
     int count;
@@ -162,7 +166,8 @@ static int run(int argc, char **argv) {
     if (status == GONIO_OK && sigma && model->ops->sigma == NULL) {
         status = gonio_fail(&error, GONIO_E_UNSUPPORTED, "%s carries no uncertainty", names[0]);
     }
-    status = status == GONIO_OK ? read_directions(names[1], &d, &error) : status;
+    transmission = transmission || (status == GONIO_OK && gonio_model_half(model, GONIO_REFLECTION) != model);
+    status = status == GONIO_OK ? read_directions(names[1], transmission, &d, &error) : status;
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, d.pairs, d.n, common.threads, &values, &error);
     }

@@ -23,14 +23,30 @@ static bool on_progress(void *context, double fraction, const char *what, double
     return !cli_interrupted();
 }
 
+// Of samples with transmission each half; else empty.
+static json_t *halves_json(const gonio_fit_report *r) {
+    json_t *halves = json_array();
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        const gonio_half_report *half = &r->half[h];
+        if (half->samples > 0) {
+            json_array_append_new(halves, json_pack("{s:s,s:I,s:s,s:o,s:o}", "half", gonio_half_name((gonio_half)h),
+                                                    "samples", (json_int_t)half->samples, "options", half->options,
+                                                    "train", cli_json_errors(&half->train), "held_out",
+                                                    cli_json_errors(&half->held_out)));
+        }
+    }
+    return halves;
+}
+
 static json_t *to_json(const fit_arguments *a, const char *input, const gonio_fit_report *r) {
-    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o,s:o}", "method", r->method,
+    return json_pack("{s:s,s:i,s:s,s:s,s:I,s:i,s:I,s:I,s:o,s:o,s:o,s:s,s:s,s:s,s:s?,s:o,s:o,s:o}", "method", r->method,
                      "level", r->level, "coordinates", gonio_coordinates_name(r->coordinates), "domain",
                      gonio_domain_name(r->domain), "samples", (json_int_t)r->samples, "channels", r->channels,
                      "control_points", (json_int_t)r->control_points, "bytes", (json_int_t)r->bytes, "fit_seconds",
                      cli_json_real(r->fit_seconds), "train", cli_json_errors(&r->train), "held_out",
                      cli_json_errors(&r->held_out), "options", r->options, "note", r->note, "input", input, "model",
-                     a->output, "sampled", cli_json_coverage(&a->coverage), "mueller", cli_json_mueller(&a->mueller));
+                     a->output, "sampled", cli_json_coverage(&a->coverage), "mueller", cli_json_mueller(&a->mueller),
+                     "halves", halves_json(r));
 }
 
 static void print(const fit_arguments *a, const gonio_fit_report *r) {
@@ -49,6 +65,13 @@ static void print(const fit_arguments *a, const gonio_fit_report *r) {
     char of[200];
     gonio_coverage_range_text(&a->coverage, of, sizeof of);
     printf("%-10s both are of %s\n", "", of);
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if (r->half[h].samples > 0) {
+            printf("%s: %s\n", gonio_half_name((gonio_half)h), r->half[h].options);
+            cli_print_errors("  train", &r->half[h].train);
+            cli_print_errors("  held out", &r->half[h].held_out);
+        }
+    }
     if (r->note[0] != 0) {
         printf("note: %s\n", cli_text(r->note));
     }

@@ -288,6 +288,12 @@ static gonio_status model_info(const info_request *r, json_t **out, gonio_error 
                      names_json(model->channel_names, model->channels), "control_points",
                      (json_int_t)model->control_points, "bytes", (json_int_t)model->bytes, "sigma",
                      model->ops->sigma != NULL, "sha256", cli_json_text(hash));
+    for (int h = 0; h < GONIO_HALVES && *out != NULL && model->ops->both_sides; h++) {
+        const gonio_model *part = gonio_model_half(model, (gonio_half)h);
+        if (part != NULL) {
+            json_object_set_new(*out, gonio_half_name((gonio_half)h), json_string(part->ops->kind));
+        }
+    }
     json_object_set_new(*out, "head", head_json(model->about));
     json_object_set_new(*out, "sampled",
                         gonio_coverage_take(model->about, &coverage) ? cli_json_coverage(&coverage) : json_null());

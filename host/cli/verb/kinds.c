@@ -108,11 +108,16 @@ static void print_page(void) {
     print_kinds();
     puts(
         "\n# Analytic formulae\n\nA SPEC names them, as in `ward:rho_d=0.3,rho_s=0.2,alpha=0.15`; a value a channel is "
-        "`rho_d=0.3/0.2/0.1`, and\n`+` adds terms. Made a model file by `gonio convert spec:SPEC "
-        "OUT.gonio`.\n\nPublished fits of "
-        "measured materials have names, `sgd:NAME` (Bagher et al. 2012), `ngan-ward:NAME`,\n`ngan-blinn-phong:NAME`, "
-        "`ngan-cook-torrance:NAME` and `ngan-lafortune:NAME` (Ngan et al. 2005): three channels,\nread from the tables "
-        "in `$GONIO_DATA/fits`.");
+        "`rho_d=0.3/0.2/0.1`, and\n`+` adds terms. Made a model file by `gonio convert spec:SPEC OUT.gonio`.\n\n"
+        "Published fits of measured materials have names, `sgd:NAME` (Bagher et al. 2012), `ngan-ward:NAME`,\n"
+        "`ngan-blinn-phong:NAME`, `ngan-cook-torrance:NAME` and `ngan-lafortune:NAME` (Ngan et al. 2005): three "
+        "channels,\nread from the tables in `$GONIO_DATA/fits`.\n\n"
+        "A thin sheet is `SPEC|SPEC|SPEC|SPEC`: reflection, transmission, reflection-back, transmission-back, of which "
+        "any may be empty.\n"
+        "`translucent:rho=0.2,rho_s=0.1,tau=0.3,tau_s=0.2,alpha=0.2,alpha_t=0.3` has two like faces, each diffuse with "
+        "a lobe of ward's about\n"
+        "the mirror direction (alpha) and about the way straight through (alpha_t); the first four are 0 where left "
+        "out and sum to at most 1.");
     for (const gonio_formula *const *f = gonio_formulae(); *f != NULL; f++) {
         print_formula(*f);
     }

@@ -20,7 +20,13 @@ typedef struct estimate {
 } estimate;
 
 static gonio_status write_poses(const gonio_step *steps, size_t n, FILE *stream) {
-    fputs("theta_i,phi_i,theta_o,phi_o\n", stream);
+    bool behind = false;
+    for (size_t i = 0; i < n; i++) {
+        behind = behind || gonio_pairs_transmit(&steps[i].pose, 1);
+    }
+    fputs(behind ? "# halves = reflection,transmission\ntheta_i,phi_i,theta_o,phi_o\n"
+                 : "theta_i,phi_i,theta_o,phi_o\n",
+          stream);
     for (size_t i = 0; i < n; i++) {
         if (steps[i].kind == GONIO_STEP_SAMPLE) {
             const gonio_pair *p = &steps[i].pose;

@@ -173,7 +173,7 @@ static bool parse_pair(const char *text, gonio_pair *pair) {
         return false;
     }
     for (int k = 0; k < 4; k++) {
-        if (!isfinite(deg[k]) || (k % 2 == 0 && !(deg[k] >= 0 && deg[k] <= 90))) {
+        if (!isfinite(deg[k]) || (k % 2 == 0 && !(deg[k] >= 0 && deg[k] <= 180))) {
             return false;
         }
     }
@@ -298,6 +298,10 @@ static gonio_status make_budget(gonio_session *session, gonio_process *process, 
     gonio_exposure *exposures = NULL;
     int n = 0;
     gonio_status status = gonio_process_begin(session, process, error);
+    if (status == GONIO_OK && !process->transmission && gonio_pair_half(*pair) != GONIO_REFLECTION) {
+        status = gonio_fail(error, GONIO_E_USAGE,
+                            "samples: --budget: expected TI and TO from 0 to 90 deg: the session has no transmission");
+    }
     status = status == GONIO_OK ? gonio_process_prepare(session, process, NULL, NULL, 0, &ready, error) : status;
     status = status == GONIO_OK ? find_step(session, process, pair, step, error) : status;
     status = status == GONIO_OK ? find_model(session, process, &model, error) : status;
@@ -313,10 +317,11 @@ static gonio_status make_budget(gonio_session *session, gonio_process *process, 
 static int show_budget(const request *r, gonio_session *session) {
     gonio_pair pair;
     if (!parse_pair(r->budget, &pair)) {
-        return cli_usage(r->common,
-                         "samples: --budget: expected TI,PI,TO,PO in degrees with TI and TO from 0 to 90, "
-                         "found '%s'",
-                         r->budget);
+        return cli_usage(
+            r->common,
+            "samples: --budget: expected TI,PI,TO,PO in degrees with TI and TO from 0 to 90 (180 of transmission), "
+            "found '%s'",
+            r->budget);
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_process process = {0};
