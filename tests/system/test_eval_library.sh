@@ -47,6 +47,7 @@ make_kind() {
         "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4 "$work/whole.gonio" &&
             "$GONIO" check "$work/whole.gonio" --apply isotropy -o "$work/model.gonio"
         ;;
+    halves) "$GONIO" convert "spec:lambert:rho=0.3|lambert:rho=0.2" "$work/model.gonio" ;;
     *) echo "no command here makes a model of kind $1" >&2 && return 1 ;;
     esac
 }
