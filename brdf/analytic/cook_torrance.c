@@ -26,11 +26,7 @@ static double value(const gonio_lobe_geometry *g, const double *p) {
 
 static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
     const double lobe = gonio_lobe_cook_torrance_slope(g, p[2], p[3], d + 2);
-    d[0] = 1 / GONIO_PI;
-    d[1] = lobe;
-    d[2] *= p[1];
-    d[3] *= p[1];
-    return p[0] / GONIO_PI + p[1] * lobe;
+    return gonio_diffuse_and_lobe(p, lobe, 1, d);
 }
 
 static int proposals(const double *p, gonio_proposal *out) {

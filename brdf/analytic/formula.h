@@ -128,4 +128,14 @@ static inline int gonio_propose_diffuse_and_lobe(gonio_proposal *out, double rho
 #define GONIO_F0                                                                                                       \
     { "f0", 0, 1, 1, "reflectance at normal incidence (Schlick); 1: no Fresnel term" }
 
+// rho_d / pi + rho_s lobe share, of p = {rho_d, rho_s, two shapes}, and its derivatives: d[2] and d[3] hold the lobe's
+// own by the shapes. share does not depend on them.
+static inline double gonio_diffuse_and_lobe(const double *p, double lobe, double share, double *d) {
+    d[0] = 1 / GONIO_PI;
+    d[1] = lobe * share;
+    d[2] *= p[1] * share;
+    d[3] *= p[1] * share;
+    return p[0] / GONIO_PI + p[1] * d[1];
+}
+
 #endif

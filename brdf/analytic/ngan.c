@@ -4,12 +4,8 @@
 #include "brdf/analytic/formula.h"
 
 static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
-    const double lobe = 4 / GONIO_PI * gonio_lobe_cook_torrance_slope(g, p[2], p[3], d + 2);
-    d[0] = 1 / GONIO_PI;
-    d[1] = lobe;
-    d[2] *= p[1] * 4 / GONIO_PI;
-    d[3] *= p[1] * 4 / GONIO_PI;
-    return p[0] / GONIO_PI + p[1] * lobe;
+    const double lobe = gonio_lobe_cook_torrance_slope(g, p[2], p[3], d + 2);
+    return gonio_diffuse_and_lobe(p, lobe, 4 / GONIO_PI, d);
 }
 
 static double value(const gonio_lobe_geometry *g, const double *p) {

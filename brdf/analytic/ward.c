@@ -20,12 +20,8 @@ static double value(const gonio_lobe_geometry *g, const double *p) {
 }
 
 static double slope(const gonio_lobe_geometry *g, const double *p, double *d) {
-    const double share = 1 / sqrt(g->wi.z * g->wo.z), lobe = gonio_lobe_gaussian(g, p[2], p[3], d + 2) * share;
-    d[0] = 1 / GONIO_PI;
-    d[1] = lobe;
-    d[2] *= p[1] * share;
-    d[3] *= p[1] * share;
-    return p[0] / GONIO_PI + p[1] * lobe;
+    const double lobe = gonio_lobe_gaussian(g, p[2], p[3], d + 2);
+    return gonio_diffuse_and_lobe(p, lobe, 1 / sqrt(g->wi.z * g->wo.z), d);
 }
 
 static bool isotropic(const double *p) { return p[2] == p[3]; }

@@ -78,6 +78,12 @@ gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_s
 gonio_status gonio_grid_of_model(gonio_grid *grid, const gonio_model *model, size_t step, bool closed, int threads,
                                  gonio_error *error);
 void gonio_grid_free(gonio_grid *grid);
+// The whole of a writer whose tables have one channel or X, Y and Z: the model seen so, its grid (frame and light_deg
+// are set), and put, which writes it.
+typedef void gonio_grid_put_fn(gonio_grid *grid, const gonio_model *model, FILE *stream);
+gonio_status gonio_grid_write_colours(gonio_grid *grid, const gonio_model *model, const gonio_format_values *values,
+                                      bool closed, gonio_grid_put_fn *put, FILE *stream, gonio_write_report *told,
+                                      gonio_error *error);
 // Directional albedo of each of the grid's channels at an incidence of the grid.
 void gonio_grid_albedo(const gonio_grid *grid, const gonio_model *model, int in_phi, int in_theta, double *albedo);
 // "NAME N" and the angles on the next line.

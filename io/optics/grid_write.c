@@ -154,3 +154,24 @@ void gonio_grid_tell(const gonio_grid *grid, const gonio_model *model, gonio_wri
     gonio_write_lost_channels(model, grid->channels, told);
     gonio_write_lost(told, "what lies between the nodes, and beyond 85 deg");
 }
+
+gonio_status gonio_grid_write_colours(gonio_grid *grid, const gonio_model *model, const gonio_format_values *values,
+                                      bool closed, gonio_grid_put_fn *put, FILE *stream, gonio_write_report *told,
+                                      gonio_error *error) {
+    gonio_model *seen = (gonio_model *)(uintptr_t)model;
+    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &seen, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    grid->xyz = seen->channels == 3;
+    status = gonio_grid_of_model(grid, seen, values->at[0].count, closed, values->threads, error);
+    if (status == GONIO_OK) {
+        put(grid, seen, stream);
+        gonio_grid_tell(grid, model, told);
+    }
+    gonio_grid_free(grid);
+    if (seen != model) {
+        gonio_model_free(seen);
+    }
+    return status;
+}

@@ -294,22 +294,8 @@ static gonio_status write_lighttools(const gonio_model *model, const gonio_forma
     if (!model->isotropic) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a LightTools table is isotropic; the model is not");
     }
-    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
-    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG, .xyz = rgb->channels == 3};
-    status = gonio_grid_of_model(&g, rgb, values->at[0].count, false, values->threads, error);
-    if (status == GONIO_OK) {
-        put_lighttools(&g, rgb, stream);
-        gonio_grid_tell(&g, model, told);
-    }
-    gonio_grid_free(&g);
-    if (rgb != model) {
-        gonio_model_free(rgb);
-    }
-    return status;
+    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG};
+    return gonio_grid_write_colours(&g, model, values, false, put_lighttools, stream, told, error);
 }
 
 static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};

@@ -193,22 +193,8 @@ static void put_zemax(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
 
 static gonio_status write_zemax(const gonio_model *model, const gonio_format_values *values, FILE *stream,
                                 gonio_write_report *told, gonio_error *error) {
-    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
-    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    gonio_grid g = {.frame = GONIO_GRID_SPECULAR, .xyz = rgb->channels == 3};
-    status = gonio_grid_of_model(&g, rgb, values->at[0].count, true, values->threads, error);
-    if (status == GONIO_OK) {
-        put_zemax(&g, rgb, stream);
-        gonio_grid_tell(&g, model, told);
-    }
-    gonio_grid_free(&g);
-    if (rgb != model) {
-        gonio_model_free(rgb);
-    }
-    return status;
+    gonio_grid g = {.frame = GONIO_GRID_SPECULAR};
+    return gonio_grid_write_colours(&g, model, values, true, put_zemax, stream, told, error);
 }
 
 static const gonio_format_option write_options[] = {GONIO_OPTION_GRID_STEP, {0}};
