@@ -6,8 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#define GROUP "systematic_group"
-
 static const char *const wavelengths[] = {"wavelength", "wavelengths", "lambda", "wl", "wvl", "wave", "nm", "um", NULL};
 static const char *const sigmas[] = {"std",
                                      "stdev",
@@ -256,7 +254,7 @@ gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int
         if (!gonio_text_is_printable(fields[k])) {
             return gonio_text_fail(text, error, "column %d: found a control character in its name", k + 1);
         }
-        l->group = strcmp(fields[k], GROUP) == 0 ? k : l->group;
+        l->group = strcmp(fields[k], GONIO_COLUMN_GROUP) == 0 ? k : l->group;
     }
     int found[3] = {0};
     gonio_status status = find_channels(text, fields, l, error);
@@ -268,8 +266,8 @@ gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int
     l->with_sigma = l->with_parts || found[2] > 0;
     if (l->group >= 0 && (!l->with_parts || l->wavelength >= 0)) {
         return gonio_text_fail(text, error,
-                               GROUP ": of what is common to a group sigma_systematic_ columns tell, in a "
-                                     "table with a row a sample");
+                               GONIO_COLUMN_GROUP ": of what is common to a group sigma_systematic_ columns tell, in a "
+                                                  "table with a row a sample");
     }
     return l->with_sigma || found[0] + found[1] == 0
                ? GONIO_OK

@@ -6,6 +6,7 @@
 #include "io/format.h"
 
 #define GONIO_COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX + 1)
+#define GONIO_COLUMN_GROUP "systematic_group"
 
 // Columns of each channel; -1: absent.
 typedef struct gonio_columns {

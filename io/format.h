@@ -88,7 +88,7 @@ void gonio_format_summaries(bool (*which)(const gonio_format *format), char *tex
 const char *gonio_source_first_line(const gonio_source *source, char *buffer, size_t size, long long *number);
 
 // Names that a samples file can hold: each once, not empty, no comma, quote, blank end or control character, none that
-// reads as a sigma column.
+// reads as something else than a channel (gonio_column_role_of, gonio_column_sigma_of).
 gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
                                        gonio_error *error);
 

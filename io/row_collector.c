@@ -7,11 +7,13 @@
 #include "base/mueller.h"
 #include "base/number.h"
 #include "gonio/plan.h"
+#include "io/columns.h"
 #include "io/format.h"
 
 static bool name_is_sound(const char *name) {
     const size_t length = strnlen(name, GONIO_CHANNEL_NAME_MAX);
-    if (length == 0 || length == GONIO_CHANNEL_NAME_MAX || strncmp(name, "sigma_", 6) == 0) {
+    if (length == 0 || length == GONIO_CHANNEL_NAME_MAX || strncmp(name, "sigma_", 6) == 0 ||
+        strcmp(name, GONIO_COLUMN_GROUP) == 0 || gonio_column_role_of(name) != GONIO_COLUMN_CHANNEL) {
         return false;
     }
     for (size_t k = 0; k < length; k++) {
@@ -23,17 +25,29 @@ static bool name_is_sound(const char *name) {
     return true;
 }
 
+// Would a samples file take d for the uncertainty of c?
+static bool is_sigma_of(const char *d, const char *c) {
+    size_t length;
+    const char *channel = gonio_column_sigma_of(d, &length);
+    return channel != NULL && strlen(c) == length && strncmp(c, channel, length) == 0;
+}
+
 gonio_status gonio_channel_names_check(const char *path, const char (*names)[GONIO_CHANNEL_NAME_MAX], int n,
                                        gonio_error *error) {
     for (int c = 0; c < n; c++) {
         if (!name_is_sound(names[c])) {
-            return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
-                                   "channel %d: the name '%.31s' cannot stand in a header", c + 1, names[c]);
+            return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "channel %d: '%.31s' is no name of f_r in 1/sr",
+                                   c + 1, names[c]);
         }
-        for (int d = 0; d < c; d++) {
-            if (strcmp(names[c], names[d]) == 0) {
+        for (int d = 0; d < n; d++) {
+            if (d < c && strcmp(names[c], names[d]) == 0) {
                 return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "channels %d and %d are both named '%s'", d + 1,
                                        c + 1, names[c]);
+            }
+            if (is_sigma_of(names[d], names[c])) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1,
+                                       "channel %d: '%s' is the uncertainty of '%s' by its name", d + 1, names[d],
+                                       names[c]);
             }
         }
     }

@@ -18,7 +18,6 @@
 #include "io/columns.h"
 #include "io/long_rows.h"
 
-#define GROUP "systematic_group"
 #define ANISOTROPIC "# anisotropic"
 #define TRANSMISSION "# halves = reflection,transmission"
 
@@ -45,7 +44,7 @@ static bool recognise(const gonio_source *source) {
 static gonio_status parse_group(const gonio_text *text, const char *field, gonio_samples *samples, gonio_error *error) {
     size_t group;
     if (!gonio_text_count(field, &group) || group < 1 || group > UINT16_MAX) {
-        return gonio_text_fail(text, error, GROUP ": expected 1 to %d, found '%.60s'", UINT16_MAX, field);
+        return gonio_text_fail(text, error, GONIO_COLUMN_GROUP ": expected 1 to %d, found '%.60s'", UINT16_MAX, field);
     }
     return gonio_samples_set_group(samples, samples->n - 1, (uint16_t)group, error);
 }
@@ -251,7 +250,7 @@ static void put_header(const gonio_samples *s, bool systematic, FILE *stream) {
             fprintf(stream, ",%s%s", prefixes[group], s->channel_names[c]);
         }
     }
-    fputs(systematic && s->group != NULL ? "," GROUP : "", stream);
+    fputs(systematic && s->group != NULL ? "," GONIO_COLUMN_GROUP : "", stream);
     fputc('\n', stream);
 }
 

@@ -20,9 +20,10 @@ static void require(int condition) {
 }
 
 static void check_samples(const gonio_samples *s) {
+    const double furthest = s->transmission ? GONIO_PI : GONIO_PI / 2;
     for (size_t i = 0; i < s->n; i++) {
         const gonio_pair *p = &s->pairs[i];
-        require(p->theta_i >= 0 && p->theta_i <= GONIO_PI / 2 && p->theta_o >= 0 && p->theta_o <= GONIO_PI / 2);
+        require(p->theta_i >= 0 && p->theta_i <= furthest && p->theta_o >= 0 && p->theta_o <= furthest);
         require(isfinite(p->phi_i) && isfinite(p->phi_o));
         for (int c = 0; c < s->channels; c++) {
             require(isfinite(s->values[i * (size_t)s->channels + (size_t)c]));
@@ -38,7 +39,8 @@ static void check_samples(const gonio_samples *s) {
     options.settings[0] = (gonio_format_setting){"negatives", "keep"};
     gonio_samples *again;
     require(gonio_read(memory_file((const uint8_t *)text, size), &options, &again, NULL, NULL) == GONIO_OK);
-    require(again->n == s->n && memcmp(again->pairs, s->pairs, s->n * sizeof *s->pairs) == 0);
+    require(again->transmission == s->transmission && again->n == s->n &&
+            memcmp(again->pairs, s->pairs, s->n * sizeof *s->pairs) == 0);
     require(memcmp(again->values, s->values, s->n * (size_t)s->channels * sizeof(double)) == 0);
     gonio_samples_free(again);
     free(text);

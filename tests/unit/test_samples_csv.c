@@ -136,6 +136,45 @@ static void degrees_are_as_short_as_they_were(void **state) {
     gonio_samples_free(s);
 }
 
+// A name that the reader takes for something else than a channel is refused by the writer, and by every other reader.
+static void channels_have_names_of_channels(void **state) {
+    (void)state;
+    static const char *const bad[][2] = {{"y", "%"},
+                                         {"y", "std"},
+                                         {"y", "wavelength"},
+                                         {"y", "time"},
+                                         {"y", "sigma_y"},
+                                         {"y", "y_std"},
+                                         {"unc_y", "y"},
+                                         {"y", "brf"},
+                                         {"y", "a,b"},
+                                         {"y", "temp"},
+                                         {"y", "y"},
+                                         {"y", ""},
+                                         {"y", "systematic_group"}};
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        gonio_samples *s = random_set(2, false, false, 3);
+        strcpy(s->channel_names[0], bad[k][0]);
+        strcpy(s->channel_names[1], bad[k][1]);
+        char *data;
+        size_t size;
+        FILE *stream = open_memstream(&data, &size);
+        gonio_error error = {0};
+        assert_int_equal(gonio_write_samples_stream(s, stream, &error), GONIO_E_INPUT);
+        fclose(stream);
+        assert_int_equal(size, 0);
+        assert_string_not_equal(error.message, "");
+        free(data);
+        gonio_samples_free(s);
+        char path[64], text[256];
+        const int n = snprintf(text, sizeof text, "NUM_POINTS 1\nVARS theta_i,phi_i,theta_s,phi_s,%s,%s\n0,0,0,0,1,2\n",
+                               bad[k][0], bad[k][1]);
+        scratch_file(path, text, (size_t)n);
+        assert_int_equal(gonio_read(path, NULL, &s, NULL, &error), GONIO_E_INPUT);
+        unlink(path);
+    }
+}
+
 static void a_comma_locale_changes_nothing(void **state) {
     (void)state;
     if (setlocale(LC_NUMERIC, "de_DE.UTF-8") == NULL && setlocale(LC_NUMERIC, "fr_FR.UTF-8") == NULL) {
@@ -283,7 +322,8 @@ static void bad_samples(void **state) {
     refused(HEADER "r\n1,2,3,4,1.5.2\n", 2, "expected a finite number");
     refused(HEADER "r\n1,2,3,4,1 2\n", 2, "expected a finite number");
     refused(HEADER "r\nnan,2,3,4,5\n", 2, "theta_i: expected a finite number");
-    refused(HEADER "r\n90.0001,2,3,4,5\n", 2, "theta_i: expected 0 to 90 degrees, or -90 to 0 on the other side, found 90.0001");
+    refused(HEADER "r\n90.0001,2,3,4,5\n", 2,
+            "theta_i: expected 0 to 90 degrees, or -90 to 0 on the other side, found 90.0001");
     refused(HEADER "r\n1,2,120,4,5\n", 2, "theta_o: expected 0 to 90");
     refused(HEADER "r\n-90.1,2,3,4,5\n", 2, "theta_i: expected 0 to 90");
     refused(HEADER "r\n1,40000,3,4,5\n", 2, "phi_i: expected -360 to 360");
@@ -404,17 +444,12 @@ static void missing_files(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_double_comes_back),
-        cmocka_unit_test(degrees_are_as_short_as_they_were),
-        cmocka_unit_test(a_comma_locale_changes_nothing),
-        cmocka_unit_test(what_people_write_is_read),
-        cmocka_unit_test(negatives_follow_the_policy),
-        cmocka_unit_test(negative_noise_is_kept),
-        cmocka_unit_test(bad_samples),
-        cmocka_unit_test(bad_files_of_other_formats),
-        cmocka_unit_test(bad_tables),
-        cmocka_unit_test(a_zero_byte_ends_nothing),
-        cmocka_unit_test(missing_files),
+        cmocka_unit_test(every_double_comes_back),         cmocka_unit_test(degrees_are_as_short_as_they_were),
+        cmocka_unit_test(channels_have_names_of_channels), cmocka_unit_test(a_comma_locale_changes_nothing),
+        cmocka_unit_test(what_people_write_is_read),       cmocka_unit_test(negatives_follow_the_policy),
+        cmocka_unit_test(negative_noise_is_kept),          cmocka_unit_test(bad_samples),
+        cmocka_unit_test(bad_files_of_other_formats),      cmocka_unit_test(bad_tables),
+        cmocka_unit_test(a_zero_byte_ends_nothing),        cmocka_unit_test(missing_files),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
