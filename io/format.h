@@ -50,6 +50,7 @@ typedef struct gonio_format {
     gonio_status (*meant)(const gonio_model *model, int threads, gonio_model **out, gonio_error *error);
     bool fitted; // what write_table writes comes close to the model at no place of the file's own
     const gonio_format_option *write_options; // of write_table; NULL: none
+    const gonio_format_alias *aliases;        // NULL: none
     const char *quantity, *convention;        // of what is written: "f_r, 1/sr"; which direction lies where
     double theta_max_deg;                     // of what is written; 0: 90
     double precision;                         // as in gonio_format_facts
@@ -63,10 +64,12 @@ gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_opt
                                 gonio_format_values *values, gonio_error *error);
 // The format that has a writer and that name, or, where name is NULL, an extension in which path ends.
 gonio_status gonio_format_find_writer(const char *name, const char *path, const gonio_format **out, gonio_error *error);
+// Is the file of a format that is read as a model without a fit? False where it is of none, or cannot be read.
+bool gonio_format_is_table(const char *path);
 // The status of writing, or the stream's own failure.
 gonio_status gonio_write_flushed(FILE *stream, const char *path, gonio_status status, gonio_error *error);
-// The same for writing.
-gonio_status gonio_format_parse_write(const gonio_format *format, const gonio_write_options *options,
+// The same for writing. name: by which the format was asked for; NULL or its own: no alias.
+gonio_status gonio_format_parse_write(const gonio_format *format, const char *name, const gonio_write_options *options,
                                       gonio_format_values *values, gonio_error *error);
 // The model's three channels as linear sRGB, by io/colour.h; the model itself where it has them. Frees nothing of the
 // model, which must live as long. Where *view is not the model, the caller frees it.

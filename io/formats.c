@@ -21,6 +21,7 @@ static const gonio_format *const formats[] = {
 const gonio_format *gonio_format_at(int number) { return number >= 0 && number < COUNT ? formats[number] : NULL; }
 
 static const gonio_format_option none[] = {{0}};
+static const gonio_format_alias no_alias[] = {{0}};
 
 static const gonio_format_option *options_of(const gonio_format *f) { return f->options != NULL ? f->options : none; }
 
@@ -34,7 +35,8 @@ static void describe(const gonio_format *f, gonio_format_facts *facts) {
                                   .writes_table = f->write_table != NULL,
                                   .precision = f->precision,
                                   .options = options_of(f),
-                                  .write_options = f->write_options != NULL ? f->write_options : none};
+                                  .write_options = f->write_options != NULL ? f->write_options : none,
+                                  .aliases = f->aliases != NULL ? f->aliases : no_alias};
 }
 
 bool gonio_format_get(int number, gonio_format_facts *facts) {
@@ -141,15 +143,32 @@ gonio_status gonio_format_parse(const gonio_format *format, const gonio_read_opt
     return parse_all(format, options_of(format), options != NULL ? options->settings : NULL, values, error);
 }
 
-gonio_status gonio_format_parse_write(const gonio_format *format, const gonio_write_options *options,
+static const gonio_format_alias *alias_of(const gonio_format *f, const char *name) {
+    for (const gonio_format_alias *a = f->aliases; a != NULL && name != NULL && a->name != NULL; a++) {
+        if (strcmp(a->name, name) == 0) {
+            return a;
+        }
+    }
+    return NULL;
+}
+
+gonio_status gonio_format_parse_write(const gonio_format *format, const char *name, const gonio_write_options *options,
                                       gonio_format_values *values, gonio_error *error) {
+    gonio_format_setting settings[GONIO_FORMAT_SETTINGS_MAX + 1] = {{0}}; // later ones count
+    const gonio_format_alias *alias = alias_of(format, name);
+    int n = 0;
     *values = (gonio_format_values){.seed = 1};
+    if (alias != NULL && alias->setting != NULL) {
+        settings[n++] = (gonio_format_setting){alias->setting, alias->value};
+    }
     if (options != NULL) {
         values->threads = options->threads;
         values->max_bytes = options->max_bytes;
+        for (int k = 0; n < GONIO_FORMAT_SETTINGS_MAX && options->settings[k].name != NULL; k++) {
+            settings[n++] = options->settings[k];
+        }
     }
-    return parse_all(format, format->write_options != NULL ? format->write_options : none,
-                     options != NULL ? options->settings : NULL, values, error);
+    return parse_all(format, format->write_options != NULL ? format->write_options : none, settings, values, error);
 }
 
 // ---- writing ----
@@ -167,17 +186,20 @@ static bool has_extension(const gonio_format *f, const char *path) {
 
 gonio_status gonio_format_find_writer(const char *name, const char *path, const gonio_format **out,
                                       gonio_error *error) {
-    char list[400] = "";
+    char list[600] = "";
     for (int i = 0; i < COUNT; i++) {
         const gonio_format *f = formats[i];
         if (f->write == NULL && f->write_table == NULL) {
             continue;
         }
-        if (name != NULL ? strcmp(name, f->name) == 0 : has_extension(f, path)) {
+        if (name != NULL ? strcmp(name, f->name) == 0 || alias_of(f, name) != NULL : has_extension(f, path)) {
             *out = f;
             return GONIO_OK;
         }
         append(list, sizeof list, f->name, ", ");
+        for (const gonio_format_alias *a = f->aliases; a != NULL && a->name != NULL; a++) {
+            append(list, sizeof list, a->name, "=");
+        }
         append(list, sizeof list, "(", " ");
         append(list, sizeof list, f->extensions, "");
         append(list, sizeof list, ")", "");

@@ -132,6 +132,16 @@ gonio_status gonio_read(const char *path, const gonio_read_options *options, gon
     return status;
 }
 
+bool gonio_format_is_table(const char *path) {
+    gonio_source source;
+    const gonio_format *format;
+    if (open_source(path, tables, false, &source, &format, NULL) != GONIO_OK) {
+        return false;
+    }
+    free(source.data);
+    return format->table != NULL;
+}
+
 gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *error) {
     *out = NULL;
     gonio_source source;

@@ -347,6 +347,9 @@ static gonio_status read_rgl(const gonio_source *source, const gonio_format_valu
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"}, {0}};
 
+// pbrt ends at a file without spectra.
+static const gonio_format_alias aliases[] = {{"mitsuba", NULL, NULL}, {"pbrt", "rgl-channels", "spectra"}, {0}};
+
 const gonio_format gonio_format_rgl = {.name = "rgl",
                                        .summary = "RGL/EPFL table",
                                        .extensions = ".bsdf",
@@ -358,6 +361,7 @@ const gonio_format gonio_format_rgl = {.name = "rgl",
                                        .quantity = "f_r cos(theta_o) over ndf / (4 sigma), f_r in 1/sr",
                                        .convention = "half vector's angles from the incident azimuth, or from the "
                                                      "mark where there are many phi_i",
+                                       .aliases = aliases,
                                        .theta_max_deg = 89,
                                        .fitted = true,
                                        .options = options};

@@ -41,7 +41,7 @@ gonio_status gonio_write_table_as(const gonio_model *model, const char *path, co
     if (status == GONIO_OK && f->write_table == NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "a %s is written from samples, not from a model", f->summary);
     }
-    status = status == GONIO_OK ? gonio_format_parse_write(f, options, &values, error) : status;
+    status = status == GONIO_OK ? gonio_format_parse_write(f, format, options, &values, error) : status;
     if (status != GONIO_OK) {
         return status;
     }

@@ -124,13 +124,13 @@ words() { # an option's spellings, of one help
 }
 line() { tr '\n' ' ' | sed 's/ $//'; }
 # What an option may be, as "option<TAB>words": where its argument reads "a|b|c", or its text begins with "a, b or c" or, of formats,
-# with "a (.x), b (.y)".
+# with "a (.x), b=alias (.y)".
 values() {
     options "$help/$1" | awk -F '\t' '{
         list = ""
         if ($3 ~ /^[a-z]+([|][a-z]+)+$/) list = $3
         else if (match($4, /^[a-z0-9-]+(, [a-z0-9-]+)* or [a-z0-9-]+/)) { list = substr($4, 1, RLENGTH); sub(/ or /, ", ", list) }
-        else if (match($4, /^[a-z0-9-]+ \([.][a-z]+\)(, [a-z0-9-]+ \([.][a-z]+\))*/)) { list = substr($4, 1, RLENGTH); gsub(/ \([.][a-z]+\)/, "", list) }
+        else if (match($4, /^[a-z0-9=-]+ \([.][a-z]+\)(, [a-z0-9=-]+ \([.][a-z]+\))*/)) { list = substr($4, 1, RLENGTH); gsub(/ \([.][a-z]+\)/, "", list); gsub(/=/, " ", list) }
         gsub(/[|,]+ */, " ", list)
         if (list != "") print $1 "\t" list
     }'

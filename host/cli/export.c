@@ -163,6 +163,9 @@ gonio_status cli_export_model(const gonio_model *model, const char *source, cons
     }
     const double image = picture(model, path, &report, common->threads);
     json_t *object = report_json(&report, model, source, image);
+    if (json_object_get(result, "fitted") != NULL) { // of samples that the model was made of
+        json_object_set(object, "fitted", json_object_get(result, "fitted"));
+    }
     char name[4096];
     snprintf(name, sizeof name, "%s.report.json", path);
     if (!common->json) {

@@ -29,6 +29,12 @@ typedef struct gonio_format_option {
     const char *help;     // one line
 } gonio_format_option;
 
+// Another name of a format's writer: of a program that reads it.
+typedef struct gonio_format_alias {
+    const char *name;            // "pbrt"; NULL ends a list
+    const char *setting, *value; // of one of the write options, where that is not given; NULL: none
+} gonio_format_alias;
+
 // What a format is and can do. Everything it points to is static.
 typedef struct gonio_format_facts {
     const char *name;       // "merl"
@@ -41,11 +47,12 @@ typedef struct gonio_format_facts {
     double precision;       // of a value that is written and read again: relative error at most; 0: the same bits
     const gonio_format_option *options;       // of gonio_read
     const gonio_format_option *write_options; // of gonio_write_table_as
+    const gonio_format_alias *aliases;        // that a writer's name may be
 } gonio_format_facts;
 
 // The formats by number, from 0 on; false past the last.
 bool gonio_format_get(int number, gonio_format_facts *facts);
-// The format that has a writer and that name or, where name is NULL, an extension in which path ends. GONIO_E_USAGE
+// The format that has a writer and that name (or alias) or, where name is NULL, an extension in which path ends. GONIO_E_USAGE
 // with the list of writers.
 gonio_status gonio_format_writer(const char *name, const char *path, gonio_format_facts *facts, gonio_error *error);
 

@@ -245,12 +245,15 @@ static gonio_status write_mbsdf(const gonio_model *model, const gonio_format_val
     return status;
 }
 
+static const gonio_format_alias aliases[] = {{"mdl", NULL, NULL}, {0}};
+
 const gonio_format gonio_format_mbsdf = {.name = "mbsdf",
                                          .summary = "MBSDF (MDL)",
                                          .extensions = ".mbsdf",
                                          .recognise = recognise,
                                          .read = read_mbsdf,
                                          .write_table = write_mbsdf,
+                                         .aliases = aliases,
                                          .quantity = "f_r, 1/sr",
                                          .convention =
                                              "cells' centres; azimuth 0 is the light's side, the mirror at 180 deg",

@@ -143,12 +143,15 @@ static gonio_status meant_gltf(const gonio_model *model, int threads, gonio_mode
     return meant(model, GONIO_PRINCIPLED_GLTF, threads, out, error);
 }
 
+static const gonio_format_alias gltf_aliases[] = {{"threejs", NULL, NULL}, {0}};
+
 const gonio_format gonio_format_gltf = {
     .name = "gltf",
     .summary = "glTF 2.0 material",
     .extensions = ".gltf",
     .recognise = recognise,
     .write_table = write_gltf,
+    .aliases = gltf_aliases,
     .meant = meant_gltf,
     .quantity = "metallic-roughness parameters with KHR_materials_ior, _specular, _anisotropy; linear sRGB",
     .convention = "the tangent is the sample's x",
@@ -207,12 +210,15 @@ static gonio_status meant_openpbr(const gonio_model *model, int threads, gonio_m
     return meant(model, GONIO_PRINCIPLED_OPENPBR, threads, out, error);
 }
 
+static const gonio_format_alias openpbr_aliases[] = {{"materialx", NULL, NULL}, {0}};
+
 const gonio_format gonio_format_openpbr = {
     .name = "openpbr",
     .summary = "OpenPBR material in MaterialX",
     .extensions = ".mtlx",
     .recognise = recognise,
     .write_table = write_openpbr,
+    .aliases = openpbr_aliases,
     .meant = meant_openpbr,
     .quantity = "OpenPBR parameters; linear Rec. 709",
     .convention = "the tangent is the sample's x",
@@ -255,12 +261,15 @@ static gonio_status meant_principled(const gonio_model *model, int threads, goni
     return meant(model, GONIO_PRINCIPLED_BLENDER, threads, out, error);
 }
 
+static const gonio_format_alias principled_aliases[] = {{"blender", NULL, NULL}, {0}};
+
 const gonio_format gonio_format_principled = {
     .name = "principled",
     .summary = "Blender Principled BSDF script",
     .extensions = ".py",
     .recognise = recognise,
     .write_table = write_principled,
+    .aliases = principled_aliases,
     .meant = meant_principled,
     .quantity = "parameters of the Principled BSDF; linear sRGB",
     .convention = "the UV map's tangent is the sample's x",

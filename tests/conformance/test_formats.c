@@ -578,17 +578,43 @@ static void write_options_are_its_own(const gonio_format *f) {
     gonio_format_values values;
     gonio_error error = {0};
     gonio_write_options options = {.settings = {{"no-such-option", "1"}}};
-    assert_int_equal(gonio_format_parse_write(f, NULL, &values, &error), GONIO_OK);
-    assert_int_equal(gonio_format_parse_write(f, &options, &values, &error), GONIO_E_USAGE);
+    assert_int_equal(gonio_format_parse_write(f, NULL, NULL, &values, &error), GONIO_OK);
+    assert_int_equal(gonio_format_parse_write(f, NULL, &options, &values, &error), GONIO_E_USAGE);
     for (const gonio_format_option *o = f->write_options; o != NULL && o->name != NULL; o++) {
         assert_non_null(strstr(error.message, o->name));
         gonio_error wrong = {0};
         options.settings[0] = (gonio_format_setting){o->name, o->standard};
-        assert_int_equal(gonio_format_parse_write(f, &options, &values, &wrong), GONIO_OK);
+        assert_int_equal(gonio_format_parse_write(f, NULL, &options, &values, &wrong), GONIO_OK);
         options.settings[0].value = "no such value";
-        assert_int_equal(gonio_format_parse_write(f, &options, &values, &wrong), GONIO_E_USAGE);
+        assert_int_equal(gonio_format_parse_write(f, NULL, &options, &values, &wrong), GONIO_E_USAGE);
         assert_true(o->help[0] != 0 && o->argument[0] != 0);
         cases++;
+    }
+}
+
+// An alias is the name of one format alone, and what it sets is one of the format's options.
+static void aliases_are_its_own(const gonio_format *f) {
+    for (const gonio_format_alias *a = f->aliases; a != NULL && a->name != NULL; a++) {
+        const gonio_format *found;
+        gonio_format_values values;
+        int owners = 0;
+        for (int i = 0; gonio_format_at(i) != NULL; i++) {
+            assert_string_not_equal(gonio_format_at(i)->name, a->name);
+            for (const gonio_format_alias *b = gonio_format_at(i)->aliases; b != NULL && b->name != NULL; b++) {
+                owners += strcmp(a->name, b->name) == 0;
+            }
+        }
+        assert_int_equal(owners, 1);
+        assert_int_equal(gonio_format_find_writer(a->name, "", &found, NULL), GONIO_OK);
+        assert_ptr_equal(found, f);
+        assert_int_equal(gonio_format_parse_write(f, a->name, NULL, &values, NULL), GONIO_OK);
+        for (int k = 0; a->setting != NULL; k++) {
+            assert_non_null(f->write_options[k].name);
+            if (strcmp(f->write_options[k].name, a->setting) == 0) {
+                assert_string_equal(values.at[k].text, a->value);
+                break;
+            }
+        }
     }
 }
 
@@ -617,6 +643,7 @@ static void options_are_the_formats_own(void **state) {
         }
         assert_true(n < GONIO_FORMAT_SETTINGS_MAX);
         write_options_are_its_own(f);
+        aliases_are_its_own(f);
     }
 }
 

@@ -43,9 +43,9 @@ says "an option of another format: lists its own" "format samples; it has negati
 exits "a text without its last line end" 0 sh -c "printf '$header,r\n1,2,3,4,5' >'$work/open.csv'; '$GONIO' convert '$work/open.csv' '$work/x.csv'"
 says "a text without its last line end: says so" "no line end"
 exits "an ending that no writer has" 2 "$GONIO" convert "$work/n.csv" "$work/x.dat" --negatives keep
-says "an ending that no writer has: lists those there are" "samples (.csv), merl (.binary), rgl (.bsdf)"
+says "an ending that no writer has: lists those there are" "samples (.csv), merl (.binary), rgl=mitsuba=pbrt (.bsdf)"
 exits "a format that is not written" 2 "$GONIO" convert "$work/n.csv" "$work/x.csv" --to cornell
-says "a format that is not written: lists those that are" "samples (.csv), merl (.binary), rgl (.bsdf)"
+says "a format that is not written: lists those that are" "samples (.csv), merl (.binary), rgl=mitsuba=pbrt (.bsdf)"
 exits "an option of files for a model" 2 "$GONIO" convert spec:lambert:rho=0.5 "$work/x.csv" --limit 5
 exits "a plan for a table" 2 "$GONIO" convert spec:lambert:rho=0.5 "$work/x.binary" --plan nusselt:5
 exits "an unknown policy" 2 "$GONIO" convert "$work/n.csv" "$work/x.csv" --negatives ignore

@@ -19,6 +19,22 @@ exits "without a report" 0 "$GONIO" convert $spec "$work/c.mbsdf" --no-report
 check "there is none" [ ! -e "$work/c.mbsdf.report.json" ]
 exits "an option of another format" 2 "$GONIO" convert $spec "$work/c.mbsdf" --grid-step 5
 exits "an option of tables for samples" 2 "$GONIO" convert $spec "$work/c.csv" --max-error 1
+# Samples go by way of the default fit, which is said and stands in the report.
+"$GONIO" convert $spec "$work/s.csv" --plan nusselt:60 2>"$work/err"
+exits "samples by the name of a program" 0 "$GONIO" convert "$work/s.csv" "$work/s.bsdf" --to mitsuba --max-bytes 60000
+says "the fit is told" "fitted to them by the default method (auto"
+check "and stands in the report" python3 -c "
+import json
+r = json.load(open('$work/s.bsdf.report.json'))
+assert r['format'] == 'rgl' and r['fitted']['samples'] == 60 and r['fitted']['held_out']['median_rel'] < 0.05 and r['read_back']['median'] < 0.05"
+exits "pbrt has spectra" 0 "$GONIO" convert $spec "$work/p.bsdf" --to pbrt --max-bytes 200000
+check "in its file" grep -aq wavelengths "$work/p.bsdf"
+exits "but not where they are refused" 0 "$GONIO" convert $spec "$work/p.bsdf" --to pbrt --rgl-channels rgb --max-bytes 200000
+check "in no file then" sh -c "! grep -aq wavelengths '$work/p.bsdf'"
+exits "samples to a model file" 0 "$GONIO" convert "$work/s.csv" "$work/s.gonio"
+check "which says what it was fitted to" sh -c "'$GONIO' info '$work/s.gonio' | grep -q 60"
+exits "nothing to fit" 3 "$GONIO" convert /dev/null "$work/x.mbsdf"
+exits "an option of files for a spec" 2 "$GONIO" convert $spec "$work/x.mbsdf" --limit 5
 check "glTF is JSON within its bounds" python3 -c "
 import json
 m = json.load(open('$work/a.gltf'))['materials'][0]

@@ -43,7 +43,7 @@ uncompleted=
 for method in $("$GONIO" fit --help | sed -nE 's/^  --method NAME +(.*):.*/\1/p' | sed 's/ or /, /; s/,//g'); do
     complete gonio fit --method "$method" | tr ' ' '\n' | grep -qxF -- "$method" && complete gonio measure --method '' | grep -qwF -- "$method" || uncompleted="$uncompleted $method"
 done
-for format in $("$GONIO" formats | awk '/^[a-z].* from / { print $1 }'); do
+for format in $("$GONIO" formats | awk '/^[a-z].* from / { print $1 } /^ *--to / { sub(":", "", $2); print $2 }'); do
     [ "$(complete gonio convert in out --to "$format")" = "$format" ] || uncompleted="$uncompleted $format"
 done
 [ -n "$format" ] && [ -z "$uncompleted" ] && [ "$(complete gonio fit --coordinates half-vector-n)" = half-vector-narrow ] &&

@@ -11,7 +11,7 @@
 #include "gonio/session.h"
 #include "host/cli/apart.h"
 #include "host/cli/export.h"
-#include "host/cli/input.h"
+#include "host/cli/model_input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
 #define MODEL_EXTENSION ".gonio"
@@ -109,7 +109,7 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     }
     gonio_model *model;
     gonio_status status = format == NULL ? cli_export_refuse(&a->output, "a model file", error) : GONIO_OK;
-    status = status == GONIO_OK ? open_model(in, &a->input, &model, error) : status;
+    status = status == GONIO_OK ? cli_model_read(in, &a->input, common, result, &model, NULL, error) : status;
     if (status == GONIO_OK) {
         const gonio_model *reflection = gonio_model_half(model, GONIO_REFLECTION);
         if (format != NULL && reflection != NULL && reflection != model) {
@@ -191,8 +191,9 @@ static gonio_status convert(const char *const *names, const convert_arguments *a
         return status;
     }
     json_object_set_new(result, "format", json_string(facts.name));
-    return facts.writes ? to_samples(names[0], names[1], facts.name, a, common, result, error)
-                        : to_table(names[0], names[1], facts.name, a, common, result, error);
+    const char *format = a->to != NULL ? a->to : facts.name; // an alias may choose options
+    return facts.writes ? to_samples(names[0], names[1], format, a, common, result, error)
+                        : to_table(names[0], names[1], format, a, common, result, error);
 }
 
 // "samples (.csv), merl (.binary), model (.gonio)"
@@ -201,7 +202,11 @@ static void list_writers(char *text, size_t size) {
     size_t used = 0;
     for (int i = 0; gonio_format_get(i, &f) && used < size; i++) {
         if (f.writes || f.writes_table) {
-            used += (size_t)snprintf(text + used, size - used, "%s (%s), ", f.name, f.extensions);
+            used += (size_t)snprintf(text + used, size - used, "%s", f.name);
+            for (const gonio_format_alias *o = f.aliases; o->name != NULL && used < size; o++) {
+                used += (size_t)snprintf(text + used, size - used, "=%s", o->name);
+            }
+            used += used < size ? (size_t)snprintf(text + used, size - used, " (%s), ", f.extensions) : 0;
         }
     }
     if (used < size) {
@@ -211,15 +216,18 @@ static void list_writers(char *text, size_t size) {
     }
 }
 
-static bool is_written(const char *format) {
+// May OUT have its ending? What --to says that is not written is refused later.
+static bool is_ending(const cli_common *common, const char *out, const char *to) {
     gonio_format_facts facts;
-    return format != NULL &&
-           (strcmp(format, "model") == 0 || gonio_format_writer(format, "", &facts, NULL) == GONIO_OK);
+    if (to == NULL || strcmp(to, "model") == 0) {
+        return to == NULL || cli_ending(common, out, to);
+    }
+    return gonio_format_writer(to, "", &facts, NULL) != GONIO_OK || cli_ending(common, out, facts.name);
 }
 
 static int run(int argc, char **argv) {
     convert_arguments a = {0};
-    char writers[400];
+    char writers[700];
     list_writers(writers, sizeof writers);
     const cli_option options[] = {
         {"to", 0, CLI_TEXT, &a.to, NULL, "FORMAT", writers},
@@ -232,7 +240,7 @@ static int run(int argc, char **argv) {
     int count;
     cli_common common;
     if (!cli_parse(&cmd_convert, options, argc, argv, names, 2, 2, &count, &common) || !cli_apart(&common, names[1]) ||
-        (is_written(a.to) && !cli_ending(&common, names[1], a.to))) {
+        !is_ending(&common, names[1], a.to)) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};
@@ -250,6 +258,6 @@ static int run(int argc, char **argv) {
 }
 
 const cli_verb cmd_convert = {"convert", "IN OUT [options]",
-                              "any readable BRDF, session or model to any format that is written, or to a model file; "
-                              "sessions to HDF5 and back",
+                              "any readable BRDF, session or model to any format that is written, or to a model file "
+                              "(samples by way of the default fit); sessions to HDF5 and back",
                               run};

@@ -14,11 +14,19 @@ static json_t *options_json(const gonio_format_option *list) {
     return options;
 }
 
+static json_t *aliases_json(const gonio_format_alias *list) {
+    json_t *aliases = json_array();
+    for (const gonio_format_alias *a = list; a->name != NULL; a++) {
+        json_array_append_new(aliases, json_string(a->name));
+    }
+    return aliases;
+}
+
 static json_t *to_json(const gonio_format_facts *f) {
-    return json_pack("{s:s,s:s,s:s,s:b,s:b,s:b,s:b,s:f,s:o,s:o}", "name", f->name, "summary", f->summary, "extensions",
-                     f->extensions, "reads", f->reads, "reads_table", f->reads_table, "writes", f->writes,
+    return json_pack("{s:s,s:s,s:s,s:b,s:b,s:b,s:b,s:f,s:o,s:o,s:o}", "name", f->name, "summary", f->summary,
+                     "extensions", f->extensions, "reads", f->reads, "reads_table", f->reads_table, "writes", f->writes,
                      "writes_table", f->writes_table, "precision", f->precision, "options", options_json(f->options),
-                     "write_options", options_json(f->write_options));
+                     "write_options", options_json(f->write_options), "aliases", aliases_json(f->aliases));
 }
 
 static void print(const gonio_format_facts *f) {
@@ -30,6 +38,10 @@ static void print(const gonio_format_facts *f) {
            : f->writes_table ? "from a model"
                              : "-",
            f->extensions, f->summary);
+    for (const gonio_format_alias *a = f->aliases; a->name != NULL; a++) {
+        printf("%10s --to %s: the same%s%s%s%s\n", "", a->name, a->setting != NULL ? " with --" : "",
+               a->setting != NULL ? a->setting : "", a->setting != NULL ? " " : "", a->setting != NULL ? a->value : "");
+    }
     for (const gonio_format_option *o = f->options; o->name != NULL; o++) {
         printf("%10s --%s %s (%s): %s\n", "", o->name, o->argument, o->standard, o->help);
     }
