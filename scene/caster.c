@@ -9,14 +9,16 @@
 
 #include "base/vector.h"
 
-// How far a shadow ray starts off the surface, of the object's radius 1: well above float32's 6e-8 at that scale and
-// Embree's own sphere error (1e-6), well below a pixel.
-#define LIFT 1e-4
+// How far a ray starts off the surface, of the largest coordinate: well above float32's 6e-8 and, of the sphere,
+// Embree's own error (1e-6); well below a pixel.
+#define LIFT_MESH 1e-5
+#define LIFT_SPHERE 1e-4
 
 struct scene_caster {
     RTCDevice device;
     RTCScene scene;
     const scene_mesh *mesh; // NULL: sphere
+    double lift;
 };
 
 static bool unit(gonio_vec3 *v) {
@@ -59,6 +61,14 @@ static bool add_sphere(RTCDevice device, RTCScene scene) {
     return sphere != NULL;
 }
 
+static double lift_of(const scene_mesh *mesh) {
+    double largest = 0;
+    for (size_t i = 0; mesh != NULL && i < 3 * mesh->vertices; i++) {
+        largest = fmax(largest, fabs((double)mesh->positions[i]));
+    }
+    return mesh != NULL ? LIFT_MESH * largest : LIFT_SPHERE;
+}
+
 gonio_status gonio_scene_caster_new(const scene_mesh *mesh, scene_caster **out, gonio_error *error) {
     *out = NULL;
     scene_caster *caster = calloc(1, sizeof *caster);
@@ -68,6 +78,7 @@ gonio_status gonio_scene_caster_new(const scene_mesh *mesh, scene_caster **out, 
     // One thread builds the hierarchy: the same one every time.
     caster->device = rtcNewDevice("threads=1");
     caster->mesh = mesh;
+    caster->lift = lift_of(mesh);
     bool good = caster->device != NULL;
     if (good) {
         caster->scene = rtcNewScene(caster->device);
@@ -164,7 +175,14 @@ bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio
     if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
         return false;
     }
-    hit->point = sum(origin, scaled(direction, (double)ray.ray.tfar));
+    hit->distance = (double)ray.ray.tfar;
+    hit->triangle = ray.hit.primID;
+    hit->u = (double)ray.hit.u;
+    hit->v = (double)ray.hit.v;
+    // Of a mesh from its corners, which is better than float32's distance from afar.
+    hit->point = caster->mesh != NULL
+                     ? blended(caster->mesh->positions, caster->mesh->indices + 3 * hit->triangle, hit->u, hit->v)
+                     : sum(origin, scaled(direction, hit->distance));
     hit->facet = (gonio_vec3){(double)ray.hit.Ng_x, (double)ray.hit.Ng_y, (double)ray.hit.Ng_z};
     const gonio_vec3 toward_eye = scaled(direction, -1);
     if (!unit(&hit->facet)) {
@@ -177,10 +195,21 @@ bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio
     return true;
 }
 
-bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light) {
+gonio_vec3 gonio_scene_caster_leave(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet,
+                                    gonio_vec3 direction) {
+    return sum(point, scaled(facet, dot(facet, direction) < 0 ? -caster->lift : caster->lift));
+}
+
+bool gonio_scene_caster_blocked(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet, gonio_vec3 direction,
+                                double distance) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    struct RTCRay ray = make_ray(sum(hit->point, scaled(hit->facet, LIFT)), toward_light);
+    struct RTCRay ray = make_ray(gonio_scene_caster_leave(caster, point, facet, direction), direction);
+    ray.tfar = (float)(distance < INFINITY ? fmax(0, distance - 2 * caster->lift) : distance);
     rtcOccluded1(caster->scene, &context, &ray);
     return ray.tfar < 0; // Embree's mark of an occluded ray
+}
+
+bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light) {
+    return gonio_scene_caster_blocked(caster, hit->point, hit->facet, toward_light, INFINITY);
 }

@@ -16,6 +16,9 @@ typedef struct scene_hit {
     gonio_vec3 facet;   // unit normal of the surface itself, toward the ray's origin
     gonio_vec3 normal;  // unit shading normal, on the same side
     gonio_vec3 tangent; // unit, perpendicular to normal: the sample's +x
+    double distance;    // from the ray's origin
+    size_t triangle;    // of the mesh
+    double u, v;        // the place in it, which is (1 - u - v) a + u b + v c of its corners
 } scene_hit;
 
 // mesh NULL: the unit sphere. The mesh is borrowed until the caster is freed.
@@ -23,6 +26,12 @@ gonio_status gonio_scene_caster_new(const scene_mesh *mesh, scene_caster **out, 
 void gonio_scene_caster_free(scene_caster *caster); // NULL is allowed
 // Both may be called from any number of threads at once.
 bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit);
+// Does anything lie on the way from a point of a surface, which it leaves on either side of the facet?
+bool gonio_scene_caster_blocked(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet, gonio_vec3 direction,
+                                double distance);
+// Where a ray that leaves a surface starts.
+gonio_vec3 gonio_scene_caster_leave(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet,
+                                    gonio_vec3 direction);
 bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light);
 
 #endif

@@ -12,6 +12,7 @@
 
 #include <assimp/cimport.h>
 #include <assimp/config.h>
+#include <assimp/material.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
@@ -29,7 +30,10 @@ void gonio_scene_mesh_free(scene_mesh *mesh) {
         free(mesh->positions);
         free(mesh->normals);
         free(mesh->tangents);
+        free(mesh->uvs);
         free(mesh->indices);
+        free(mesh->materials);
+        free(mesh->material_names);
         free(mesh);
     }
 }
@@ -61,8 +65,9 @@ static gonio_status check_ply_header(FILE *file, const char *path, gonio_error *
 static gonio_status check_file(const char *path, gonio_error *error) {
     const char *dot = strrchr(path, '.');
     const bool is_ply = dot != NULL && strcasecmp(dot, ".ply") == 0;
-    if (dot == NULL || (!is_ply && strcasecmp(dot, ".obj") != 0)) {
-        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "a mesh is a .ply or an .obj file");
+    if (dot == NULL ||
+        (!is_ply && strcasecmp(dot, ".obj") != 0 && strcasecmp(dot, ".gltf") != 0 && strcasecmp(dot, ".glb") != 0)) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "a mesh is a .ply, .obj, .gltf or .glb file");
     }
     FILE *file = fopen(path, "rb");
     if (file == NULL) {
@@ -129,14 +134,28 @@ static gonio_status import(const char *path, const struct aiScene **out, bool *n
     return status;
 }
 
+static bool reserve(const struct aiScene *scene, scene_mesh *mesh, bool textured) {
+    const size_t vertices = mesh->vertices, triangles = mesh->triangles;
+    mesh->material_count = scene->mNumMaterials > 0 ? (int)scene->mNumMaterials : 1;
+    mesh->positions = malloc(vertices * 3 * sizeof(float));
+    mesh->normals = malloc(vertices * 3 * sizeof(float));
+    mesh->indices = malloc(triangles * 3 * sizeof(unsigned));
+    mesh->materials = calloc(triangles, sizeof *mesh->materials);
+    mesh->material_names = calloc((size_t)mesh->material_count, sizeof *mesh->material_names);
+    mesh->tangents = textured ? malloc(vertices * 3 * sizeof(float)) : NULL;
+    mesh->uvs = textured ? malloc(vertices * 2 * sizeof(float)) : NULL;
+    return mesh->positions != NULL && mesh->normals != NULL && mesh->indices != NULL && mesh->materials != NULL &&
+           mesh->material_names != NULL && (!textured || (mesh->tangents != NULL && mesh->uvs != NULL));
+}
+
 static gonio_status allocate(const struct aiScene *scene, const char *path, scene_mesh **out, gonio_error *error) {
     size_t vertices = 0, triangles = 0;
-    bool tangents = true;
+    bool textured = true;
     for (unsigned m = 0; m < scene->mNumMeshes; m++) {
         const struct aiMesh *part = scene->mMeshes[m];
         vertices += part->mNumVertices;
         triangles += part->mNumFaces;
-        tangents = tangents && part->mTangents != NULL;
+        textured = textured && part->mTangents != NULL && part->mTextureCoords[0] != NULL;
         if (part->mNormals == NULL) {
             return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "its faces have no area");
         }
@@ -145,22 +164,29 @@ static gonio_status allocate(const struct aiScene *scene, const char *path, scen
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%zu triangles in it; at least one is needed",
                                triangles);
     }
+    if (scene->mNumMaterials > UINT16_MAX) {
+        return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%u materials in it; at most %d are possible",
+                               scene->mNumMaterials, UINT16_MAX);
+    }
     scene_mesh *mesh = calloc(1, sizeof *mesh);
     if (mesh != NULL) {
-        *mesh = (scene_mesh){.vertices = vertices,
-                             .triangles = triangles,
-                             .positions = malloc(vertices * 3 * sizeof(float)),
-                             .normals = malloc(vertices * 3 * sizeof(float)),
-                             .tangents = tangents ? malloc(vertices * 3 * sizeof(float)) : NULL,
-                             .indices = malloc(triangles * 3 * sizeof(unsigned))};
+        *mesh = (scene_mesh){.vertices = vertices, .triangles = triangles};
     }
-    if (mesh == NULL || mesh->positions == NULL || mesh->normals == NULL || mesh->indices == NULL ||
-        (tangents && mesh->tangents == NULL)) {
+    if (mesh == NULL || !reserve(scene, mesh, textured)) {
         gonio_scene_mesh_free(mesh);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a mesh of %zu vertices", vertices);
     }
     *out = mesh;
     return GONIO_OK;
+}
+
+static void copy_names(const struct aiScene *scene, scene_mesh *mesh) {
+    for (unsigned m = 0; m < scene->mNumMaterials; m++) {
+        struct aiString name;
+        if (aiGetMaterialString(scene->mMaterials[m], AI_MATKEY_NAME, &name) == aiReturn_SUCCESS) {
+            snprintf(mesh->material_names[m], SCENE_MATERIAL_NAME_MAX, "%.63s", name.data);
+        }
+    }
 }
 
 // z up becomes y up by a quarter turn about x.
@@ -173,6 +199,7 @@ static void put(float *to, struct aiVector3D v, bool z_up) {
 static gonio_status copy(const struct aiScene *scene, const char *path, bool z_up, scene_mesh *mesh,
                          gonio_error *error) {
     size_t vertex = 0, triangle = 0;
+    copy_names(scene, mesh);
     for (unsigned m = 0; m < scene->mNumMeshes; m++) {
         const struct aiMesh *part = scene->mMeshes[m];
         for (unsigned f = 0; f < part->mNumFaces; f++, triangle++) {
@@ -184,12 +211,24 @@ static gonio_status copy(const struct aiScene *scene, const char *path, bool z_u
                 }
                 mesh->indices[3 * triangle + k] = (unsigned)vertex + index;
             }
+            mesh->materials[triangle] =
+                (uint16_t)(part->mMaterialIndex < (unsigned)mesh->material_count ? part->mMaterialIndex : 0);
         }
         for (unsigned v = 0; v < part->mNumVertices; v++, vertex++) {
+            const struct aiVector3D *p = &part->mVertices[v];
+            if (!isfinite(p->x) || !isfinite(p->y) || !isfinite(p->z)) {
+                return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "vertex %zu is not finite", vertex);
+            }
             put(mesh->positions + 3 * vertex, part->mVertices[v], z_up);
             put(mesh->normals + 3 * vertex, part->mNormals[v], z_up);
             if (mesh->tangents != NULL) {
                 put(mesh->tangents + 3 * vertex, part->mTangents[v], z_up);
+                const struct aiVector3D *uv = &part->mTextureCoords[0][v];
+                if (!isfinite(uv->x) || !isfinite(uv->y)) {
+                    return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "vt of vertex %zu is not finite", vertex);
+                }
+                mesh->uvs[2 * vertex] = uv->x;
+                mesh->uvs[2 * vertex + 1] = uv->y;
             }
         }
     }
@@ -225,7 +264,7 @@ static gonio_status normalise(scene_mesh *mesh, const char *path, gonio_error *e
     return GONIO_OK;
 }
 
-gonio_status gonio_scene_mesh_read(const char *path, bool z_up, scene_mesh **out, gonio_error *error) {
+gonio_status gonio_scene_mesh_load(const char *path, bool z_up, scene_mesh **out, gonio_error *error) {
     *out = NULL;
     gonio_status status = check_file(path, error);
     if (status != GONIO_OK) {
@@ -241,7 +280,6 @@ gonio_status gonio_scene_mesh_read(const char *path, bool z_up, scene_mesh **out
     status = allocate(scene, path, &mesh, error);
     status = status == GONIO_OK ? copy(scene, path, z_up, mesh, error) : status;
     aiReleaseImport(scene);
-    status = status == GONIO_OK ? normalise(mesh, path, error) : status;
     status = status == GONIO_OK && !normals ? gonio_scene_normals_smooth(mesh, error) : status;
     if (status != GONIO_OK) {
         gonio_scene_mesh_free(mesh);
@@ -249,4 +287,14 @@ gonio_status gonio_scene_mesh_read(const char *path, bool z_up, scene_mesh **out
     }
     *out = mesh;
     return GONIO_OK;
+}
+
+gonio_status gonio_scene_mesh_read(const char *path, bool z_up, scene_mesh **out, gonio_error *error) {
+    gonio_status status = gonio_scene_mesh_load(path, z_up, out, error);
+    status = status == GONIO_OK ? normalise(*out, path, error) : status;
+    if (status != GONIO_OK) {
+        gonio_scene_mesh_free(*out);
+        *out = NULL;
+    }
+    return status;
 }

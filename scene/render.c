@@ -5,16 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <png.h>
-
 #include "base/order_statistic.h"
 #include "base/thread_pool.h"
 #include "base/vector.h"
-#include "gonio/output.h"
 #include "gonio/render.h"
 #include "gonio/sample.h"
 #include "io/colour.h"
 #include "scene/caster.h"
+#include "scene/image.h"
 
 #define GRID 4            // GRID x GRID rays a pixel, averaged in linear light
 #define GAP_PX 4          // between the tiles of a strip
@@ -165,25 +163,6 @@ static void develop(const pixel *pixels, int n, const gonio_render_options *o, d
     }
 }
 
-static gonio_status write_png(const char *path, int width, int height, const unsigned char *image, gonio_error *error) {
-    gonio_output *output;
-    gonio_status status = gonio_output_open(path, &output, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
-    // libpng's simplified interface: 8-bit RGB, which it marks as sRGB.
-    png_image png = {.version = PNG_IMAGE_VERSION,
-                     .width = (png_uint_32)width,
-                     .height = (png_uint_32)height,
-                     .format = PNG_FORMAT_RGB};
-    if (!png_image_write_to_stdio(&png, gonio_output_stream(output), 0, image, 0, NULL)) {
-        status = gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write it: %s", png.message);
-        gonio_output_abandon(output);
-        return status;
-    }
-    return gonio_output_commit(output, error);
-}
-
 static gonio_status trace_strip(const gonio_model *const *models, int n, const gonio_render_options *o, pixel *pixels,
                                 gonio_error *error) {
     scene_mesh *mesh = NULL;
@@ -228,7 +207,7 @@ gonio_status gonio_render(const gonio_model *const *models, int n, const gonio_r
     status = status == GONIO_OK && options->exposure_auto ? automatic_scale(pixels, size, &scale, error) : status;
     if (status == GONIO_OK) {
         develop(pixels, n, options, scale, image, stride);
-        status = write_png(path, width, height, image, error);
+        status = gonio_scene_codes_write(image, width, height, path, error);
     }
     if (status == GONIO_OK && result != NULL) {
         *result = (gonio_render_result){width, height, log2(scale)};

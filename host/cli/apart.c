@@ -27,13 +27,15 @@ static bool same(const char *a, const char *b) {
 }
 
 // Does the text name that file: as a whole, or behind a mark as in spec:file:PATH,shape=sphere and camera.flat=PATH?
-static bool names(const char *text, const char *path) {
-    char part[PATH_MAX];
+// folder (NULL: none): where it may be named from, too.
+static bool names(const char *text, const char *path, const char *folder) {
+    char part[PATH_MAX], within[2 * PATH_MAX + 2];
     for (const char *from = text; from != NULL; from = strpbrk(from, ":=,"), from += from != NULL) {
         const char *to = from + strlen(from);
         while (to > from) {
             snprintf(part, sizeof part, "%.*s", (int)(to - from), from);
-            if (same(part, path)) {
+            snprintf(within, sizeof within, "%s/%s", folder != NULL ? folder : "", part);
+            if (same(part, path) || (folder != NULL && same(within, path))) {
                 return true;
             }
             do {
@@ -55,9 +57,12 @@ static bool names_within(const char *ini, const char *path) {
     }
     gonio_text text = gonio_text_begin(ini, data, size);
     bool found = false;
+    char copy[PATH_MAX];
+    snprintf(copy, sizeof copy, "%s", ini);
+    const char *folder = dirname(copy); // a scene's and a patch's paths are relative to their file
     for (char *line; !found && (line = gonio_text_content(&text)) != NULL;) {
         const char *equals = strchr(line, '=');
-        found = equals != NULL && names(equals + 1 + strspn(equals + 1, " \t"), path);
+        found = equals != NULL && names(equals + 1 + strspn(equals + 1, " \t"), path, folder);
     }
     free(data);
     return found;
@@ -100,7 +105,7 @@ static bool is_within(const char *path, const char *session) {
     return strncmp(path, session, length) == 0 && path[length] == '/';
 }
 
-// What follows --rig or its like is an INI file that names further inputs.
+// What follows --rig or its like, and what is called .ini, is an INI file that names further inputs.
 static const char *ini_of(const cli_common *common, int i) {
     static const char *const options[] = {"--rig", "--with", "--check"};
     for (size_t k = 0; k < sizeof options / sizeof *options; k++) {
@@ -112,7 +117,8 @@ static const char *ini_of(const cli_common *common, int i) {
             return common->argv[i] + length + 1;
         }
     }
-    return NULL;
+    const char *dot = strrchr(common->argv[i], '.');
+    return dot != NULL && strcmp(dot, ".ini") == 0 ? common->argv[i] : NULL;
 }
 
 static bool is_part(const char *part, const char *word) { return part >= word && part <= word + strlen(word); }
@@ -145,7 +151,7 @@ bool cli_apart(const cli_common *common, const char *output) {
     for (int i = 1; i < common->argc; i++) {
         const char *word = common->argv[i], *ini = ini_of(common, i);
         if (!names_target(common, output, word) &&
-            (names(word, output) || is_map_of(word, output) || (ini != NULL && names_within(ini, output)))) {
+            (names(word, output, NULL) || is_map_of(word, output) || (ini != NULL && names_within(ini, output)))) {
             cli_usage(common, "%s would be written over, and is read too (%s); write elsewhere", output, word);
             return false;
         }

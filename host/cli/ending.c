@@ -10,11 +10,17 @@
 // What the options call a kind of file, its ending, and what the file is.
 static const struct {
     const char *what, *ending, *is;
-} kinds[] = {{"MODEL", ".gonio", "a model file"},    {"OUT", ".gonio", "a model file"},
-             {"model", ".gonio", "a model file"},    {"CSV", ".csv", "a CSV"},
-             {"IMAGE.png", ".png", "a PNG picture"}, {"INI", ".ini", "a rig file"},
-             {"PGM", ".pgm", "a PGM picture"},       {"FILE.svg|png", ".svg .png", "a picture"},
-             {"FILE.png", ".png", "a PNG picture"},  {"CSV|MODEL", ".csv .gonio", "samples or a model"}};
+} kinds[] = {{"MODEL", ".gonio", "a model file"},
+             {"OUT", ".gonio", "a model file"},
+             {"model", ".gonio", "a model file"},
+             {"CSV", ".csv", "a CSV"},
+             {"IMAGE.png", ".png", "a PNG picture"},
+             {"INI", ".ini", "a rig file"},
+             {"PGM", ".pgm", "a PGM picture"},
+             {"FILE.svg|png", ".svg .png", "a picture"},
+             {"FILE.png", ".png", "a PNG picture"},
+             {"IMAGE", ".png", "a PNG picture"},
+             {"CSV|MODEL", ".csv .gonio", "samples or a model"}};
 #define KINDS (sizeof kinds / sizeof *kinds)
 
 static bool ends_with(const char *path, const char *ending, size_t n) {

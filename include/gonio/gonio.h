@@ -28,6 +28,7 @@
 #include "gonio/render.h"
 #include "gonio/rig.h"
 #include "gonio/sample.h"
+#include "gonio/scene.h"
 #include "gonio/session.h"
 #include "gonio/session_calibration.h"
 #include "gonio/sim.h"

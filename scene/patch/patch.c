@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/vector.h"
+#include "scene/names.h"
 #include "scene/patch/geometry.h"
 
 // Vertical rays on a side of the tile, that find out whether it is closed.
@@ -44,12 +45,6 @@ void gonio_patch_material_eval(const gonio_patch *patch, int material, gonio_vec
 
 // ---- materials ----
 
-// "ggx:alpha=0.2" is a spec, whatever follows; all else is a path, or says itself that it is a spec.
-static bool is_spec(const char *text) {
-    const size_t word = strspn(text, "abcdefghijklmnopqrstuvwxyz-");
-    return word > 0 && text[word] == ':' && strncmp(text, "spec:", 5) != 0;
-}
-
 // The material's own text; else its albedo; else those of the first material.
 static void name_material(const patch_settings *s, int number, char *name, size_t size) {
     const char *rho = number == 1 && s->rho_2[0] != 0 ? s->rho_2 : "", *text = s->material[number];
@@ -58,7 +53,7 @@ static void name_material(const patch_settings *s, int number, char *name, size_
         rho = s->rho[0] != 0 ? s->rho : "0.5";
     }
     if (text[0] != 0) {
-        snprintf(name, size, "%s%s", is_spec(text) ? "spec:" : "", text);
+        snprintf(name, size, "%s%s", gonio_scene_is_spec(text) ? "spec:" : "", text);
     } else {
         snprintf(name, size, "spec:lambert:rho=%s", rho);
     }

@@ -9,6 +9,7 @@
 
 #include "base/keys.h"
 #include "base/text.h"
+#include "scene/names.h"
 
 GONIO_KEY_NAMES(shape_names, "sawtooth", "cylinders", "velvet", "heights", "mesh")
 
@@ -104,22 +105,6 @@ static gonio_status read_preset(const char *text, patch_settings *s, gonio_error
 
 // ---- a file ----
 
-// A path as the file means it: relative to its own folder.
-static gonio_status beside(const char *file, char *path, gonio_error *error) {
-    const char *slash = strrchr(file, '/');
-    char whole[2 * PATCH_TEXT_MAX];
-    if (path[0] == 0 || path[0] == '/' || slash == NULL) {
-        return GONIO_OK;
-    }
-    const int length = snprintf(whole, sizeof whole, "%.*s/%s", (int)(slash - file), file, path);
-    if (length < 0 || length >= PATCH_TEXT_MAX) {
-        return gonio_fail_line(error, GONIO_E_INPUT, file, -1, "the path of '%.80s' is longer than %d bytes", path,
-                               PATCH_TEXT_MAX - 1);
-    }
-    memcpy(path, whole, (size_t)length + 1);
-    return GONIO_OK;
-}
-
 static gonio_status read_lines(gonio_text *text, patch_settings *s, gonio_error *error) {
     char *name, *value, *comment;
     bool inside = false;
@@ -144,8 +129,8 @@ static gonio_status read_file(const char *path, patch_settings *s, gonio_error *
     }
     status = read_lines(&text, s, error);
     gonio_text_free(&text);
-    status = status == GONIO_OK ? beside(path, s->file, error) : status;
-    return status == GONIO_OK ? beside(path, s->materials_file, error) : status;
+    status = status == GONIO_OK ? gonio_scene_beside(path, s->file, sizeof s->file, error) : status;
+    return status == GONIO_OK ? gonio_scene_beside(path, s->materials_file, sizeof s->materials_file, error) : status;
 }
 
 gonio_status gonio_patch_settings_read(const char *text, patch_settings *settings, gonio_error *error) {

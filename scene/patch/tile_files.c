@@ -3,7 +3,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
+#include <strings.h>
 
+#include "gonio/scene.h"
 #include "scene/mesh.h"
 #include "scene/patch/picture.h"
 
@@ -38,15 +41,56 @@ static gonio_status paint(const patch_settings *s, patch_mesh *mesh, gonio_error
 
 // ---- heights ----
 
+typedef struct height_field {
+    int width, height;
+    float *z; // 1 is white; rows from the top
+} height_field;
+
+static bool is_png(const char *path) {
+    const char *dot = strrchr(path, '.');
+    return dot == NULL || strcasecmp(dot, ".png") == 0;
+}
+
+static gonio_status check_size(const char *path, int width, int height, gonio_error *error) {
+    return width <= PATCH_PICTURE_SIDE_MAX && height <= PATCH_PICTURE_SIDE_MAX
+               ? GONIO_OK
+               : gonio_fail_line(error, GONIO_E_INPUT, path, -1, "%d x %d heights; at most %d a side are possible",
+                                 width, height, PATCH_PICTURE_SIDE_MAX);
+}
+
+// A PNG's codes are heights as they stand; pictures of light (.exr, .pfm, .hdr) hold numbers, of which red is taken.
+static gonio_status read_heights(const char *path, height_field *field, gonio_error *error) {
+    patch_picture codes = {0};
+    gonio_picture *light = NULL;
+    gonio_status status =
+        is_png(path) ? gonio_patch_picture_read(path, &codes, error) : gonio_picture_read(path, &light, error);
+    if (status == GONIO_OK) {
+        field->width = light != NULL ? light->width : codes.width;
+        field->height = light != NULL ? light->height : codes.height;
+        status = check_size(path, field->width, field->height, error);
+    }
+    const size_t pixels = status == GONIO_OK ? (size_t)field->width * (size_t)field->height : 0;
+    field->z = pixels > 0 ? malloc(pixels * sizeof *field->z) : NULL;
+    if (status == GONIO_OK && field->z == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", path);
+    }
+    for (size_t i = 0; status == GONIO_OK && i < pixels; i++) {
+        field->z[i] =
+            light != NULL ? light->rgb[3 * i] : (float)codes.codes[i] / (codes.bits == 16 ? 65535.0f : 255.0f);
+    }
+    free(codes.codes);
+    gonio_picture_free(light);
+    return status;
+}
+
 // A vertex a pixel, at its middle; the last column and row are the first ones again.
-static void add_grid(const patch_settings *s, const patch_picture *p, patch_mesh *mesh) {
+static void add_grid(const patch_settings *s, const height_field *p, patch_mesh *mesh) {
     const unsigned across = (unsigned)p->width + 1;
-    const double white = p->bits == 16 ? 65535 : 255;
     for (int y = 0; y <= p->height; y++) {
         for (int x = 0; x <= p->width; x++) {
             const int row = p->height - 1 - y % p->height; // the picture's top is at +y
             gonio_patch_mesh_vertex(mesh, mesh->width * x / p->width, mesh->height * y / p->height,
-                                    s->depth * p->codes[row * p->width + x % p->width] / white);
+                                    s->depth * (double)p->z[row * p->width + x % p->width]);
         }
     }
     for (unsigned y = 0; y < (unsigned)p->height; y++) {
@@ -59,23 +103,23 @@ static void add_grid(const patch_settings *s, const patch_picture *p, patch_mesh
 }
 
 gonio_status gonio_patch_heights_make(const patch_settings *s, patch_mesh *mesh, gonio_error *error) {
-    patch_picture picture;
+    height_field field = {.z = NULL};
     if (s->file[0] == 0) {
-        return gonio_fail(error, GONIO_E_USAGE, "a patch of heights needs file = PICTURE.png");
+        return gonio_fail(error, GONIO_E_USAGE, "a patch of heights needs file = PICTURE");
     }
-    gonio_status status = gonio_patch_picture_read(s->file, &picture, error);
+    gonio_status status = read_heights(s->file, &field, error);
     if (status == GONIO_OK) {
-        const size_t pixels = (size_t)picture.width * (size_t)picture.height;
+        const size_t pixels = (size_t)field.width * (size_t)field.height;
         mesh->width = s->width;
-        mesh->height = s->height < 0 ? s->width * picture.height / picture.width : s->height;
-        if (gonio_patch_mesh_reserve(mesh, (size_t)(picture.width + 1) * (size_t)(picture.height + 1), 2 * pixels)) {
-            add_grid(s, &picture, mesh);
+        mesh->height = s->height < 0 ? s->width * field.height / field.width : s->height;
+        if (gonio_patch_mesh_reserve(mesh, (size_t)(field.width + 1) * (size_t)(field.height + 1), 2 * pixels)) {
+            add_grid(s, &field, mesh);
             status = paint(s, mesh, error);
         } else {
             status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu heights", pixels);
         }
     }
-    free(picture.codes);
+    free(field.z);
     return status;
 }
 

@@ -288,6 +288,21 @@ static void write_picture(const char *name, unsigned width, bool materials) {
     assert_true(png_image_write_to_file(&png, path, 0, codes, 0, NULL));
 }
 
+// The same heights as numbers; what is right of each PNG code's float counts for nothing here.
+static void write_floats(const char *name, unsigned width) {
+    char path[128];
+    path_of(name, path);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    fprintf(file, "Pf\n%u 4\n-1.0\n", width);
+    for (unsigned k = 0; k < width * 4; k++) {
+        const unsigned x = k % width, from_edge = x < width / 2 ? x : width - x;
+        const float z = (float)from_edge / (float)(width / 2);
+        fwrite(&z, sizeof z, 1, file);
+    }
+    fclose(file);
+}
+
 static void forget(const char *name) {
     char path[128];
     path_of(name, path);
@@ -299,6 +314,10 @@ static void test_shapes_from_files(void **state) {
     (void)state;
     write_picture("heights.png", 128, false);
     write_picture("materials.png", 128, true);
+    write_floats("heights.pfm", 128);
+    write_text("floats.ini",
+               "[patch]\nshape = heights\nfile = heights.pfm\ndepth = 0.5\nheight = 1\nmaterials_file = materials.png\n"
+               "rho = 0.8\nrho_2 = 0.2\n");
     write_text("heights.ini",
                "[patch]\nshape = heights\nfile = heights.png ; of the folder\nwidth = 1\nheight = 1\ndepth = 0.5\n"
                "materials_file = materials.png\nmaterial = lambert:rho=0.8\nmaterial_2 = lambert:rho=0.2\n");
@@ -311,9 +330,9 @@ static void test_shapes_from_files(void **state) {
     gonio_virtual_options_default(&o);
     o.rays = o.rays_max = 8192;
     gonio_samples *truth = measured(named, plan, &o);
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < 3; k++) {
         char path[128];
-        path_of(k == 0 ? "heights.ini" : "mesh.ini", path);
+        path_of(k == 0 ? "heights.ini" : k == 1 ? "mesh.ini" : "floats.ini", path);
         gonio_patch *patch = opened(path);
         gonio_samples *samples = measured(patch, plan, &o);
         for (size_t i = 0; i < plan->n; i++) {
@@ -325,7 +344,8 @@ static void test_shapes_from_files(void **state) {
     gonio_samples_free(truth);
     gonio_patch_free(named);
     gonio_plan_free(plan);
-    static const char *const names[] = {"heights.png", "materials.png", "heights.ini", "mesh.obj", "mesh.ini"};
+    static const char *const names[] = {"heights.png", "heights.pfm", "floats.ini", "materials.png",
+                                        "heights.ini", "mesh.obj",    "mesh.ini"};
     for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
         forget(names[k]);
     }

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gonio render: a picture of one or more models.
+// gonio render: a picture of one or more models, or of a scene.
 #include <stdio.h>
 #include <string.h>
 
 #include "gonio/render.h"
-#include "host/cli/cli.h"
+#include "host/cli/scene_render.h"
 
 typedef struct request {
     const char *models[GONIO_RENDER_MODELS_MAX];
     int count;
     const char *image, *size, *up;
     gonio_render_options options;
+    scene_request scene;
 } request;
 
 // "N" or "WIDTHxHEIGHT".
@@ -57,8 +58,8 @@ static int report(const request *r, const gonio_render_result *result, const cli
 }
 
 static int run(int argc, char **argv);
-const cli_verb cmd_render = {"render", "MODEL [MODEL ...] -o IMAGE.png [options]",
-                             "picture of a sphere or a mesh; several models side by side, at one exposure", run};
+const cli_verb cmd_render = {"render", "MODEL [MODEL ...] | SCENE.ini -o IMAGE [options]",
+                             "picture of a sphere or a mesh, several models side by side; or of a scene", run};
 
 static int render(const request *r, const cli_common *common) {
     gonio_model *models[GONIO_RENDER_MODELS_MAX] = {NULL};
@@ -77,23 +78,81 @@ static int render(const request *r, const cli_common *common) {
     return status == GONIO_OK ? report(r, &result, common) : cli_fail(common, &error);
 }
 
+// Options that only one kind of picture has, by what was given of them; NULL: none is wrong.
+static const char *misplaced(const bool *given_of_models, const bool *given_of_scenes, bool is_scene) {
+    static const char *const of_models[] = {"mesh", "up", "light-theta", "light-phi"};
+    static const char *const of_scenes[] = {"samples", "camera", "interreflection", "compare", "difference"};
+    for (int k = 0; k < 4 && is_scene; k++) {
+        if (given_of_models[k]) {
+            return of_models[k];
+        }
+    }
+    for (int k = 0; k < 5 && !is_scene; k++) {
+        if (given_of_scenes[k]) {
+            return of_scenes[k];
+        }
+    }
+    return NULL;
+}
+
+static int render_scene(request *r, const cli_common *common) {
+    scene_request *s = &r->scene;
+    s->scene = r->models[0];
+    s->image = r->image;
+    s->exposure_auto = r->options.exposure_auto;
+    s->exposure_ev = r->options.exposure_ev;
+    if (r->count > 1) {
+        return cli_usage(common, "render: one scene at a time, found '%s' as well", r->models[1]);
+    }
+    if (r->size != NULL && !parse_size(r->size, &s->width, &s->height)) {
+        return cli_usage(common, "render: --size: expected N or WIDTHxHEIGHT, found '%s'", r->size);
+    }
+    if (r->image == NULL && s->reference == NULL) {
+        return cli_usage(common, "render: -o IMAGE (.png, .exr, .pfm) or --compare REFERENCE is missing");
+    }
+    if (s->difference != NULL && s->reference == NULL) {
+        return cli_usage(common, "render: --difference needs --compare REFERENCE");
+    }
+    return cli_scene_render(s, common);
+}
+
 static int run(int argc, char **argv) {
     request r = {.up = "y"};
-    bool ev_given = false;
+    bool ev_given = false, models[4] = {false}, scenes[5] = {false};
     gonio_render_options_default(&r.options);
     const cli_option options[] = {
-        {"output", 'o', CLI_OUTPUT, &r.image, NULL, "IMAGE.png", "where the picture goes"},
-        {"mesh", 0, CLI_TEXT, &r.options.mesh, NULL, "FILE", "a PLY or OBJ mesh instead of the sphere"},
-        {"up", 0, CLI_TEXT, &r.up, NULL, "y|z", "the mesh's upward axis (y)"},
-        {"light-theta", 0, CLI_DOUBLE, &r.options.light_theta_deg, NULL, "DEG", "light from the view axis (40)"},
-        {"light-phi", 0, CLI_DOUBLE, &r.options.light_phi_deg, NULL, "DEG", "... and from the right, upward (120)"},
+        {"output", 'o', CLI_OUTPUT, &r.image, NULL, "IMAGE",
+         "where the picture goes: .png; of a scene also .exr, .pfm"},
         {"ev", 0, CLI_DOUBLE, &r.options.exposure_ev, &ev_given, "EV", "exposure; 0: a lit white diffuser is 1 (auto)"},
-        {"size", 0, CLI_TEXT, &r.size, NULL, "N|WxH", "pixels of one model's picture (384)"},
+        {"size", 0, CLI_TEXT, &r.size, NULL, "N|WxH", "pixels of one model's picture (384), of a scene's (its own)"},
+        {"mesh", 0, CLI_TEXT, &r.options.mesh, &models[0], "FILE", "a PLY, OBJ or glTF mesh instead of the sphere"},
+        {"up", 0, CLI_TEXT, &r.up, &models[1], "y|z", "the mesh's upward axis (y)"},
+        {"light-theta", 0, CLI_DOUBLE, &r.options.light_theta_deg, &models[2], "DEG", "light from the view axis (40)"},
+        {"light-phi", 0, CLI_DOUBLE, &r.options.light_phi_deg, &models[3], "DEG",
+         "... and from the right, upward (120)"},
+        {"samples", 0, CLI_INT, &r.scene.samples, &scenes[0], "N", "paths a pixel of a scene (its own; 16)"},
+        {"camera", 0, CLI_TEXT, &r.scene.camera, &scenes[1], "NAME", "which of a scene's cameras (the first)"},
+        {"interreflection", 0, CLI_FLAG, &r.scene.interreflection, &scenes[2], NULL,
+         "light that meets a scene more than once"},
+        {"compare", 0, CLI_TEXT, &r.scene.reference, &scenes[3], "REF", "picture that a scene's is held against"},
+        {"difference", 0, CLI_OUTPUT, &r.scene.difference, &scenes[4], "IMAGE", "... and where their difference goes"},
         {0}};
     cli_common common;
     if (!cli_parse(&cmd_render, options, argc, argv, r.models, 1, GONIO_RENDER_MODELS_MAX, &r.count, &common)) {
         return 2;
     }
     r.options.exposure_auto = !ev_given;
+    const bool scene = cli_is_scene(r.models[0]);
+    const char *wrong = misplaced(models, scenes, scene);
+    if (wrong != NULL) {
+        return cli_usage(&common, "render: --%s is an option for %s", wrong,
+                         scene ? "models; a scene's file says it" : "scenes (SCENE.ini)");
+    }
+    if (r.scene.samples < 0) {
+        return cli_usage(&common, "render: --samples %d: expected 1 or more", r.scene.samples);
+    }
+    if (scene) {
+        return render_scene(&r, &common);
+    }
     return complete(&r, &common) ? render(&r, &common) : 2;
 }
