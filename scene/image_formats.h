@@ -5,10 +5,6 @@
 
 #include <stdio.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include "scene/image.h"
 
 gonio_status gonio_scene_hdr_read(FILE *file, const char *path, gonio_picture **out, gonio_error *error);
@@ -17,9 +13,5 @@ gonio_status gonio_scene_png_read(FILE *file, const char *path, gonio_picture **
 gonio_status gonio_scene_exr_read(FILE *file, const char *path, gonio_picture **out, gonio_error *error);
 gonio_status gonio_scene_pfm_write(const gonio_picture *image, FILE *file, const char *path, gonio_error *error);
 gonio_status gonio_scene_exr_write(const gonio_picture *image, FILE *file, const char *path, gonio_error *error);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -72,6 +72,17 @@ wait_for() {
         sleep 0.05
     done
 }
+# interrupts NAME COMMAND ...: Ctrl-C, as soon as the program listens to it, ends it with status 4.
+catches_interrupts() { grep -q '^SigCgt:.*[2367abef]$' "/proc/$1/status"; }
+interrupts() {
+    interrupts_name=$1
+    shift
+    "$@" >out 2>err &
+    interrupts_pid=$!
+    wait_for 60 catches_interrupts $interrupts_pid && kill -INT $interrupts_pid
+    wait $interrupts_pid
+    [ $? -eq 4 ]; ok $? "$interrupts_name"
+}
 # start_controller DESCRIPTOR NAME ARGUMENTS ...: gonio-controller in the background, its output in $work/NAME.out; it
 # takes commands through the descriptor, whose end is its end. With --tcp its port is in $port. False: it is not built.
 start_controller() {

@@ -51,7 +51,6 @@ if [ -w /dev/full ]; then
         exits "a full disk, .$ending" 1 "$GONIO" render good.ini -o full.$ending
     done
 fi
-("$GONIO" render good.ini --samples 1000000 -o x.png >out 2>err & pid=$!; sleep 0.3; kill -INT $pid; wait $pid; [ $? = 4 ])
-ok $? "Ctrl-C: exit 4"
+interrupts "Ctrl-C: exit 4" "$GONIO" render good.ini --samples 1000000 -o x.png
 [ -z "$(ls | grep '^x\.')" ]; ok $? "no failure wrote anything"
 finish
