@@ -48,7 +48,16 @@ const gonio_key gonio_fit_keys[] = {
     {ROW(shapes, CHOICE), .names = gonio_shapes_names, .automatic = -1, .late = true, .argument = "NAME",
      .help = "widths for all channels, or each channel's own"},
     {ROW(order, INTEGER), .automatic = -1, .low = 0, .high = GONIO_ORDER_MAX, .late = true, .argument = "N",
-     .help = "of a linear basis"},
+     .help = "of a linear basis, or of B-splines"},
+    {ROW(points, REALS), .low = 0, .high = 1024, .late = true, .argument = "N/N/N",
+     .help = "control points along theta_i, theta_o and the azimuth (0: as few as the rate allows)"},
+    {ROW(rate, REAL), .low = 0, .high = 1, .late = true, .argument = "X",
+     .help = "largest error at the table's points, over the largest value (0.02; of sharp peaks 0.005, in the log "
+             "domain 0.002)"},
+    {ROW(knots, NAME), .names = gonio_knots_names, .late = true, .argument = "NAME",
+     .help = "where knots stand (adaptive)"},
+    {ROW(table_step, REAL), .low = 0, .high = 30, .late = true, .argument = "DEG",
+     .help = "step of the table (that of the samples' grid, else 1; 5 of anisotropic samples)"},
     {0}};
 _Static_assert(sizeof gonio_fit_keys / sizeof *gonio_fit_keys == GONIO_FIT_KEYS + 1, "the number of the options");
 

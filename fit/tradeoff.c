@@ -9,6 +9,7 @@
 #include "base/random.h"
 
 #include "fit/method.h"
+#include "fit/options.h"
 
 #define EVALUATIONS 2000
 
@@ -88,7 +89,7 @@ gonio_status gonio_tradeoff_measure(const gonio_samples *samples, const gonio_fi
                                     const gonio_tradeoff_form *form, gonio_tradeoff_row *row, gonio_error *error) {
     *row = (gonio_tradeoff_row){.form = *form, .eval_ns = NAN, .batch_ns = NAN};
     gonio_fit_options o = *options;
-    o.method = form->method;
+    gonio_fit_options_for(&o, form->method); // what it does not have, others may
     o.level = form->level;
     o.coordinates = form->coordinates;
     o.domain = form->domain;

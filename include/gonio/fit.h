@@ -100,7 +100,11 @@ typedef struct gonio_fit_options {
     gonio_loss loss;            // formulae, linear bases
     int lobes;                  // formulae: GONIO_LOBES_AUTO, or how many
     gonio_shapes shapes;        // formulae
-    int order;                  // linear bases: 0..GONIO_ORDER_MAX, or GONIO_ORDER_AUTO
+    int order;                  // linear bases: 0..GONIO_ORDER_MAX, or GONIO_ORDER_AUTO; bvb: degree + 1, 2 to 4
+    double points[3];           // bvb: control points along theta_i, theta_o, azimuth; 0: as few as `rate` allows
+    double rate;                // bvb: largest error at the table's points over the largest value; 0: the method's
+    const char *knots;          // bvb: "adaptive" "dominant" "dominant-mean" ... "ktp" "nktp"; NULL: adaptive
+    double table_step;          // bvb: step of its table in degrees; 0: the method's
 } gonio_fit_options;
 
 // One half of a fit with transmission, fitted by itself by the same method.

@@ -8,6 +8,7 @@
 
 #include "brdf/analytic/formula.h"
 #include "brdf/kind/analytic.h"
+#include "brdf/kind/bvb.h"
 #include "brdf/kind/linear.h"
 #include "brdf/kind/lobe_spline.h"
 #include "brdf/kind/transformed.h"
@@ -24,6 +25,7 @@ typedef struct kind_maker {
     const char *method, *storage;    // of a fitted one
     const gonio_formula *formula;    // of one analytic term
     const gonio_linear_basis *basis; // of one with coefficients
+    int order;                       // of a B-spline volume
     int lobes, parts;                // of a constructed lobe-spline: how many lobes, KIND_ bits; of a transformed one: which
     gonio_domain domain;
     gonio_coordinates coordinates;
@@ -39,6 +41,8 @@ static const kind_maker kind_forms[] = {
     {"koenderink", "order 8", true, .basis = &gonio_basis_koenderink},
     {"harmonics", "usual orders", .basis = &gonio_basis_harmonics},
     {"harmonics", "with sigma", true, .basis = &gonio_basis_harmonics, .parts = KIND_SIGMA},
+    {"bvb", "order 2, log", .order = 2, .domain = GONIO_LOG},
+    {"bvb", "order 4", .order = 4},
     {"lobe-spline", "lobes alone", .domain = GONIO_LOG, .lobes = 2},
     {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
     {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
@@ -207,6 +211,49 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
     return model;
 }
 
+// A volume of a smooth function between 0 and 1, its knots closer toward the ends.
+static inline gonio_model *kind_make_bvb(const kind_maker *maker, bool isotropic, int channels) {
+    const size_t order = (size_t)maker->order, c = (size_t)channels;
+    gonio_bvb_parts p = {.dims = isotropic ? 3 : 4,
+                         .order = maker->order,
+                         .channels = channels,
+                         .count = {5, 6, 7, isotropic ? 1 : 5}};
+    char names[GONIO_CHANNELS_MAX][32] = {{0}};
+    for (int d = 0; d < p.dims; d++) {
+        p.knots[d] = malloc((p.count[d] + order) * sizeof(double));
+        for (size_t k = 0; p.knots[d] != NULL && k < p.count[d] + order; k++) {
+            const double inside = fmin(fmax((double)k - (double)order + 1, 0) / (double)(p.count[d] - order + 1), 1);
+            p.knots[d][k] = inside - 0.1 * sin(2 * GONIO_PI * inside) / GONIO_PI;
+            p.knots[d][k] = k + 1 > p.count[d] ? 1 : p.knots[d][k];
+        }
+    }
+    const size_t points = gonio_bvb_points(&p);
+    p.points = calloc(points * c + GONIO_BVB_PAD, sizeof *p.points);
+    for (size_t i = 0; p.points != NULL && i < points * c; i++) {
+        // Of phi_d as a cosine is, so that both ends are alike.
+        const double turn = 2 * GONIO_PI * (double)(i / c % p.count[2]) / (double)(p.count[2] - 1);
+        const double slow = (double)(i / c / p.count[2]) / (double)(points / p.count[2]);
+        p.points[i] = (float)(0.4 + 0.3 * cos(turn) * slow + 0.2 * slow + 0.001 * (double)(i % c));
+    }
+    gonio_transform *transforms = malloc(c * sizeof *transforms);
+    double *range = malloc(2 * c * sizeof *range);
+    for (size_t k = 0; transforms != NULL && range != NULL && k < c; k++) {
+        transforms[k] = (gonio_transform){0.5, 1e-3};
+        range[2 * k] = 0.1;
+        range[2 * k + 1] = 0.9;
+        snprintf(names[k], sizeof names[k], "%zunm", 400 + 10 * k);
+    }
+    gonio_model *model = NULL;
+    gonio_error error = {0};
+    if (gonio_bvb_model_new(&p, maker->domain == GONIO_LOG ? GONIO_TRANSFORM_POSITIVE : GONIO_TRANSFORM_LINEAR,
+                            transforms, range, (const char(*)[32])names, &model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    free(transforms);
+    free(range);
+    return model;
+}
+
 // A model fitted to a few hundred samples of a smooth lobe.
 static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotropic, int channels) {
     gonio_samples *samples = simulate_samples(isotropic ? "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
@@ -285,6 +332,7 @@ static inline gonio_model *kind_make_halves(const kind_maker *maker, bool isotro
 static inline gonio_model *kind_make(const kind_maker *maker, bool isotropic, int channels) {
     return strcmp(maker->kind, "halves") == 0        ? kind_make_halves(maker, isotropic, channels)
            : maker->formula != NULL                  ? kind_make_analytic(maker, isotropic, channels)
+           : maker->order > 0                        ? kind_make_bvb(maker, isotropic, channels)
            : maker->basis != NULL                    ? kind_make_linear(maker, isotropic, channels)
            : strcmp(maker->kind, "transformed") == 0 ? kind_make_transformed(maker, isotropic, channels)
            : maker->method != NULL                   ? kind_make_fitted(maker, isotropic, channels)

@@ -131,6 +131,7 @@ static void fit_one(const gonio_method *method, const extreme *e, const gonio_sa
     for (const gonio_method_option *has = method->options; has->offset != 0; has++) {
         o.level = has->offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
         o.diffuse_level = has->offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
+        o.table_step = has->offset == offsetof(gonio_fit_options, table_step) ? 15 : o.table_step;
     }
     const gonio_status status = gonio_fit(samples, &o, &model, &report, &error);
     if (status == GONIO_OK) {
@@ -138,7 +139,9 @@ static void fit_one(const gonio_method *method, const extreme *e, const gonio_sa
         if (!isfinite(report.train.rmse) || !isfinite(report.train.rms_log)) {
             fail_msg("%s on %s: errors of %g, %g", method->name, e->name, report.train.rmse, report.train.rms_log);
         }
-        assert_null(strstr(report.options, "nan"));
+        assert_null(strstr(report.options, "=nan")); // "dominant" is none
+        assert_null(strstr(report.options, " nan"));
+        assert_null(strstr(report.options, "-nan"));
         counts.stuck += strstr(report.note, "did not converge") != NULL;
         gonio_model_free(model);
         counts.fits++;

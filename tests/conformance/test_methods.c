@@ -50,6 +50,9 @@ static gonio_fit_options quick(const gonio_method *method) {
     if (HAS(method, level)) {
         o.level = LEVEL;
     }
+    if (HAS(method, table_step)) {
+        o.table_step = 30;
+    }
     return o;
 }
 
@@ -186,6 +189,7 @@ static void test_forms_of_the_trade_off(void **state) {
     gonio_fit_options o;
     gonio_fit_options_default(&o);
     o.hold_out = 0;
+    o.table_step = 30;
     assert_non_null(forms);
     assert_int_equal(gonio_tradeoff_forms(forms, n), n);
     for (size_t i = 0; i < n; i++) {

@@ -23,6 +23,7 @@ static inline const char *other_value(const gonio_key *key) {
     case GONIO_KEY_FLAGS:
         return "reciprocity";
     case GONIO_KEY_REALS:
+        return "7/8/9";
     case GONIO_KEY_TEXT:
     case GONIO_KEY_LINE:
     case GONIO_KEY_OWN:

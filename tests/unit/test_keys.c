@@ -213,7 +213,8 @@ static void every_member_is_in_the_table(void **state) {
         *end = 0;
         // "double max_ns, max_seconds": every name behind the type's last blank or star.
         for (char *rest, *item = strtok_r(line, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
-            char *name = item + strlen(item);
+            char *bracket = strchr(item, '['), *name = bracket != NULL ? bracket : item + strlen(item);
+            *name = 0;
             while (name > item && name[-1] != ' ' && name[-1] != '*') {
                 name--;
             }
