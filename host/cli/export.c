@@ -152,26 +152,39 @@ static void print_report(const gonio_write_report *r, double image) {
     }
 }
 
-gonio_status cli_export_model(const gonio_model *model, const char *source, const char *path, const char *format,
-                              const cli_export *out, const cli_common *common, json_t *result, gonio_error *error) {
-    gonio_write_report report;
-    const gonio_write_options options = options_of(out, common);
-    const gonio_status status =
-        gonio_write_table_as(model, path, format, &options, out->no_report ? NULL : &report, error);
-    if (status != GONIO_OK || out->no_report || report.pairs == 0) {
+gonio_status cli_export_table_file(const gonio_model *model, const char *source, const char *path, const char *format,
+                                   const gonio_write_options *options, const json_t *fitted, cli_export_result *out,
+                                   gonio_error *error) {
+    out->json = NULL;
+    out->image = NAN;
+    const gonio_status status = gonio_write_table_as(model, path, format, options, &out->report, error);
+    if (status != GONIO_OK || out->report.pairs == 0) {
         return status;
     }
-    const double image = picture(model, path, &report, common->threads);
-    json_t *object = report_json(&report, model, source, image);
-    if (json_object_get(result, "fitted") != NULL) { // of samples that the model was made of
-        json_object_set(object, "fitted", json_object_get(result, "fitted"));
+    out->image = picture(model, path, &out->report, options->threads);
+    out->json = report_json(&out->report, model, source, out->image);
+    if (fitted != NULL) { // samples, which the model was made of
+        json_object_set_new(out->json, "fitted", json_deep_copy(fitted));
     }
     char name[4096];
     snprintf(name, sizeof name, "%s.report.json", path);
-    if (!common->json) {
-        print_report(&report, image);
+    return store(out->json, name, error);
+}
+
+gonio_status cli_export_model(const gonio_model *model, const char *source, const char *path, const char *format,
+                              const cli_export *out, const cli_common *common, json_t *result, gonio_error *error) {
+    const gonio_write_options options = options_of(out, common);
+    if (out->no_report) {
+        return gonio_write_table_as(model, path, format, &options, NULL, error);
     }
-    const gonio_status stored = store(object, name, error);
-    json_object_set_new(result, "report", object);
-    return stored;
+    cli_export_result written;
+    const gonio_status status = cli_export_table_file(model, source, path, format, &options,
+                                                      json_object_get(result, "fitted"), &written, error);
+    if (written.json != NULL) {
+        if (!common->json) {
+            print_report(&written.report, written.image);
+        }
+        json_object_set_new(result, "report", written.json);
+    }
+    return status;
 }

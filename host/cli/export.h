@@ -23,6 +23,16 @@ typedef struct cli_export {
 cli_option *cli_export_table(cli_export *out);
 // GONIO_E_USAGE where one of them was given; what: "samples", which have none.
 gonio_status cli_export_refuse(const cli_export *out, const char *what, gonio_error *error);
+// A table that was written: what its report says.
+typedef struct cli_export_result {
+    gonio_write_report report;
+    double image; // mean difference of a sphere's pictures, 8-bit codes; NaN: the file is no table by itself
+    json_t *json; // to be released; NULL: no report, or a file that cannot be read back
+} cli_export_result;
+// Write and store the report beside as PATH.report.json, without a word. fitted: how samples became the model, NULL.
+gonio_status cli_export_table_file(const gonio_model *model, const char *source, const char *path, const char *format,
+                                   const gonio_write_options *options, const json_t *fitted, cli_export_result *out,
+                                   gonio_error *error);
 // Write, print the report and store it beside as PATH.report.json. source: where the model is from.
 gonio_status cli_export_model(const gonio_model *model, const char *source, const char *path, const char *format,
                               const cli_export *out, const cli_common *common, json_t *result, gonio_error *error);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "gonio/fit.h"
+#include "gonio/plan.h"
 #include "gonio/session.h"
 #include "io/format.h"
 
@@ -84,4 +85,21 @@ gonio_status cli_model_read(const char *name, const cli_input *in, const cli_com
     }
     const gonio_status status = cli_input_refuse(in, "a model or a table taken as one", error);
     return status == GONIO_OK ? gonio_model_resolve(name, model, error) : status;
+}
+
+gonio_status cli_model_sampled(const gonio_model *model, const char *plan, const char *usual, const cli_common *common,
+                               gonio_samples **samples, gonio_error *error) {
+    const bool back = gonio_model_half(model, GONIO_REFLECTION_BACK) != NULL ||
+                      gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
+    const bool through =
+        gonio_model_half(model, GONIO_TRANSMISSION) != NULL || gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
+    char text[80];
+    snprintf(text, sizeof text, "%s%s%s", usual, through ? ",transmission=1" : "", back ? ",back=1" : "");
+    gonio_plan *poses;
+    gonio_status status = gonio_plan_make(plan != NULL ? plan : text, common->seed, &poses, error);
+    if (status == GONIO_OK) {
+        status = gonio_samples_of_model(model, poses->poses, poses->n, common->threads, samples, error);
+        gonio_plan_free(poses);
+    }
+    return status;
 }

@@ -11,5 +11,8 @@
 // takes what was read, NULL where nothing was. The caller frees both.
 gonio_status cli_model_read(const char *name, const cli_input *in, const cli_common *common, json_t *result,
                             gonio_model **model, gonio_samples **samples, gonio_error *error);
+// Its values where a plan says, or where usual says, in the halves that the model has, where plan is NULL.
+gonio_status cli_model_sampled(const gonio_model *model, const char *plan, const char *usual, const cli_common *common,
+                               gonio_samples **samples, gonio_error *error);
 
 #endif

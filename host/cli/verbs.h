@@ -20,6 +20,7 @@
     X(compare)                                                                                                         \
     X(tradeoff)                                                                                                        \
     X(convert)                                                                                                         \
+    X(bundle)                                                                                                          \
     X(formats)                                                                                                         \
     X(check)                                                                                                           \
     X(calibrate)                                                                                                       \

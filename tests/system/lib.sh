@@ -100,3 +100,21 @@ start_controller() {
 }
 # field NAME FILE: a member of a one-line JSON object, without quotes.
 field() { grep -o "\"$1\":[^,}]*" "$2" | head -n 1 | cut -d: -f2- | tr -d '"'; }
+# make_kind KIND: a small model of the kind as $work/model.gonio, of $work/samples.csv where it has to be fitted.
+make_kind() {
+    case $1 in
+    analytic) "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/model.gonio" ;;
+    lattice) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method mba --hold-out 0 ;;
+    cbmba) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method cbmba --hold-out 0 ;;
+    lobe-spline) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method lsq --level 2 --hold-out 0 ;;
+    koenderink) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method koenderink --hold-out 0 ;;
+    harmonics) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method spherical-harmonics --hold-out 0 ;;
+    bvb) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method bvb --table-step 5 --hold-out 0 ;;
+    transformed)
+        "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4 "$work/whole.gonio" &&
+            "$GONIO" check "$work/whole.gonio" --apply isotropy -o "$work/model.gonio"
+        ;;
+    halves) "$GONIO" convert "spec:lambert:rho=0.3|lambert:rho=0.2" "$work/model.gonio" ;;
+    *) echo "no command here makes a model of kind $1" >&2 && return 1 ;;
+    esac
+}

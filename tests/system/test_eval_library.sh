@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # libgonio-eval stands on libc and libm alone: a renderer's program links with nothing else and evaluates a model file.
 set -u
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+. "$(dirname "$0")/lib.sh"
 cat >"$work/renderer.c" <<'C'
 #include <stdio.h>
 #include "gonio/model.h"
@@ -35,23 +34,6 @@ else
 fi
 # Every kind that `gonio kinds` lists, saved by the program, opened here.
 printf 'theta_i,phi_i,theta_o,phi_o\n30,0,20,%.17g\n' 57.295779513082323 >"$work/direction.csv"
-make_kind() {
-    case $1 in
-    analytic) "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/model.gonio" ;;
-    lattice) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method mba --hold-out 0 ;;
-    cbmba) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method cbmba --hold-out 0 ;;
-    lobe-spline) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method lsq --level 2 --hold-out 0 ;;
-    koenderink) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method koenderink --hold-out 0 ;;
-    harmonics) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method spherical-harmonics --hold-out 0 ;;
-    bvb) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method bvb --table-step 5 --hold-out 0 ;;
-    transformed)
-        "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4 "$work/whole.gonio" &&
-            "$GONIO" check "$work/whole.gonio" --apply isotropy -o "$work/model.gonio"
-        ;;
-    halves) "$GONIO" convert "spec:lambert:rho=0.3|lambert:rho=0.2" "$work/model.gonio" ;;
-    *) echo "no command here makes a model of kind $1" >&2 && return 1 ;;
-    esac
-}
 "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 "$work/samples.csv" --plan nusselt:60 >/dev/null 2>&1
 "$GONIO" kinds --json | python3 -c 'import json, sys; print(*(k["name"] for k in json.load(sys.stdin)["kinds"]), sep="\n")' >"$work/kinds"
 n=2

@@ -7,7 +7,6 @@
 
 #include "base/head.h"
 #include "base/text.h"
-#include "gonio/plan.h"
 #include "gonio/session.h"
 #include "host/cli/apart.h"
 #include "host/cli/export.h"
@@ -38,26 +37,6 @@ static gonio_status open_model(const char *name, const cli_input *input, gonio_m
     return status == GONIO_OK ? gonio_model_resolve(name, model, error) : status;
 }
 
-static gonio_status sampled(const gonio_model *model, const char *plan_text, const cli_common *common,
-                            gonio_samples **samples, gonio_error *error) {
-    gonio_plan *plan;
-    gonio_status status = gonio_plan_make(plan_text, common->seed, &plan, error);
-    if (status == GONIO_OK) {
-        status = gonio_samples_of_model(model, plan->poses, plan->n, common->threads, samples, error);
-        gonio_plan_free(plan);
-    }
-    return status;
-}
-
-// In the halves that the model has.
-static void default_plan(const gonio_model *model, char *text, size_t size) {
-    const bool back = gonio_model_half(model, GONIO_REFLECTION_BACK) != NULL ||
-                      gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
-    const bool through =
-        gonio_model_half(model, GONIO_TRANSMISSION) != NULL || gonio_model_half(model, GONIO_TRANSMISSION_BACK) != NULL;
-    snprintf(text, size, PLAN_DEFAULT "%s%s", through ? ",transmission=1" : "", back ? ",back=1" : "");
-}
-
 static gonio_status to_samples(const char *in, const char *out, const char *format, const convert_arguments *a,
                                const cli_common *common, json_t *result, gonio_error *error) {
     gonio_samples *samples = NULL;
@@ -69,9 +48,7 @@ static gonio_status to_samples(const char *in, const char *out, const char *form
         gonio_model *model;
         status = open_model(in, &a->input, &model, error);
         if (status == GONIO_OK) {
-            char plan[80];
-            default_plan(model, plan, sizeof plan);
-            status = sampled(model, a->plan != NULL ? a->plan : plan, common, &samples, error);
+            status = cli_model_sampled(model, a->plan, PLAN_DEFAULT, common, &samples, error);
             gonio_model_free(model);
         }
     } else {
