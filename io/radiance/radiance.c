@@ -4,14 +4,13 @@
 //
 // Radiance's front (+z) is the back of the file: "Reflection Back", and "Transmission Back" for light from there.
 // Colour: matrices carry CIE-X and CIE-Z beside Visible, which is Y; tensor trees the chromaticity u', v' of CIE 1976.
-// It becomes linear sRGB.
+// It becomes r, g, b as Radiance itself has them (colour.c).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/random.h"
-#include "io/optics/grid.h"
 #include "io/radiance/radiance.h"
 
 #define CHROMATICITY_MIN 1e-3 // below the v' of every colour
@@ -51,10 +50,10 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
     const double a = part_value(m, 1, wi, wo), b = part_value(m, 2, wi, wo);
     if (!m->is_tree) {
-        gonio_xyz_to_rgb((double[3]){a, y, b}, values);
+        gonio_radiance_xyz_to_rgb((double[3]){a, y, b}, values);
     } else { // u', v'
         const double v = fmax(b, CHROMATICITY_MIN);
-        gonio_xyz_to_rgb((double[3]){y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v)}, values);
+        gonio_radiance_xyz_to_rgb((double[3]){y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v)}, values);
     }
     for (int c = 0; c < 3; c++) {
         values[c] += m->floor[c];

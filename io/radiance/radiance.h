@@ -42,6 +42,12 @@ gonio_status gonio_radiance_fail(const gonio_radiance_file *file, long long line
 // follows, or one beyond +-1e30.
 bool gonio_radiance_number(const char **at, long long *line, double *value);
 
+// ---- colour.c ----
+// CIE X, Y, Z of a file and Radiance's r, g, b; what lies outside their gamut is raised to 0. The two arrays do not
+// overlap.
+void gonio_radiance_rgb_to_xyz(const double rgb[3], double xyz[3]);
+void gonio_radiance_xyz_to_rgb(const double xyz[3], double rgb[3]);
+
 // ---- klems.c: matrices over patches of two hemispheres ----
 // Rings of a hemisphere; patch 0 is the first ring's first. Patches of a ring are centred at azimuths 2 pi k / n.
 enum { GONIO_KLEMS_RINGS_MAX = 64, GONIO_KLEMS_PATCHES_MAX = 4096 };

@@ -13,16 +13,15 @@
 #include <string.h>
 
 #include "base/thread_pool.h"
-#include "io/optics/grid.h"
 #include "io/radiance/radiance.h"
 
 #define MAX_BYTES 30000000
-#define BYTES_A_VALUE 9  // of text, about
-#define SAME 1e-5        // cells whose values differ by no more, relatively, are one
-#define FLOOR_LEAST 0.01 // times 1/pi: what Radiance takes out
-#define FINE 5           // points a way of the average over a patch
-#define WHITE_U 0.19784  // of D65
-#define WHITE_V 0.46832
+#define BYTES_A_VALUE 9    // of text, about
+#define SAME 1e-5          // cells whose values differ by no more, relatively, are one
+#define FLOOR_LEAST 0.01   // times 1/pi: what Radiance takes out
+#define FINE 5             // points a way of the average over a patch
+#define WHITE_U (4.0 / 19) // of equal energy
+#define WHITE_V (9.0 / 19)
 
 enum { BASIS_AUTO, BASIS_TREE3, BASIS_TREE4, BASIS_FULL, BASIS_HALF, BASIS_QUARTER };
 
@@ -73,7 +72,7 @@ static void finish_tree(tables *t) {
             least[c] = fmin(least[c], t->values[c][k]);
         }
     }
-    gonio_rgb_to_xyz(least, xyz);
+    gonio_radiance_rgb_to_xyz(least, xyz);
     if (t->parts == 3 && t->dimensions == 3 && xyz[1] > FLOOR_LEAST / GONIO_PI) {
         memcpy(t->floor, least, sizeof least);
     }
@@ -88,7 +87,7 @@ static void finish_tree(tables *t) {
         for (int c = 0; c < 3; c++) {
             rgb[c] = fmax(t->values[c][k] - t->floor[c], 0);
         }
-        gonio_rgb_to_xyz(rgb, xyz);
+        gonio_radiance_rgb_to_xyz(rgb, xyz);
         const double sum = xyz[0] + 15 * xyz[1] + 3 * xyz[2];
         t->values[0][k] = xyz[1];
         t->values[1][k] = (xyz[1] > 1e-9 ? 4 * xyz[0] / sum : WHITE_U);
@@ -218,7 +217,7 @@ static void fill_column(void *context, size_t in) {
             j->t->values[0][at] = sum[0];
             continue;
         }
-        gonio_rgb_to_xyz(sum, xyz);
+        gonio_radiance_rgb_to_xyz(sum, xyz);
         j->t->values[0][at] = xyz[1];
         j->t->values[1][at] = xyz[0];
         j->t->values[2][at] = xyz[2];

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "gonio/io.h"
+#include "io/radiance/radiance.h"
 #include "tests/format_files.h"
 #include "tests/fuzz/memory_file.h"
 #include "tests/unit/near.h"
@@ -270,9 +271,9 @@ static void three_dimensions_turn_with_the_light(void **state) {
 
 static void colour(void **state) {
     (void)state;
-    // White of sRGB: X, Y, Z = .9505 1 1.0890; u', v' = .1978 .4683.
-    static const char *const klems[3][2] = {{"Visible", "0.2"}, {"CIE-X", "0.1901"}, {"CIE-Z", "0.2178"}};
-    static const char *const trees[3][2] = {{"Visible", "{0.2}"}, {"CIE-u", "{0.19784}"}, {"CIE-v", "{0.46834}"}};
+    // Grey has X = Y = Z: u', v' = 4/19, 9/19.
+    static const char *const klems[3][2] = {{"Visible", "0.2"}, {"CIE-X", "0.2"}, {"CIE-Z", "0.2"}};
+    static const char *const trees[3][2] = {{"Visible", "{0.2}"}, {"CIE-u", "{0.210526}"}, {"CIE-v", "{0.473684}"}};
     for (int kind = 0; kind < 2; kind++) {
         char *text;
         size_t size;
@@ -294,6 +295,29 @@ static void colour(void **state) {
             assert_near(v[c], 0.2, 2e-4);
         }
         gonio_model_free(model);
+    }
+}
+
+// Radiance turns X, Y, Z to the primaries and the white of its own color.h, where the floor of a scene and the rest from
+// the file meet: (1, 0, 0) has the chromaticity of its red, and only equal X, Y and Z are grey.
+static void colours_are_radiances_own(void **state) {
+    (void)state;
+    static const double xy[3][2] = {{0.64, 0.33}, {0.29, 0.60}, {0.15, 0.06}};
+    double xyz[3], back[3], sum[3] = {0};
+    for (int c = 0; c < 3; c++) {
+        const double rgb[3] = {c == 0, c == 1, c == 2};
+        gonio_radiance_rgb_to_xyz(rgb, xyz);
+        const double all = xyz[0] + xyz[1] + xyz[2];
+        assert_near(xyz[0] / all, xy[c][0], 1e-9);
+        assert_near(xyz[1] / all, xy[c][1], 1e-9);
+        gonio_radiance_xyz_to_rgb(xyz, back);
+        for (int k = 0; k < 3; k++) {
+            sum[k] += xyz[k];
+            assert_near(back[k], rgb[k], 1e-9);
+        }
+    }
+    for (int k = 0; k < 3; k++) {
+        assert_near(sum[k], 1, 1e-9);
     }
 }
 
@@ -361,6 +385,7 @@ int main(void) {
         cmocka_unit_test(a_cell_is_where_it_stands),
         cmocka_unit_test(three_dimensions_turn_with_the_light),
         cmocka_unit_test(colour),
+        cmocka_unit_test(colours_are_radiances_own),
         cmocka_unit_test(bad_tables),
         cmocka_unit_test(entities_are_not_expanded),
     };
