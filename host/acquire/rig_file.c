@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "host/acquire/identity.h"
+#include "host/acquire/rig_change.h"
 #include "host/acquire/rig_control.h"
 #include "host/acquire/rig_keys.h"
 #include "host/acquire/rig_text.h"
@@ -536,19 +537,52 @@ static gonio_status tell_changes(gonio_session *session, const char *lines, goni
     return status;
 }
 
-gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file *rig,
+// The caller's own file names what is opened, so he has allowed it.
+static bool allowed(void *context, const char *devices) {
+    (void)context, (void)devices;
+    return true;
+}
+
+// What a rig file that was edited since changes, before the settings that are given besides.
+static gonio_status take_changes(gonio_session *session, gonio_rig_file_options *options, char **extra,
+                                 gonio_error *error) {
+    char *text = NULL, *settings = NULL, *lines = NULL, *both = NULL;
+    bool whole = false;
+    if (options->path == NULL || strcmp(options->path, "sim") == 0) {
+        return GONIO_OK;
+    }
+    gonio_status status = read_journalled(session, &text, &settings, error);
+    status = status == GONIO_OK ? gonio_rig_change(text, settings, options->path, &lines, &whole, error) : status;
+    if (status == GONIO_OK && asprintf(&both, "%s%s", lines, *extra) < 0) {
+        both = NULL;
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    if (status == GONIO_OK) {
+        free(*extra);
+        *extra = both;
+        options->trust = whole ? allowed : options->trust;
+    }
+    free(text);
+    free(settings);
+    free(lines);
+    return status;
+}
+
+gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_options *given, gonio_rig_file *rig,
                                    gonio_error *error) {
-    begin(options, rig);
+    gonio_rig_file_options options = *given;
+    begin(&options, rig);
     char *driver = NULL, *extra = NULL;
     gonio_setup setup;
-    gonio_status status = gonio_rig_text_settings(options, &extra, error);
+    gonio_status status = gonio_rig_text_settings(&options, &extra, error);
     status = status == GONIO_OK ? read_setup(session, &setup, error) : status;
+    status = status == GONIO_OK ? take_changes(session, &options, &extra, error) : status;
     status = status == GONIO_OK ? gonio_session_get(session, "rig.driver", &driver, error) : status;
     if (status == GONIO_OK) {
         gonio_session_get(session, "rig.path", &rig->path, NULL); // where there is none, it stays NULL
         snprintf(rig->driver, sizeof rig->driver, "%s", driver);
-        status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, options, rig, error)
-                                            : reopen_file(session, extra, options, rig, error);
+        status = strcmp(driver, "sim") == 0 ? reopen_sim(session, extra, &options, rig, error)
+                                            : reopen_file(session, extra, &options, rig, error);
     }
     rig->scan = status == GONIO_OK ? setup.scan : rig->scan;
     status = status == GONIO_OK ? tell_changes(session, extra, error) : status;

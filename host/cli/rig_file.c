@@ -71,9 +71,10 @@ static bool trust(void *context, const char *devices) {
     return fgets(line, sizeof line, stdin) != NULL && (line[0] == 'y' || line[0] == 'Y');
 }
 
-gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, bool stored_rig, int threads, cli_rig *rig,
-                            gonio_error *error) {
-    const gonio_rig_file_options changes = {.settings = set->items,
+gonio_status cli_rig_reopen(gonio_session *session, const char *file, const cli_list *set, bool stored_rig, int threads,
+                            cli_rig *rig, gonio_error *error) {
+    const gonio_rig_file_options changes = {.path = file,
+                                            .settings = set->items,
                                             .n_settings = (size_t)set->n,
                                             .threads = threads,
                                             .event = tell,

@@ -37,10 +37,11 @@ gonio_status cli_rig_identity(const cli_rig_options *options, char **identity, g
 // Read and check everything, open the devices; their events go to stderr. Release with cli_rig_close, also on failure.
 // The rig must stay where it is.
 gonio_status cli_rig_open(const cli_rig_options *options, cli_rig *rig, gonio_error *error);
-// The rig that the session was begun with; set overrides what must have changed since (a port, a fault that is gone).
-// Its real devices are opened where stored_rig is true or the user says so at the terminal.
-gonio_status cli_rig_reopen(gonio_session *session, const cli_list *set, bool stored_rig, int threads, cli_rig *rig,
-                            gonio_error *error);
+// The rig that the session was begun with; set overrides what must have changed since (a port, a fault that is gone),
+// and so does file, the rig file as it is now (NULL: none), of where devices are reached. Its real devices are opened
+// where the file names them, stored_rig is true or the user says so at the terminal.
+gonio_status cli_rig_reopen(gonio_session *session, const char *file, const cli_list *set, bool stored_rig, int threads,
+                            cli_rig *rig, gonio_error *error);
 void cli_rig_close(cli_rig *rig);
 
 #endif

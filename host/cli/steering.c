@@ -8,8 +8,9 @@
 #include "base/number.h"
 
 gonio_status cli_steering_begin(cli_steering *s, const char *path, gonio_error *error) {
+    const bool is = gonio_session_is(path);
     *s = (cli_steering){.path = path, .place = realpath(path, NULL)};
-    return s->place != NULL && gonio_session_is(path)
+    return s->place != NULL && is
                ? GONIO_OK
                : gonio_fail_line(error, GONIO_E_INPUT, path, -1,
                                  "not a session: a folder with a session.db is expected");

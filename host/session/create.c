@@ -134,6 +134,7 @@ static gonio_status make_parts(gonio_session *session, gonio_error *error) {
 
 // Everything is looked at under the lock: of two that measure into one folder the second is told so.
 static gonio_status make_folder(gonio_session *session, gonio_error *error) {
+    gonio_session_settle(session->path);
     if (mkdir(session->path, 0777) != 0 && errno != EEXIST) {
         return gonio_fail_line(error, GONIO_E_IO, session->path, -1, "cannot make the session's folder: %s",
                                strerror(errno));

@@ -232,6 +232,8 @@ gonio_status gonio_session_lock(int fd, const char *path, gonio_error *error);
 // SESSION/session.db.new-XXXXXX and, in a repair, SESSION.repair-XXXXX/session.db, 24 more than the session's. A file's
 // name has at most 255 bytes, SESSION.damaged-N too.
 enum { SESSION_PATH_BYTES = 480, SESSION_NAME_BYTES = 224 };
+// Between a session's name and five digits: the repaired one in the moment in which it takes the name.
+#define SESSION_REPAIRED ".repaired-"
 // GONIO_E_USAGE where a new session would have a longer path or name, as it is given or with every link followed.
 gonio_status gonio_session_check_length(const char *path, gonio_error *error);
 
@@ -433,6 +435,10 @@ gonio_status gonio_session_each_set(gonio_session *session, bool final, session_
 // Copy what a damaged database file still gives into a new one, fresh. report takes what could not be read.
 gonio_status gonio_session_salvage(const char *damaged, const char *fresh, gonio_doctor_report *report,
                                    gonio_error *error);
+
+// ---- settle.c ----
+// Where nothing has this name, and a repair was stopped in the middle of its exchange, finish that. Any path.
+void gonio_session_settle(const char *path);
 
 // ---- repair.c ----
 gonio_status gonio_session_repair(const char *path, gonio_doctor_report *report, gonio_error *error);

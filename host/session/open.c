@@ -11,6 +11,7 @@
 
 bool gonio_session_is(const char *path) {
     char *db;
+    gonio_session_settle(path);
     if (asprintf(&db, "%s/session.db", path) < 0) {
         return false;
     }

@@ -4,8 +4,6 @@
 // stays beside the new one.
 #include <errno.h>
 #include <fcntl.h>
-#include <libgen.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,26 +19,6 @@ static gonio_status fail(const session_repair *r, gonio_status status, gonio_err
     return gonio_fail_line(error, status, r->path, -1, "%s: %s", what, strerror(errno));
 }
 
-// A rename of the session that was stopped halfway, on a file system that cannot exchange names, is taken back.
-static void undo_half_exchange(session_repair *r) {
-    struct stat facts;
-    char name[FOLDER_NAME], damaged[FOLDER_NAME] = "", prefix[FOLDER_NAME];
-    if (fstatat(r->parent, r->base, &facts, AT_SYMLINK_NOFOLLOW) == 0 || errno != ENOENT) {
-        return;
-    }
-    for (int n = 1; n < INT_MAX && snprintf(name, sizeof name, "%s.damaged-%d", r->base, n) < FOLDER_NAME &&
-                    fstatat(r->parent, name, &facts, AT_SYMLINK_NOFOLLOW) == 0;
-         n++) {
-        snprintf(damaged, sizeof damaged, "%s", name);
-    }
-    snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
-    if (damaged[0] != 0 && gonio_repair_leftover(r, prefix, name) &&
-        gonio_folder_rename(r->parent, damaged, r->parent, r->base) == 0) {
-        gonio_doctor_note(r->report, "%s was renamed back: a repair was stopped in the middle of its exchange",
-                          damaged);
-    }
-}
-
 bool gonio_repair_leftover(const session_repair *r, const char *prefix, char found[FOLDER_NAME]) {
     DIR *list = gonio_folder_list(r->parent);
     const char *entry = NULL;
@@ -54,17 +32,8 @@ bool gonio_repair_leftover(const session_repair *r, const char *prefix, char fou
 }
 
 static gonio_status open_parent(session_repair *r, const char *path, gonio_error *error) {
-    char *copy = strdup(path), *real = realpath(path, NULL);
-    if (real == NULL && copy != NULL) { // renamed away, perhaps: the folder that it stood in is there
-        char *parent = realpath(dirname(copy), NULL);
-        free(copy);
-        copy = strdup(path);
-        if (parent == NULL || copy == NULL || asprintf(&real, "%s/%s", parent, basename(copy)) < 0) {
-            real = NULL;
-        }
-        free(parent);
-    }
-    free(copy);
+    gonio_session_settle(path);
+    char *real = realpath(path, NULL);
     if (real == NULL) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot find the session: %s", strerror(errno));
     }
@@ -86,7 +55,6 @@ static gonio_status open_places(session_repair *r, const char *path, gonio_error
     if (status != GONIO_OK) {
         return status;
     }
-    undo_half_exchange(r);
     r->folder = gonio_folder_open(r->parent, r->base);
     if (r->folder < 0 || fstat(r->folder, &r->facts) != 0) {
         return fail(r, errno == ENOENT || errno == ENOTDIR ? GONIO_E_INPUT : GONIO_E_IO, error,
@@ -97,7 +65,7 @@ static gonio_status open_places(session_repair *r, const char *path, gonio_error
 
 static gonio_status make_beside(session_repair *r, gonio_error *error) {
     char prefix[FOLDER_NAME], left[FOLDER_NAME];
-    snprintf(prefix, sizeof prefix, "%.200s.repair-", r->base);
+    snprintf(prefix, sizeof prefix, "%.200s.repair", r->base); // and SESSION_REPAIRED
     if (gonio_repair_leftover(r, prefix, left)) {
         gonio_doctor_note(r->report,
                           "%s beside it is of a repair that was stopped; it holds only second names and "

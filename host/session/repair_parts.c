@@ -315,14 +315,30 @@ static int rename_to_free(const session_repair *r, const char *name, char to[FOL
     return result;
 }
 
-// A file system that cannot exchange: two renames, and `gonio doctor --repair` takes the first back where the second
-// never came.
+// Has somebody who asked for the session given it its name already?
+static bool is_settled(const session_repair *r) {
+    struct stat there, ours;
+    const int why = errno;
+    const bool is = fstatat(r->parent, r->base, &there, AT_SYMLINK_NOFOLLOW) == 0 && fstat(r->beside, &ours) == 0 &&
+                    there.st_dev == ours.st_dev && there.st_ino == ours.st_ino;
+    errno = why;
+    return is;
+}
+
+// A file system that cannot exchange: two renames. Stopped between them, gonio_session_settle makes the second.
 static gonio_status rename_twice(session_repair *r, char damaged[FOLDER_NAME], gonio_error *error) {
-    if (rename_to_free(r, r->base, damaged) != 0) {
+    char ready[FOLDER_NAME];
+    const char *digits = strrchr(r->name, '-') + 1;
+    if (snprintf(ready, sizeof ready, "%s" SESSION_REPAIRED "%s", r->base, digits) >= FOLDER_NAME ||
+        gonio_folder_rename(r->parent, r->name, r->parent, ready) != 0) {
+        return fail_exchange(r, error);
+    }
+    memcpy(r->name, ready, sizeof r->name);
+    if (fsync(r->parent) != 0 || rename_to_free(r, r->base, damaged) != 0) {
         return fail_exchange(r, error);
     }
     fsync(r->parent);
-    if (gonio_folder_rename(r->parent, r->name, r->parent, r->base) == 0) {
+    if (gonio_folder_rename(r->parent, r->name, r->parent, r->base) == 0 || is_settled(r)) {
         return GONIO_OK;
     }
     const gonio_status status = fail_exchange(r, error);

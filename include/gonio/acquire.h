@@ -64,9 +64,10 @@ typedef struct gonio_rig_file_options {
 // GONIO_E_INPUT with file and line for unknown keys and bad values, GONIO_E_USAGE for bad settings, GONIO_E_DEVICE for
 // a device that does not answer. On failure *out is NULL.
 gonio_status gonio_rig_file_open(const gonio_rig_file_options *options, gonio_rig_file **out, gonio_error *error);
-// The rig that the session was begun with, from the journal: no file is read. The journal then says "resumed". options:
-// settings for what has changed since (a port, a fault that is gone), threads, hooks and control; the rest is not used.
-// NULL: none. GONIO_E_USAGE where the session's rig has real devices and `trust` does not allow them.
+// The rig that the session was begun with, from the journal. The journal then says "resumed". options: settings for what
+// has changed since (a port, a fault that is gone), threads, hooks and control; path: the rig file as it is now, of which
+// only where devices are reached may have changed (GONIO_E_INPUT with its line); the rest is not used. NULL: none.
+// GONIO_E_USAGE where the session's rig has real devices that no such file names and `trust` does not allow them.
 gonio_status gonio_rig_file_reopen(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file **out,
                                    gonio_error *error);
 void gonio_rig_file_close(gonio_rig_file *rig); // NULL is allowed

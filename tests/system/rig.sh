@@ -176,10 +176,21 @@ exits "nothing moves while it is pressed" 1 "$GONIO" resume --stored-rig "$work/
 echo "release estop" >&9
 sleep 0.2
 exits "a stored rig is not opened unasked" 2 "$GONIO" resume "$work/stopped" </dev/null
-resumed=$("$GONIO" resume --stored-rig --json "$work/stopped" 2>"$work/resume.err" | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
+# The adapter has come back under another name, and the rig file says so.
+line=$(sed -n 's/^port = //p' "$work/pty.ini")
+ln -s "$line" "$work/other-name"
+sed "s|^port = .*|port = $work/other-name|" "$work/pty.ini" >"$work/moved.ini"
+for change in steps_per_deg=101 home_deg=-9 min_deg=-6; do
+    (cat "$work/moved.ini"; printf '[axis light_theta]\n%s\n' "$change") >"$work/changed.ini"
+    exits "a rig file with another ${change%=*} is refused" 3 "$GONIO" resume --rig "$work/changed.ini" "$work/stopped"
+    says "with its line" "changed.ini:$(grep -n "^$change" "$work/changed.ini" | cut -d: -f1): \[axis light_theta\] ${change%=*}"
+done
+resumed=$("$GONIO" resume --rig "$work/moved.ini" --json "$work/stopped" 2>"$work/resume.err" </dev/null | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
 if [ -n "$plain" ] && [ "$plain" = "$resumed" ]; then pass "the resumed measure has the same samples"; else
     fail "the resumed measure has the same samples" "'$plain', resumed '$resumed'" "$(tail -n 3 "$work/resume.err")"
 fi
+
+check "and tells what was changed" sh -c "'$GONIO' doctor '$work/stopped' | grep -q 'settings changed: .*controller.port=$work/other-name'"
 
 # A record of a session's line answers in the controller's place.
 exits "record" 0 "$GONIO" rig status --rig "$work/tcp.ini" --sample $sample --set "controller.record=$work/tape" --json

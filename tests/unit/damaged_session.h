@@ -19,16 +19,6 @@
 
 enum { STEPS = 8, FRAMES = 2 * STEPS };
 
-static int shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
-static int shell(const char *format, ...) {
-    char command[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(command, sizeof command, format, arguments);
-    va_end(arguments);
-    return system(command);
-}
-
 static gonio_exposure make_exposure(int64_t step, int frame) {
     gonio_exposure e = {.frame = {.window = {0, 0, 12, 9}, .exposure_s = 0.01, .stamp = {step, frame, (double)step}},
                         .monitor = 1.0 / 3,
@@ -169,4 +159,4 @@ static bool exists(const char *format, ...) {
     va_end(arguments);
     return access(name, F_OK) == 0;
 }
-static bool leftover(void) { return shell("ls -d %s.repair-* >/dev/null 2>&1", path) == 0; }
+static bool leftover(void) { return shell("ls -d %s.repair* >/dev/null 2>&1", path) == 0; }

@@ -15,16 +15,6 @@
 #include "host/session/internal.h"
 #include "tests/unit/small_session.h"
 
-static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
-static void shell(const char *format, ...) {
-    char command[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(command, sizeof command, format, arguments);
-    va_end(arguments);
-    assert_int_equal(system(command), 0);
-}
-
 static session_proof proof_of(const char *folder) {
     gonio_session *session;
     session_proof proof;
@@ -174,7 +164,7 @@ static void flip(const char *table, const char *column, char key[SESSION_KEY]) {
 static void flip_each(const char *table, const char *const *columns, const char *const *keys) {
     for (int i = 0; columns[i] != NULL; i++) {
         char key[SESSION_KEY], expected[SESSION_KEY + 80];
-        shell("rm -rf %s && cp -r %s/whole %s", path, root, path);
+        shell_does("rm -rf %s && cp -r %s/whole %s", path, root, path);
         flip(table, columns[i], key);
         const bool is_key = strcmp(columns[i], keys[0]) == 0 || (keys[1] != NULL && strcmp(columns[i], keys[1]) == 0);
         snprintf(expected, sizeof expected, is_key ? "table %s, row %s" : "table %s, row %s, column %s:", table, key,
@@ -186,7 +176,7 @@ static void flip_each(const char *table, const char *const *columns, const char 
 static void test_every_column_is_vouched_for(void **state) {
     (void)state;
     make_finished();
-    shell("mv %s %s/whole", path, root);
+    shell_does("mv %s %s/whole", path, root);
     for (const session_table *t = gonio_session_tables; t->name != NULL; t++) {
         flip_each(t->name, t->columns, t->keys);
     }
@@ -197,11 +187,11 @@ static void test_every_column_is_vouched_for(void **state) {
 static void test_every_row_is_vouched_for(void **state) {
     (void)state;
     make_finished();
-    shell("mv %s %s/whole", path, root);
+    shell_does("mv %s %s/whole", path, root);
     for (int i = 0; i <= SESSION_TABLES; i++) {
         const char *table = i < SESSION_TABLES ? gonio_session_tables[i].name : "chain";
         char text[512], expected[64];
-        shell("rm -rf %s && cp -r %s/whole %s", path, root, path);
+        shell_does("rm -rf %s && cp -r %s/whole %s", path, root, path);
         snprintf(text, sizeof text,
                  "CREATE TEMP TABLE one AS SELECT * FROM %s LIMIT 1 OFFSET 1; DELETE FROM %s WHERE (SELECT count(*)"
                  " FROM one) = 0; DELETE FROM %s WHERE %s = (SELECT %s FROM one) ",
@@ -212,7 +202,7 @@ static void test_every_row_is_vouched_for(void **state) {
         assert_refused(path, expected);
         assert_refused(path, "missing");
     }
-    shell("rm -rf %s && cp -r %s/whole %s", path, root, path);
+    shell_does("rm -rf %s && cp -r %s/whole %s", path, root, path);
     sql("INSERT INTO settings VALUES('camera.gain', '2')");
     assert_refused(path, "table settings, row camera.gain: it is there and was never journalled");
 }
@@ -226,7 +216,7 @@ static long file_size(const char *name) {
     return stat(file, &info) == 0 ? (long)info.st_size : -1;
 }
 
-static void assert_log_is(const char *folder) { shell("cmp %s/session.log %s/session.log", path, folder); }
+static void assert_log_is(const char *folder) { shell_does("cmp %s/session.log %s/session.log", path, folder); }
 
 static void test_log_torn_anywhere(void **state) {
     (void)state;
@@ -236,7 +226,7 @@ static void test_log_torn_anywhere(void **state) {
     assert_int_equal(gonio_session_put(session, "notes", "the last transaction", NULL), GONIO_OK);
     const long after = file_size("session.log");
     gonio_session_close(session);
-    shell("cp -r %s %s/whole", path, root);
+    shell_does("cp -r %s %s/whole", path, root);
     char whole[96], file[128];
     snprintf(whole, sizeof whole, "%.64s/whole", root);
     snprintf(file, sizeof file, "%s/session.log", path);
@@ -267,25 +257,25 @@ static void test_log_behind(void **state) {
     (void)state;
     gonio_session *session = make_session();
     assert_int_equal(finish(session, 0, NULL), GONIO_OK);
-    shell("cp %s/session.log %s/log", path, root);
+    shell_does("cp %s/session.log %s/log", path, root);
     assert_int_equal(finish(session, 1, NULL), GONIO_OK);
     assert_int_equal(finish(session, 2, NULL), GONIO_OK);
     assert_int_equal(gonio_session_put(session, "camera.bits", "12", NULL), GONIO_OK);
     gonio_session_close(session);
-    shell("cp -r %s %s/whole && cp %s/log %s/session.log", path, root, root, path);
+    shell_does("cp -r %s %s/whole && cp %s/log %s/session.log", path, root, root, path);
     session_proof proof = proof_of(path);
     assert_true(!proof.sound && proof.database && proof.log == SESSION_LOG_SHORT && proof.log_lag == 3);
     gonio_session_close(reopen(false)); // the database proves itself
     assert_false(proof_of(path).sound);
     gonio_session_close(reopen(true));
     assert_sound(path);
-    shell("cmp %s/lost+found/session.log %s/log && grep -q 'session.log' %s/lost+found/LIST", path, root, path);
+    shell_does("cmp %s/lost+found/session.log %s/log && grep -q 'session.log' %s/lost+found/LIST", path, root, path);
     // No log at all, and one with a damaged line amid it.
-    shell("rm -r %s && cp -r %s/whole %s && rm %s/session.log", path, root, path, path);
+    shell_does("rm -r %s && cp -r %s/whole %s && rm %s/session.log", path, root, path, path);
     assert_int_equal(proof_of(path).log, SESSION_LOG_MISSING);
     gonio_session_close(reopen(true));
     assert_sound(path);
-    shell("rm -r %s && cp -r %s/whole %s", path, root, path);
+    shell_does("rm -r %s && cp -r %s/whole %s", path, root, path);
     overwrite("session.log", 700, "#", 1);
     proof = proof_of(path);
     assert_true(proof.database && !proof.sound && proof.log == SESSION_LOG_DAMAGED);
@@ -299,20 +289,20 @@ static void test_database_behind(void **state) {
     gonio_session *session = make_session();
     assert_int_equal(finish(session, 0, NULL), GONIO_OK);
     gonio_session_close(session);
-    shell("cp -r %s %s/early", path, root);
+    shell_does("cp -r %s %s/early", path, root);
     session = reopen(true);
     for (int64_t k = 1; k < STEPS; k++) {
         assert_int_equal(finish(session, k, NULL), GONIO_OK);
     }
     gonio_session_close(session);
     // As of a folder that was copied while a measure ran: the database first, the log last.
-    shell("cp -r %s %s/whole && cp %s/early/session.db %s/session.db", path, root, root, path);
+    shell_does("cp -r %s %s/whole && cp %s/early/session.db %s/session.db", path, root, root, path);
     assert_int_equal(proof_of(path).log, SESSION_LOG_AHEAD);
     assert_refused(path, "session.log has what session.db lacks");
     char made[96], whole[96];
     snprintf(made, sizeof made, "%.64s/made", root);
     snprintf(whole, sizeof whole, "%.64s/whole", root);
-    shell("mkdir -p %s/frames", made);
+    shell_does("mkdir -p %s/frames", made);
     session_rebuilt report;
     assert_int_equal(gonio_session_rebuild(path, made, &report, NULL), GONIO_OK);
     assert_true(report.complete && report.lost == 0 && !report.forked);
@@ -320,13 +310,13 @@ static void test_database_behind(void **state) {
     assert_same_rows(made, whole, false);
     // Another way to go on from the same beginning: neither may be taken for the other.
     session = NULL;
-    shell("mv %s %s/x && mv %s/early %s", path, root, root, path);
+    shell_does("mv %s %s/x && mv %s/early %s", path, root, root, path);
     session = reopen(true);
     assert_int_equal(gonio_session_put(session, "notes", "another way", NULL), GONIO_OK);
     gonio_session_close(session);
-    shell("cp %s/session.log %s/session.log", whole, path);
+    shell_does("cp %s/session.log %s/session.log", whole, path);
     assert_refused(path, "session.log contradicts session.db");
-    shell("rm -r %s && mkdir -p %s/frames", made, made);
+    shell_does("rm -r %s && mkdir -p %s/frames", made, made);
     assert_int_equal(gonio_session_rebuild(path, made, &report, NULL), GONIO_OK);
     assert_true(report.forked);
 }
@@ -370,7 +360,7 @@ static session_rebuilt rebuild(char made[96]) {
     session_rebuilt report;
     gonio_error error = {0};
     snprintf(made, 96, "%.64s/made", root);
-    shell("rm -rf %s && mkdir -p %s && cp -r %s/frames %s/frames", made, made, path, made);
+    shell_does("rm -rf %s && mkdir -p %s && cp -r %s/frames %s/frames", made, made, path, made);
     const gonio_status status = gonio_session_rebuild(path, made, &report, &error);
     if (status != GONIO_OK) {
         print_message("%s\n", error.message);
@@ -389,7 +379,7 @@ static void assert_rebuilt(const char *whole) {
     gonio_doctor_report doctor;
     assert_int_equal(gonio_session_doctor(made, false, &doctor, NULL), GONIO_OK);
     assert_true(doctor.database_ok && doctor.frames_bad == 0 && doctor.samples_bad == 0);
-    shell("ls -A %s | grep -q copy && exit 1 || exit 0", made);
+    shell_does("ls -A %s | grep -q copy && exit 1 || exit 0", made);
 }
 
 static void test_either_is_enough(void **state) {
@@ -397,19 +387,19 @@ static void test_either_is_enough(void **state) {
     make_finished();
     char whole[96];
     snprintf(whole, sizeof whole, "%.64s/whole", root);
-    shell("cp -r %s %s", path, whole);
+    shell_does("cp -r %s %s", path, whole);
     assert_rebuilt(whole);
-    shell("rm %s/session.log", path);
+    shell_does("rm %s/session.log", path);
     assert_rebuilt(whole);
-    shell("cp %s/session.log %s/ && rm %s/session.db", whole, path, path);
+    shell_does("cp %s/session.log %s/ && rm %s/session.db", whole, path, path);
     assert_rebuilt(whole);
     // Something else under its name, and each of its pages gone.
-    shell("head -c 100000 /dev/urandom > %s/session.db", path);
+    shell_does("head -c 100000 /dev/urandom > %s/session.db", path);
     assert_rebuilt(whole);
     char junk[4096];
     memset(junk, 0xa5, sizeof junk);
     for (long at = 0; at < 14; at += 2) {
-        shell("cp %s/session.db %s/", whole, path);
+        shell_does("cp %s/session.db %s/", whole, path);
         overwrite("session.db", 4096 * at, junk, sizeof junk);
         assert_rebuilt(whole);
     }
@@ -421,22 +411,22 @@ static void test_both_together(void **state) {
     make_finished();
     char whole[96];
     snprintf(whole, sizeof whole, "%.64s/whole", root);
-    shell("cp -r %s %s", path, whole);
+    shell_does("cp -r %s %s", path, whole);
     for (const session_table *t = gonio_session_tables; t->name != NULL; t++) {
         char spoil[128];
-        shell("cp %s/session.db %s/session.log %s/", whole, whole, path);
+        shell_does("cp %s/session.db %s/session.log %s/", whole, whole, path);
         snprintf(spoil, sizeof spoil, "DELETE FROM %s", t->name);
         sql(spoil);
         // Every line that tells of another table's rows.
-        shell("sed -i '/\"tbl\":\"%s\"/!s/\"op\"/\"OP\"/' %s/session.log", t->name, path);
+        shell_does("sed -i '/\"tbl\":\"%s\"/!s/\"op\"/\"OP\"/' %s/session.log", t->name, path);
         assert_rebuilt(whole);
     }
     // What neither has is told, row by row, and nothing is called finished that lost something.
-    shell("cp %s/session.db %s/session.log %s/", whole, whole, path);
+    shell_does("cp %s/session.db %s/session.log %s/", whole, whole, path);
     sql("DELETE FROM samples WHERE step = 3; UPDATE settings SET value = '13' WHERE key = 'camera.bits'");
-    shell("sed -i '/\"tbl\":\"samples\",\"key\":\"3\"/s/\"op\"/\"OP\"/; /\"key\":\"camera.bits\"/s/12/11/'"
-          " %s/session.log",
-          path);
+    shell_does("sed -i '/\"tbl\":\"samples\",\"key\":\"3\"/s/\"op\"/\"OP\"/; /\"key\":\"camera.bits\"/s/12/11/'"
+               " %s/session.log",
+               path);
     char made[96];
     const session_rebuilt report = rebuild(made);
     assert_true(report.complete && report.lost == 2);
@@ -456,11 +446,11 @@ static void test_random_damage(void **state) {
     make_finished();
     char whole[96];
     snprintf(whole, sizeof whole, "%.64s/whole", root);
-    shell("cp -r %s %s", path, whole);
+    shell_does("cp -r %s %s", path, whole);
     uint32_t seed = 7;
     for (int i = 0; i < 24; i++) {
         const char *name = i % 2 == 0 ? "session.db" : "session.log";
-        shell("cp %s/session.db %s/session.log %s/", whole, whole, path);
+        shell_does("cp %s/session.db %s/session.log %s/", whole, whole, path);
         for (int k = 0; k < 1 + 2 * i; k++) {
             char byte = (char)(next(&seed) >> 24);
             overwrite(name, (long)(next(&seed) % (uint32_t)file_size(name)), &byte, 1);
@@ -504,9 +494,9 @@ static void make_version_1(void) {
              " monitor, monitor_sigma FROM old.frames; INSERT INTO samples SELECT * FROM old.samples;"
              "INSERT INTO final_samples SELECT * FROM old.final_samples",
              path, SESSION_APPLICATION_ID, schema_1);
-    shell("cd %s && mv session.db old.db && rm session.log", path);
+    shell_does("cd %s && mv session.db old.db && rm session.log", path);
     sql(text);
-    shell("rm %s/old.db", path);
+    shell_does("rm %s/old.db", path);
 }
 
 static char *schema_of(const char *folder) {
@@ -533,7 +523,7 @@ static void test_version_1_is_adopted(void **state) {
     make_finished();
     char *schema = schema_of(path);
     make_version_1();
-    shell("cp -r %s %s/whole", path, root);
+    shell_does("cp -r %s %s/whole", path, root);
     const session_proof proof = proof_of(path);
     assert_true(!proof.chained && proof.database);
     gonio_session *session = reopen(false); // read as it is
@@ -547,7 +537,7 @@ static void test_version_1_is_adopted(void **state) {
     assert_int_equal(gonio_session_exposures(session, 4, &exposures, &frames, NULL), GONIO_OK);
     gonio_exposures_free(exposures, frames);
     gonio_session_close(session);
-    shell("cmp %s/session.db %s/whole/session.db && test ! -e %s/session.log", path, root, path);
+    shell_does("cmp %s/session.db %s/whole/session.db && test ! -e %s/session.log", path, root, path);
     gonio_doctor_report report;
     assert_int_equal(gonio_session_doctor(path, false, &report, NULL), GONIO_OK);
     assert_true(report.database_ok && report.frames_bad == 0);
@@ -567,7 +557,7 @@ static void test_version_1_is_adopted(void **state) {
     gonio_session_close(session);
     char whole[96];
     snprintf(whole, sizeof whole, "%.64s/copy", root);
-    shell("cp -r %s %s && rm %s/session.db", path, whole, path);
+    shell_does("cp -r %s %s && rm %s/session.db", path, whole, path);
     assert_rebuilt(whole);
 }
 
@@ -586,13 +576,13 @@ static void test_frames_are_there(void **state) {
                                           "rm 000003-01.png; mkdir 000003-01.png",
                                           "ln -sf 000003-00.png 000003-01.png",
                                           "cp 000003-00.png 000003-01.png"};
-    shell("cp -r %s/frames %s/frames", path, root);
+    shell_does("cp -r %s/frames %s/frames", path, root);
     for (size_t i = 0; i < sizeof spoiled / sizeof *spoiled; i++) {
-        shell("cd %s/frames && %s", path, spoiled[i]);
+        shell_does("cd %s/frames && %s", path, spoiled[i]);
         assert_int_equal(gonio_session_check_present(session, &error), GONIO_E_INPUT);
         assert_non_null(strstr(error.message, "1 of 10 frames"));
         assert_non_null(strstr(error.message, "frames/000003-01.png"));
-        shell("rm -r %s/frames/000003-01.png; cp %s/frames/000003-01.png %s/frames/", path, root, path);
+        shell_does("rm -r %s/frames/000003-01.png; cp %s/frames/000003-01.png %s/frames/", path, root, path);
     }
     // Compressed without the row knowing: the same pixels.
     assert_int_equal(gonio_session_exec(session, "UPDATE frames SET bytes = bytes + 9 WHERE step = 3", NULL), GONIO_OK);
@@ -620,7 +610,7 @@ static void test_rows_of_undone_steps(void **state) {
     free(events);
     gonio_session_close(session);
     assert_sound(path);
-    shell("grep -q '\"tbl\":\"frames\",\"key\":\"3/1\",\"op\":\"put\",\"row\"' %s/session.log", path);
+    shell_does("grep -q '\"tbl\":\"frames\",\"key\":\"3/1\",\"op\":\"put\",\"row\"' %s/session.log", path);
 }
 
 int main(void) {

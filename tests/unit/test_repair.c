@@ -429,6 +429,8 @@ static void damage_twice(void) {
     assert_int_equal(shell("cp -a %s %s/damaged", path, root), 0);
 }
 
+static int between; // kills between two renames
+
 // The child's calls; 0: it was killed.
 static bool repair_killed_at(long n) {
     const pid_t child = fork();
@@ -443,10 +445,25 @@ static bool repair_killed_at(long n) {
     return WIFSIGNALED(status);
 }
 
-static void repaired_after_all(bool must_be_there) {
-    if (!exists("%s", path)) {
-        assert_false(must_be_there);
+// Stopped between two renames the session has no name until somebody asks for it, to read it or to write it, and is the
+// repaired one then; true where that was so.
+static bool settles(void) {
+    static int writable;
+    gonio_session *session;
+    if (exists("%s", path)) {
+        return false;
     }
+    assert_int_equal(gonio_session_open(path, ++writable % 2 == 0, &session, &why), GONIO_OK);
+    gonio_session_close(session);
+    assert_false(leftover());
+    assert_true(exists("%s.damaged-1", path));
+    return true;
+}
+
+static void repaired_after_all(bool must_be_there) {
+    const bool settled = settles();
+    assert_false(must_be_there && settled);
+    between += settled;
     assert_true(
         has_all(path, "before") || has_all("/dev/null", "before") ||
         shell("cd %s && for d in s.damaged-*; do (cd $d && sha256sum -c --quiet %s/before >/dev/null 2>&1) && exit 0;"
@@ -486,6 +503,28 @@ static void kill_everywhere(bool no_exchange, bool no_links) {
     }
     assert_false(repair_killed_at(calls + 1));
     repaired_after_all(true);
+    assert_true((between > 0) == no_exchange);
+}
+
+// What has another name than a repaired session's stays what it is, and a name that is taken stays taken.
+static void test_only_a_repaired_session_takes_a_name(void **state) {
+    (void)state;
+    gonio_session *session;
+    static const char *const others[] = {".repaired-1234", ".repaired-12345x", ".repaired-", ".repair-12345",
+                                         ".damaged-1"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        shell_does("mv %s %s%s", path, path, others[i]);
+        assert_int_equal(gonio_session_open(path, true, &session, &why), GONIO_E_INPUT);
+        assert_false(gonio_session_is(path));
+        shell_does("mv %s%s %s", path, others[i], path);
+    }
+    shell_does("cp -a %s %s.repaired-0a1b2; rm %s/session.db %s/session.log", path, path, path, path);
+    assert_false(gonio_session_is(path));
+    shell_does("rm -r %s; ln -s nowhere %s", path, path);
+    assert_false(gonio_session_is(path));
+    shell_does("rm %s", path);
+    assert_int_equal(gonio_session_create(path, &session, &why), GONIO_E_USAGE); // it is there again
+    is_sound();
 }
 
 static void test_killed_anywhere(void **state) {
@@ -543,6 +582,7 @@ int main(void) {
         T(test_a_folder_with_files_of_others),
         T(test_killed_anywhere),
         T(test_killed_anywhere_without_exchange),
+        T(test_only_a_repaired_session_takes_a_name),
         T(test_any_call_fails),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -70,8 +70,11 @@ static int run(int argc, char **argv) {
     cli_common common;
     cli_measuring measuring = {.common = &common, .resumed = true};
     cli_list set = {0};
+    const char *file = NULL;
     bool stored_rig = false;
     const cli_option options[] = {
+        {"rig", 0, CLI_TEXT, &file, NULL, "RIG.ini",
+         "the rig file as it is now: devices may be reached elsewhere, nothing else may differ"},
         {"model", 0, CLI_TEXT, &measuring.model, NULL, "OUT", "where the model goes (where measure was told)"},
         {"set", 0, CLI_LIST, &set, NULL, "SECTION.KEY=VALUE", "change what has changed on the rig since"},
         {"stored-rig", 0, CLI_FLAG, &stored_rig, NULL, NULL,
@@ -92,7 +95,8 @@ static int run(int argc, char **argv) {
     cli_rig rig = {0};
     cli_catch_interrupts();
     gonio_status status = gonio_session_open(path, true, &session, &error);
-    status = status == GONIO_OK ? cli_rig_reopen(session, &set, stored_rig, common.threads, &rig, &error) : status;
+    status =
+        status == GONIO_OK ? cli_rig_reopen(session, file, &set, stored_rig, common.threads, &rig, &error) : status;
     int exit_status = 2;
     if (status != GONIO_OK) {
         exit_status = cli_fail(&common, &error);
