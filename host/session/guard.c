@@ -161,7 +161,7 @@ static const char columns_sql[] =
 
 typedef struct schema {
     sqlite3 *db;                            // in memory, as this Gonio would make it
-    sqlite3_stmt *known, *expected, *found; // is it a table of its; columns of a table there and in the session
+    sqlite3_stmt *known, *expected, *found; // the text of a table of its; columns of a table there and in the session
     int tables;
 } schema;
 
@@ -248,10 +248,9 @@ static gonio_status check_entry(session_rows *rows, schema *s) {
         sqlite3_column_type(rows->statement, 2) == SQLITE_NULL) {
         return GONIO_OK; // of a primary key
     }
-    sqlite3_reset(s->known);
-    sqlite3_bind_text(s->known, 1, name, -1, SQLITE_TRANSIENT);
-    const bool known = sqlite3_step(s->known) == SQLITE_ROW && sqlite3_column_int(s->known, 0) > 0;
-    if (strcmp(type, "table") != 0 || !known) {
+    bind_table(s->known, name);
+    const char *text = next_column(s->known);
+    if (strcmp(type, "table") != 0 || text == NULL) {
         return not_ours(rows, type, name, ", which no session has");
     }
     s->tables += rows->session->version > 1 || !was_added(name);
@@ -262,7 +261,11 @@ static gonio_status check_entry(session_rows *rows, schema *s) {
         snprintf(why, sizeof why, " with %s in it", word);
         return not_ours(rows, "table", name, why);
     }
-    return rows->status == GONIO_OK ? check_columns(rows, s, name) : rows->status;
+    if (rows->status == GONIO_OK && check_columns(rows, s, name) == GONIO_OK && rows->session->version > 1 &&
+        (sql == NULL || strcmp(sql, text) != 0)) { // ALTER TABLE leaves the same text
+        return not_ours(rows, "table", name, " in other words than it was made in");
+    }
+    return rows->status;
 }
 
 static gonio_status check_entries(gonio_session *session, schema *s, gonio_error *error) {
@@ -277,8 +280,8 @@ static gonio_status check_entries(gonio_session *session, schema *s, gonio_error
 static bool prepare_schema(gonio_session *session, schema *s) {
     return sqlite3_open(":memory:", &s->db) == SQLITE_OK &&
            sqlite3_exec(s->db, gonio_session_schema, NULL, NULL, NULL) == SQLITE_OK &&
-           sqlite3_prepare_v2(s->db, "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = ?", -1,
-                              &s->known, NULL) == SQLITE_OK &&
+           sqlite3_prepare_v2(s->db, "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?", -1, &s->known,
+                              NULL) == SQLITE_OK &&
            sqlite3_prepare_v2(s->db, columns_sql, -1, &s->expected, NULL) == SQLITE_OK &&
            sqlite3_prepare_v2(session->db, columns_sql, -1, &s->found, NULL) == SQLITE_OK;
 }

@@ -183,7 +183,7 @@ sed "s|^port = .*|port = $work/other-name|" "$work/pty.ini" >"$work/moved.ini"
 for change in steps_per_deg=101 home_deg=-9 min_deg=-6; do
     (cat "$work/moved.ini"; printf '[axis light_theta]\n%s\n' "$change") >"$work/changed.ini"
     exits "a rig file with another ${change%=*} is refused" 3 "$GONIO" resume --rig "$work/changed.ini" "$work/stopped"
-    says "with its line" "changed.ini:$(grep -n "^$change" "$work/changed.ini" | cut -d: -f1): \[axis light_theta\] ${change%=*}"
+    says "with its line" "changed.ini:$(grep -n "^$change" "$work/changed.ini" | cut -d: -f1): [axis light_theta] ${change%=*}"
 done
 resumed=$("$GONIO" resume --rig "$work/moved.ini" --json "$work/stopped" 2>"$work/resume.err" </dev/null | sed -n 's/.*"samples_sha256":"\([0-9a-f]*\)".*/\1/p')
 if [ -n "$plain" ] && [ "$plain" = "$resumed" ]; then pass "the resumed measure has the same samples"; else

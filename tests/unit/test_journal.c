@@ -207,6 +207,30 @@ static void test_every_row_is_vouched_for(void **state) {
     assert_refused(path, "table settings, row camera.gain: it is there and was never journalled");
 }
 
+// One letter of a table's text in the other case: to SQLite the same table, and yet not what was written.
+static void test_the_schema_is_vouched_for(void **state) {
+    (void)state;
+    make_finished();
+    shell_does("mv %s %s/whole", path, root);
+    for (int i = 0; i <= 3 * SESSION_TABLES + 2; i++) {
+        const char *table = i / 3 < SESSION_TABLES ? gonio_session_tables[i / 3].name : "chain";
+        char text[512], expected[64];
+        shell_does("rm -rf %s && cp -r %s/whole %s", path, root, path);
+        // C of CREATE, the first column's first letter, the last letter.
+        snprintf(text, sizeof text,
+                 "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = (SELECT substr(sql, 1, n - 1) || "
+                 "iif(upper(c) = c, lower(c), upper(c)) || substr(sql, n + 1) FROM (SELECT n, substr(sql, n, 1) AS c "
+                 "FROM (SELECT %s AS n))) WHERE type = 'table' AND name = '%s'",
+                 i % 3 == 0   ? "1"
+                 : i % 3 == 1 ? "instr(sql, '(') + 1"
+                              : "length(rtrim(sql, ')'))",
+                 table);
+        sql(text);
+        snprintf(expected, sizeof expected, "table %s", table);
+        assert_refused(path, expected);
+    }
+}
+
 // ---- the log ----
 
 static long file_size(const char *name) {
@@ -619,6 +643,7 @@ int main(void) {
         T(test_every_change_is_chained),
         T(test_every_column_is_vouched_for),
         T(test_every_row_is_vouched_for),
+        T(test_the_schema_is_vouched_for),
         T(test_log_torn_anywhere),
         T(test_log_behind),
         T(test_database_behind),
