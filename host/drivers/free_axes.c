@@ -6,7 +6,7 @@
 
 #include "host/transport/clock.h"
 
-enum { POLL_MS = 20, IDLE_TWICE = 2, STOP_TIMEOUT_S = 10 };
+enum { POLL_MS = 20, START_MS = 250, IDLE_TWICE = 2, STOP_TIMEOUT_S = 10 };
 #define ARRIVAL_DEG 0.02 // beyond this the controller stands elsewhere than it was sent to
 
 const char *const gonio_free_axis_names[GONIO_AXES] = {"light_theta", "light_phi", "camera_theta", "camera_phi"};
@@ -49,32 +49,68 @@ static gonio_status watch(const gonio_free_stage *s, gonio_error *error) {
     return s->interlock != NULL ? s->interlock->check(s->interlock_device, error) : GONIO_OK;
 }
 
-// Until all are idle, twice in a row: some controllers say so before they have begun.
-static gonio_status wait_idle(gonio_free_stage *s, double timeout_s, gonio_error *error) {
-    const gonio_deadline deadline = gonio_deadline_in_s(timeout_s);
-    int idle = 0;
+// Half a unit of the controller is as near as it can come.
+static double tolerance_deg(const gonio_free_axis *a) { return fmax(ARRIVAL_DEG, 0.51 / fabs(a->units_per_deg)); }
+
+static gonio_status stand_at(gonio_free_stage *s, const double dial[GONIO_AXES], bool *all, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    while (status == GONIO_OK && idle < IDLE_TWICE) {
-        gonio_free_state now = GONIO_FREE_BUSY;
-        status = watch(s, error);
-        if (status != GONIO_OK) {
-            s->drive->stop(s, NULL);
-            return status;
-        }
-        status = s->drive->state(s, &now, error);
-        idle = now == GONIO_FREE_IDLE ? idle + 1 : 0;
-        if (status == GONIO_OK && now == GONIO_FREE_UNHOMED) {
-            s->homed = false;
-            return gonio_fail(error, GONIO_E_DEVICE, "stage: the motion controller has lost its position: home it");
-        }
-        if (status == GONIO_OK && now == GONIO_FREE_STOPPED) {
-            return gonio_fail(error, GONIO_E_DEVICE, "stage: it was stopped on its way");
-        }
-        if (status == GONIO_OK && idle < IDLE_TWICE && gonio_deadline_left_ms(deadline) == 0) {
-            s->drive->stop(s, NULL);
-            return gonio_fail(error, GONIO_E_TIMEOUT, "stage: it still moves after %g s; stopped", timeout_s);
-        }
-        gonio_clock_sleep_ms(idle < IDLE_TWICE ? POLL_MS : 0);
+    *all = true;
+    for (int k = 0; k < GONIO_AXES && *all && status == GONIO_OK; k++) {
+        const gonio_free_axis *a = &s->axes[k];
+        double units = 0;
+        status = a->there ? s->drive->position(s, k, &units, error) : GONIO_OK;
+        *all = status == GONIO_OK && (!a->there || fabs(units / a->units_per_deg - dial[k]) <= tolerance_deg(a));
+    }
+    return status;
+}
+
+// A command, and what has been seen since.
+typedef struct waiting {
+    const double *dial; // where the axes were sent; NULL: home
+    gonio_deadline start, end;
+    bool begun;
+    int idle;
+} waiting;
+
+// Some say that they are idle before they have begun. They have where they were busy since, stand where they were sent,
+// or had their time.
+static gonio_status has_begun(gonio_free_stage *s, waiting *w, gonio_error *error) {
+    w->begun = w->begun || gonio_deadline_left_ms(w->start) == 0;
+    return w->begun || w->dial == NULL ? GONIO_OK : stand_at(s, w->dial, &w->begun, error);
+}
+
+static gonio_status look(gonio_free_stage *s, waiting *w, double timeout_s, gonio_error *error) {
+    gonio_free_state now = GONIO_FREE_IDLE;
+    gonio_status status = watch(s, error);
+    if (status != GONIO_OK) {
+        s->drive->stop(s, NULL);
+        return status;
+    }
+    status = s->drive->state(s, &now, error);
+    if (status == GONIO_OK && now == GONIO_FREE_UNHOMED) {
+        s->homed = false;
+        return gonio_fail(error, GONIO_E_DEVICE, "stage: the motion controller has lost its position: home it");
+    }
+    if (status == GONIO_OK && now == GONIO_FREE_STOPPED) {
+        return gonio_fail(error, GONIO_E_DEVICE, "stage: it was stopped on its way");
+    }
+    w->begun = w->begun || now == GONIO_FREE_BUSY;
+    status = status == GONIO_OK && now == GONIO_FREE_IDLE ? has_begun(s, w, error) : status;
+    w->idle = now == GONIO_FREE_IDLE && w->begun ? w->idle + 1 : 0;
+    if (status == GONIO_OK && w->idle < IDLE_TWICE && gonio_deadline_left_ms(w->end) == 0) {
+        s->drive->stop(s, NULL);
+        return gonio_fail(error, GONIO_E_TIMEOUT, "stage: it still moves after %g s; stopped", timeout_s);
+    }
+    return status;
+}
+
+// Until all are idle, twice in a row.
+static gonio_status wait_idle(gonio_free_stage *s, const double *dial, double timeout_s, gonio_error *error) {
+    waiting w = {.dial = dial, .start = gonio_deadline_in_s(1e-3 * START_MS), .end = gonio_deadline_in_s(timeout_s)};
+    gonio_status status = GONIO_OK;
+    while (status == GONIO_OK && w.idle < IDLE_TWICE) {
+        status = look(s, &w, timeout_s, error);
+        gonio_clock_sleep_ms(status == GONIO_OK && w.idle < IDLE_TWICE ? POLL_MS : 0);
     }
     return status;
 }
@@ -106,7 +142,7 @@ gonio_status gonio_free_home(void *device, double timeout_s, gonio_error *error)
     gonio_status status = watch(s, error);
     s->homed = false;
     status = status == GONIO_OK ? s->drive->home(s, timeout_s, error) : status;
-    status = status == GONIO_OK ? wait_idle(s, timeout_s, error) : status;
+    status = status == GONIO_OK ? wait_idle(s, NULL, timeout_s, error) : status;
     s->homed = status == GONIO_OK;
     return status;
 }
@@ -159,7 +195,7 @@ static gonio_status go(gonio_free_stage *s, const double dial[GONIO_AXES], doubl
         units[k] = dial[k] * s->axes[k].units_per_deg;
     }
     const gonio_status status = s->drive->go(s, units, error);
-    return status == GONIO_OK ? wait_idle(s, timeout_s, error) : status;
+    return status == GONIO_OK ? wait_idle(s, dial, timeout_s, error) : status;
 }
 
 static gonio_status check_arrival(gonio_free_stage *s, const double target_rad[GONIO_AXES], gonio_error *error) {
@@ -167,8 +203,7 @@ static gonio_status check_arrival(gonio_free_stage *s, const double target_rad[G
     gonio_status status = gonio_free_position(s, now, error);
     for (int k = 0; status == GONIO_OK && k < GONIO_AXES; k++) {
         const double off = gonio_degrees(now[k] - target_rad[k]);
-        // Half a unit of the controller is as near as it can come.
-        if (fabs(off) > fmax(ARRIVAL_DEG, 0.51 / fabs(s->axes[k].units_per_deg))) {
+        if (fabs(off) > tolerance_deg(&s->axes[k])) {
             status = gonio_fail(error, GONIO_E_DEVICE, "%s stands at %.6g deg, asked for %.6g deg", axis_names[k],
                                 gonio_degrees(now[k]), gonio_degrees(target_rad[k]));
         }

@@ -11,9 +11,13 @@
 // ---- the tables that come with Gonio ----
 
 static const gonio_table_text tables[] = {
-    // Leadshine's drives with RS-485 in PR mode (user's manuals of the CS2RS, DM-RS and iEM-RS series, "Modbus & PR
-    // parameters"): path 0, absolute, is written and triggered through 0x6002; 0x1003 is the status of the motion.
-    // speed in turns a minute.
+    // Leadshine's drives with RS-485 in PR mode, by the user's manual of the CS2RS series (StepperOnline sells the same
+    // drives as CLRS, and open-loop ones with the same registers): path 0 from 0x6200 on (5.5.4 "Immediate Trigger":
+    // mode, where 1 is an absolute position, position with its high word first, turns a minute), triggered through
+    // 0x6002 (Pr8.02); 0x1003 the motion's state, bit 0 fault, 2 running, 4 command and 6 homing completed, and 0x1014
+    // the feedback position (4.3.4 "Status Monitoring Parameters"); 0x1801 takes 0x1111, "reset current alarm" (4.3.5);
+    // 0x2203 the alarm (4.4.2), a bit each. The values of 0x6002 for homing and stop, and the meaning of an alarm's
+    // bits, are as published programs for these drives have them.
     {"leadshine", "open = 0x6200 = 1\n"
                   "target = 0x6201:s32\n"
                   "speed = 0x6203\n"
@@ -27,11 +31,13 @@ static const gonio_table_text tables[] = {
                   "homed = 0x1003 & 0x0040\n"
                   "alarm = 0x1003 & 0x0001\n"
                   "fault = 0x2203\n"
-                  "faults = 0x01 over-current | 0x02 over-voltage | 0x20 position following error | 0x40 current "
-                  "sampling | 0x80 locking the shaft failed | 0x100 auto-tuning | 0x200 EEPROM\n"},
-    // Oriental Motor AZ (HM-60262, function edition, "Modbus RTU control"): direct data operation, absolute
-    // positioning; inputs by the command that switches them off by itself. READY falls while the drive is at work.
-    // speed in Hz. The AZ knows its position without homing: absolute = 1.
+                  "faults = 0x01 over-current | 0x02 over-voltage | 0x08 encoder cable | 0x20 position following error "
+                  "| 0x40 current sampling | 0x80 locking the shaft failed | 0x100 auto-tuning | 0x200 EEPROM\n"},
+    // Oriental Motor AZ series, Function Edition (HM-60262), its chapters on Modbus RTU: direct data operation from
+    // 0x0058 on (number, type, where 1 is an absolute position, position, speed in Hz; trigger 1 at 0x0066 takes all of
+    // them), driver input command that switches itself off at 0x0078 (bit 4 ZHOME, 5 STOP, 7 ALM-RST), driver output at
+    // 0x007f (bit 5 READY, 7 ALM-A, 13 MOVE, 14 IN-POS), present alarm 0x0080, feedback position 0x00cc; 32 bits each,
+    // the high word first. READY falls while the drive is at work. It knows its position without homing: absolute = 1.
     {"oriental-az",
      "move = 0x0058:u32 = 0 && 0x005a:u32 = 1 && target && speed && 0x0066:u32 = 1\n"
      "target = 0x005c:s32\n"
@@ -44,11 +50,17 @@ static const gonio_table_text tables[] = {
      "arrived = 0x007f & 0x4000\n"
      "alarm = 0x007f & 0x0080\n"
      "fault = 0x0080:u32\n"
-     "faults = 0x10 excessive position deviation | 0x20 over-current | 0x21 main circuit overheat | 0x22 "
-     "over-voltage | 0x25 under-voltage | 0x26 motor overheat | 0x28 sensor error | 0x30 overload | 0x31 "
-     "over-speed | 0x33 absolute position error | 0x41 EEPROM | 0x4a return-to-home incomplete | 0x60 "
-     "limit sensors of both sides active | 0x66 hardware over-travel | 0x67 software over-travel | 0x68 "
-     "power removal | 0x70 operation data | 0x84 RS-485 communication\n"},
+     "faults = 0x10 excessive position deviation | 0x20 over-current | 0x21 main circuit overheat | 0x22 over-voltage "
+     "| 0x23 main power off | 0x25 under-voltage | 0x26 motor overheat | 0x28 sensor error | 0x2a sensor communication "
+     "| 0x30 overload | 0x31 over-speed | 0x33 absolute position error | 0x34 command pulse | 0x41 EEPROM | 0x42 "
+     "sensor "
+     "error at power on | 0x43 rotation at power on | 0x44 encoder EEPROM | 0x45 motor combination | 0x4a "
+     "return-to-home "
+     "incomplete | 0x53 HWTO input circuit | 0x60 limit sensors of both sides active | 0x61 limit sensors reversed | "
+     "0x62 return-to-home | 0x63 no HOMES | 0x64 TIM, Z, SLIT signal | 0x66 hardware over-travel | 0x67 software "
+     "over-travel | 0x68 HWTO input (power removed) | 0x6a return-to-home offset | 0x6d mechanical over-travel | 0x70 "
+     "operation data | 0x71 electronic gear | 0x72 wrap setting | 0x81 network bus | 0x83 communication switch | 0x84 "
+     "RS-485 communication | 0x85 RS-485 timeout | 0xf0 CPU\n"},
     {0},
 };
 
@@ -260,13 +272,30 @@ gonio_status gonio_modbus_table_read(const char *name, const gonio_modbus_texts 
                : gonio_fail(error, GONIO_E_INPUT, "the table of registers '%.60s' needs %s", name, missing);
 }
 
-const char *gonio_modbus_fault_of(const gonio_modbus_table *table, uint32_t number_) {
-    for (int i = 0; i < table->faults.n; i++) {
-        if (table->faults.texts[i].number == number_) {
-            return table->faults.texts[i].text;
+static bool is_bit(uint32_t number_) { return number_ != 0 && (number_ & (number_ - 1)) == 0; }
+
+// Where all that the table names are bits, several may be on.
+static uint32_t bits_of(const gonio_modbus_faults *faults) {
+    uint32_t bits = 0;
+    for (int i = 0; i < faults->n; i++) {
+        if (!is_bit(faults->texts[i].number)) {
+            return 0;
+        }
+        bits |= faults->texts[i].number;
+    }
+    return bits;
+}
+
+void gonio_modbus_fault_text(const gonio_modbus_table *table, uint32_t number_, char *text, size_t size) {
+    const bool several = (number_ & ~bits_of(&table->faults)) == 0;
+    size_t n = 0;
+    text[0] = 0;
+    for (int i = 0; i < table->faults.n && n < size; i++) {
+        const uint32_t one = table->faults.texts[i].number;
+        if (one == number_ || (several && (one & number_) != 0)) {
+            n += (size_t)snprintf(text + n, size - n, "%s%s", n > 0 ? ", " : "", table->faults.texts[i].text);
         }
     }
-    return "";
 }
 
 // ---- words ----

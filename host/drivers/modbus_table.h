@@ -13,7 +13,7 @@
 
 #include "base/keys.h"
 
-enum { GONIO_MODBUS_TERMS = 6, GONIO_MODBUS_WRITES = 12, GONIO_MODBUS_FAULTS = 32, GONIO_MODBUS_TEXT = 256 };
+enum { GONIO_MODBUS_TERMS = 6, GONIO_MODBUS_WRITES = 12, GONIO_MODBUS_FAULTS = 48, GONIO_MODBUS_TEXT = 256 };
 
 typedef struct gonio_modbus_register {
     bool there, shared, is_signed;
@@ -72,8 +72,8 @@ typedef struct gonio_modbus_texts {
 // line where it is one.
 gonio_status gonio_modbus_table_read(const char *name, const gonio_modbus_texts *texts, gonio_modbus_table *table,
                                      gonio_error *error);
-// What a number in the register `fault` means; "" where the table does not say.
-const char *gonio_modbus_fault_of(const gonio_modbus_table *table, uint32_t number);
+// What a number in the register `fault` means, one fault or the bits of several; "" where the table does not say.
+void gonio_modbus_fault_text(const gonio_modbus_table *table, uint32_t number, char *text, size_t size);
 
 // Words and back.
 void gonio_modbus_pack(const gonio_modbus_table *table, const gonio_modbus_register *at, int64_t value,

@@ -105,7 +105,8 @@ static gonio_status alarm_of(stage *s, int k, gonio_error *error) {
             return status;
         }
     }
-    const char *text = gonio_modbus_fault_of(&s->table, (uint32_t)number);
+    char text[200];
+    gonio_modbus_fault_text(&s->table, (uint32_t)number, text, sizeof text);
     return gonio_fail(error, GONIO_E_DEVICE, "%s: alarm 0x%llx%s%s of its drive; home it when its cause is gone",
                       axis_names[k], (long long)number, text[0] != 0 ? ", " : "", text);
 }

@@ -45,6 +45,7 @@ typedef struct drives {
     int mute, wrong, refuse; // so many answers are lost, of another request, or exceptions
     bool hang_up;            // at the next request
     double lost;             // axis 0 stands so far from its target
+    double lag_s;            // a move begins so long after its command; until then all is as it was
     double lowest, highest;  // of all targets of axis 0
     int moves, stops, homings, resets;
     bool end;
@@ -58,17 +59,19 @@ static inline double drives_now_s(void) {
 
 static inline double drives_at(const drives *d, int k) {
     const one_drive *a = &d->axis[k];
-    const double way = a->to - a->from, gone = (drives_now_s() - a->began_s) * d->speed;
+    const double way = a->to - a->from, gone = fmax(drives_now_s() - a->began_s, 0) * d->speed;
     return fabs(way) <= gone ? a->to : a->from + copysign(gone, way);
 }
 
-static inline bool drives_move(const drives *d, int k) { return drives_at(d, k) != d->axis[k].to; }
+static inline bool drives_move(const drives *d, int k) {
+    return drives_at(d, k) != d->axis[k].to && drives_now_s() >= d->axis[k].began_s;
+}
 
 static inline void drives_go(drives *d, int k, double to) {
     one_drive *a = &d->axis[k];
     a->from = drives_at(d, k);
     a->to = to;
-    a->began_s = drives_now_s();
+    a->began_s = drives_now_s() + d->lag_s;
     a->halted = false;
 }
 

@@ -34,6 +34,7 @@ typedef struct emulator {
     int error;              // the controller's last one
     int mute, garble;       // so many answers are lost, or damaged
     double lost;            // every move ends so far from its target
+    double lag_s;           // a move begins so long after its command; until then all is as it was
     double lowest, highest; // of all places that axis 0 has been sent to
     int moves, stops, homings;
     const char *reading, *identity, *setup_error; // of a meter
@@ -51,12 +52,12 @@ static inline double emulator_now_s(void) {
 }
 
 static inline double emulator_at(const emulator *e, int k) {
-    const double way = e->to[k] - e->from[k], gone = (emulator_now_s() - e->began_s) * e->speed;
+    const double way = e->to[k] - e->from[k], gone = fmax(emulator_now_s() - e->began_s, 0) * e->speed;
     return fabs(way) <= gone ? e->to[k] : e->from[k] + copysign(gone, way);
 }
 
 static inline bool emulator_moves(const emulator *e) {
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0; k < 4 && emulator_now_s() >= e->began_s; k++) {
         if (emulator_at(e, k) != e->to[k]) {
             return !e->held;
         }
@@ -71,7 +72,7 @@ static inline void emulator_go(emulator *e, const double to[4]) {
     }
     e->lowest = fmin(e->lowest, to[0]);
     e->highest = fmax(e->highest, to[0]);
-    e->began_s = emulator_now_s();
+    e->began_s = emulator_now_s() + e->lag_s;
     e->moves++;
 }
 

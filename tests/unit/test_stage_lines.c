@@ -28,12 +28,6 @@ static const struct {
 };
 enum { FAMILIES = sizeof families / sizeof *families };
 
-typedef struct bench {
-    emulator *e;
-    void *stage;
-    int family;
-} bench;
-
 static gonio_stage_lines_config config_of(int family, const emulator *e) {
     gonio_stage_lines_config c;
     gonio_stage_lines_defaults(&c);
@@ -49,54 +43,17 @@ static gonio_stage_lines_config config_of(int family, const emulator *e) {
     return c;
 }
 
-static gonio_driver_context around; // of the stage that is opened next
-
-static bench begin_with(int family, double deg_per_s, void (*change)(gonio_stage_lines_config *c)) {
-    bench b = {emulator_start(families[family].kind, deg_per_s * families[family].units_per_deg), NULL, family};
-    gonio_stage_lines_config c = config_of(family, b.e);
-    gonio_error error = {0};
-    around = (gonio_driver_context){0};
-    if (change != NULL) {
-        change(&c);
-    }
-    if (gonio_stage_lines_open(&c, &around, &b.stage, &error) != GONIO_OK) {
-        fail_msg("%s: %s", families[family].table, error.message);
-    }
-    return b;
+static emulator *emulate(int family, double deg_per_s) {
+    return emulator_start(families[family].kind, deg_per_s * families[family].units_per_deg);
 }
 
-static bench begin(int family) { return begin_with(family, 2000, NULL); }
+static void shut_down(emulator *e) { emulator_stop(e); }
 
-static void end(bench *b) {
-    gonio_stage_lines.close(b->stage);
-    emulator_stop(b->e);
-}
-
-static gonio_status move(const bench *b, double a, double c, double d, double f, gonio_error *error) {
-    const double to[4] = {gonio_radians(a), gonio_radians(c), gonio_radians(d), gonio_radians(f)};
-    return gonio_stage_lines.move(b->stage, to, 1, NULL, 5, error);
-}
-
-static void good(gonio_status status, const gonio_error *error) {
-    if (status != GONIO_OK) {
-        fail_msg("%s: %s", gonio_status_name(status), error->message);
-    }
-}
-
-static void home(const bench *b) {
-    gonio_error error = {0};
-    good(gonio_stage_lines.home(b->stage, 5, &error), &error);
-}
-
-static void stands_at(const bench *b, double a, double c, double d, double f) {
-    const double expected[4] = {a, c, d, f};
-    double rad[4];
-    gonio_error error = {0};
-    good(gonio_stage_lines.position(b->stage, rad, &error), &error);
-    for (int k = 0; k < 4; k++) {
-        assert_near(gonio_degrees(rad[k]), expected[k], 0.01);
-    }
-}
+#define BENCH_STAGE gonio_stage_lines
+#define BENCH_OPEN gonio_stage_lines_open
+#define BENCH_CONFIG gonio_stage_lines_config
+#define BENCH_EMULATOR emulator
+#include "tests/unit/free_stage_bench.h"
 
 static void goes_where_it_is_sent(void **state) {
     (void)state;
@@ -174,6 +131,25 @@ static void takes_up_within_limits(void **state) {
     }
 }
 
+// A controller that says that it is idle, or has arrived, until it begins.
+static void a_late_start_is_waited_for(void **state) {
+    (void)state;
+    for (int f = 0; f < FAMILIES; f++) {
+        bench b = begin_with(f, 400, with_backlash);
+        gonio_error error = {0};
+        home(&b);
+        good(move(&b, 40, -3, 20, 7, &error), &error);
+        b.e->lag_s = 0.1;
+        b.e->lowest = 1e9;
+        good(move(&b, 10, 10, -30, 7, &error), &error);
+        stands_at(&b, 10, 10, -30, 7);
+        assert_near(b.e->lowest, 5 * families[f].units_per_deg, 0.5); // not without the take-up
+        home(&b);
+        assert_near(emulator_at(b.e, 2), 0, 0.5);
+        end(&b);
+    }
+}
+
 static void faults_of_the_line_are_asked_again(void **state) {
     (void)state;
     for (int f = 0; f < FAMILIES; f++) {
@@ -226,16 +202,6 @@ static void the_controllers_errors_are_told(void **state) {
 }
 
 // An interlock that opens in mid-move, or somebody who wants to stop, stops the axes; the next move goes on from there.
-static int strikes_after;
-static gonio_status struck(void *device, gonio_error *error) {
-    (void)device;
-    return strikes_after-- > 0 ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "the door is open");
-}
-static const gonio_interlock_ops door = {.name = "door", .check = struck};
-static void with_door(gonio_stage_lines_config *c) { (void)c, around.interlock = &door; }
-static bool asked(void *context) { return struck(context, NULL) != GONIO_OK; }
-static void with_stop(gonio_stage_lines_config *c) { (void)c, around.cancelled = asked; }
-
 static void stopped_by(void (*change)(gonio_stage_lines_config *), gonio_status status, const char *says) {
     for (int f = 0; f < FAMILIES; f++) {
         strikes_after = 1000;
@@ -313,13 +279,9 @@ static void zones_hold_for_the_take_up(void **state) {
     (void)state;
     for (int f = 0; f < FAMILIES; f++) {
         bench b = begin_with(f, 2000, with_backlash);
-        gonio_rig rig = {.stage = &gonio_stage_lines, .stage_device = b.stage};
-        gonio_keep_out keep_out = {0};
-        const int zone = gonio_keep_out_zone(&keep_out, "post");
-        keep_out.zones[zone].minimum_deg[0] = 4;
-        keep_out.zones[zone].maximum_deg[0] = 8;
+        gonio_rig rig;
         gonio_error error = {0};
-        assert_int_equal(gonio_keep_out_guard(&keep_out, &rig, &error), GONIO_OK);
+        guard(&rig, &b, 4, 8);
         double from[4] = {gonio_radians(30), 0, 0, gonio_radians(7)}, to[4] = {gonio_radians(10), 0, 0, from[3]};
         assert_int_equal(rig.stage->check(rig.stage_device, from, to, &error), GONIO_E_RANGE); // by way of 5 deg
         assert_non_null(strstr(error.message, "take-up"));
@@ -412,6 +374,7 @@ int main(void) {
         cmocka_unit_test(homing_is_asked_for),
         cmocka_unit_test(limits_hold),
         cmocka_unit_test(takes_up_within_limits),
+        cmocka_unit_test(a_late_start_is_waited_for),
         cmocka_unit_test(faults_of_the_line_are_asked_again),
         cmocka_unit_test(a_wrong_place_is_told),
         cmocka_unit_test(the_controllers_errors_are_told),

@@ -49,14 +49,6 @@ static const gonio_modbus_texts shared_texts = {
     .faults = "1 cold | 7 hot",
 };
 
-typedef struct bench {
-    drives *d;
-    void *stage;
-    int family;
-} bench;
-
-static gonio_driver_context around; // of the stage that is opened next
-
 static gonio_stage_modbus_table_config config_of(int family, const drives *d) {
     gonio_stage_modbus_table_config c;
     gonio_stage_modbus_table_defaults(&c);
@@ -82,53 +74,17 @@ static gonio_stage_modbus_table_config config_of(int family, const drives *d) {
     return c;
 }
 
-static bench begin_with(int family, double deg_per_s, void (*change)(gonio_stage_modbus_table_config *c)) {
-    const double speed = deg_per_s * families[family].units_per_deg;
-    bench b = {drives_start_up(families[family].kind, families[family].rtu, speed), NULL, family};
-    gonio_stage_modbus_table_config c = config_of(family, b.d);
-    gonio_error error = {0};
-    around = (gonio_driver_context){0};
-    if (change != NULL) {
-        change(&c);
-    }
-    if (gonio_stage_modbus_table_open(&c, &around, &b.stage, &error) != GONIO_OK) {
-        fail_msg("%s: %s", families[family].table, error.message);
-    }
-    return b;
+static drives *emulate(int family, double deg_per_s) {
+    return drives_start_up(families[family].kind, families[family].rtu, deg_per_s * families[family].units_per_deg);
 }
 
-static bench begin(int family) { return begin_with(family, 2000, NULL); }
+static void shut_down(drives *d) { drives_shut_down(d); }
 
-static void end(bench *b) {
-    gonio_stage_modbus_table.close(b->stage);
-    drives_shut_down(b->d);
-}
-
-static gonio_status move(const bench *b, double a, double c, double d, double f, gonio_error *error) {
-    const double to[4] = {gonio_radians(a), gonio_radians(c), gonio_radians(d), gonio_radians(f)};
-    return gonio_stage_modbus_table.move(b->stage, to, 1, NULL, 5, error);
-}
-
-static void good(gonio_status status, const gonio_error *error) {
-    if (status != GONIO_OK) {
-        fail_msg("%s: %s", gonio_status_name(status), error->message);
-    }
-}
-
-static void home(const bench *b) {
-    gonio_error error = {0};
-    good(gonio_stage_modbus_table.home(b->stage, 5, &error), &error);
-}
-
-static void stands_at(const bench *b, double a, double c, double d, double f) {
-    const double expected[4] = {a, c, d, f};
-    double rad[4];
-    gonio_error error = {0};
-    good(gonio_stage_modbus_table.position(b->stage, rad, &error), &error);
-    for (int k = 0; k < 4; k++) {
-        assert_near(gonio_degrees(rad[k]), expected[k], 0.0101);
-    }
-}
+#define BENCH_STAGE gonio_stage_modbus_table
+#define BENCH_OPEN gonio_stage_modbus_table_open
+#define BENCH_CONFIG gonio_stage_modbus_table_config
+#define BENCH_EMULATOR drives
+#include "tests/unit/free_stage_bench.h"
 
 static void goes_where_it_is_sent(void **state) {
     (void)state;
@@ -138,8 +94,8 @@ static void goes_where_it_is_sent(void **state) {
         home(&b);
         good(move(&b, 30.5, -45, 60, 12.5, &error), &error);
         stands_at(&b, 30.5, -45, 60, 12.5);
-        assert_near(drives_at(b.d, 1), -45 * families[f].units_per_deg, 0.5);
-        assert_int_equal(b.d->axis[2].speed_seen, families[f].kind == DRIVES_SHARED ? 0 : 300);
+        assert_near(drives_at(b.e, 1), -45 * families[f].units_per_deg, 0.5);
+        assert_int_equal(b.e->axis[2].speed_seen, families[f].kind == DRIVES_SHARED ? 0 : 300);
         good(move(&b, 30.5, -45, 60, 12.5, &error), &error); // where it stands
         good(move(&b, -10, 5, -1, 0, &error), &error);
         stands_at(&b, -10, 5, -1, 0);
@@ -155,11 +111,11 @@ static void homing_is_asked_for(void **state) {
         if (!families[f].absolute) {
             assert_int_equal(move(&b, 1, 0, 0, 0, &error), GONIO_E_DEVICE);
             assert_non_null(strstr(error.message, "homed"));
-            assert_int_equal(b.d->moves, 0);
+            assert_int_equal(b.e->moves, 0);
             home(&b);
         }
         good(move(&b, 1, 0, 0, 0, &error), &error);
-        b.d->axis[1].homed = false; // its supply failed meanwhile
+        b.e->axis[1].homed = false; // its supply failed meanwhile
         assert_int_equal(move(&b, 2, 0, 0, 0, &error), families[f].absolute ? GONIO_OK : GONIO_E_DEVICE);
         end(&b);
     }
@@ -174,7 +130,7 @@ static void limits_hold(void **state) {
         assert_int_equal(move(&b, 100.01, 0, 0, 0, &error), GONIO_E_RANGE);
         assert_int_equal(move(&b, 0, 0, -100.01, 0, &error), GONIO_E_RANGE);
         assert_non_null(strstr(error.message, "camera_theta"));
-        assert_int_equal(b.d->moves, 0);
+        assert_int_equal(b.e->moves, 0);
         end(&b);
     }
 }
@@ -188,16 +144,6 @@ static void with_backlash(gonio_stage_modbus_table_config *c) {
     c->axes[3].free.fixed_deg = 7;
 }
 
-static void guard(gonio_rig *rig, const bench *b, double low_deg, double high_deg) {
-    gonio_keep_out keep_out = {0};
-    gonio_error error = {0};
-    *rig = (gonio_rig){.stage = &gonio_stage_modbus_table, .stage_device = b->stage};
-    const int zone = gonio_keep_out_zone(&keep_out, "post");
-    keep_out.zones[zone].minimum_deg[0] = low_deg;
-    keep_out.zones[zone].maximum_deg[0] = high_deg;
-    good(gonio_keep_out_guard(&keep_out, rig, &error), &error);
-}
-
 // The take-up passes the target, never a limit, nor a zone.
 static void takes_up_within_limits_and_zones(void **state) {
     (void)state;
@@ -206,11 +152,11 @@ static void takes_up_within_limits_and_zones(void **state) {
         gonio_error error = {0};
         home(&b);
         good(move(&b, 20, -3, 0, 7, &error), &error);
-        assert_near(drives_at(b.d, 1), 6 * families[f].units_per_deg, 0.5); // dial = -user + zero
-        b.d->lowest = 1e9;
+        assert_near(drives_at(b.e, 1), 6 * families[f].units_per_deg, 0.5); // dial = -user + zero
+        b.e->lowest = 1e9;
         good(move(&b, 10, -3, 0, 7, &error), &error); // down: past it by 5, then up
-        assert_near(b.d->lowest, 5 * families[f].units_per_deg, 0.5);
-        b.d->lowest = 1e9;
+        assert_near(b.e->lowest, 5 * families[f].units_per_deg, 0.5);
+        b.e->lowest = 1e9;
         assert_int_equal(move(&b, -8, -3, 0, 7, &error), GONIO_E_RANGE); // would have to pass -10
         assert_int_equal(move(&b, 10, -3, 0, 8, &error), GONIO_E_RANGE); // an axis that does not exist
         gonio_rig rig;
@@ -218,9 +164,9 @@ static void takes_up_within_limits_and_zones(void **state) {
         const double to[4] = {gonio_radians(3), gonio_radians(-3), 0, gonio_radians(7)}; // by way of -2
         assert_int_equal(rig.stage->move(rig.stage_device, to, 1, NULL, 5, &error), GONIO_E_RANGE);
         assert_non_null(strstr(error.message, "take-up"));
-        assert_true(b.d->lowest > 1e8);
+        assert_true(b.e->lowest > 1e8);
         rig.stage->close(rig.stage_device);
-        drives_shut_down(b.d);
+        drives_shut_down(b.e);
     }
 }
 
@@ -237,10 +183,29 @@ static void zones_count_for_the_box(void **state) {
     assert_non_null(strstr(error.message, "each at its own pace"));
     good(rig.stage->move(rig.stage_device, before, 1, NULL, 5, &error), &error);
     rig.stage->close(rig.stage_device);
-    drives_shut_down(b.d);
+    drives_shut_down(b.e);
 }
 
 // ---- faults ----
+
+// A controller that says that it is idle, or has arrived, until it begins.
+static void a_late_start_is_waited_for(void **state) {
+    (void)state;
+    for (int f = 0; f < FAMILIES; f++) {
+        bench b = begin_with(f, 400, with_backlash);
+        gonio_error error = {0};
+        home(&b);
+        good(move(&b, 40, -3, 20, 7, &error), &error);
+        b.e->lag_s = 0.1;
+        b.e->lowest = 1e9;
+        good(move(&b, 10, 10, -30, 7, &error), &error);
+        stands_at(&b, 10, 10, -30, 7);
+        assert_near(b.e->lowest, 5 * families[f].units_per_deg, 0.5); // not without the take-up
+        home(&b);
+        assert_near(drives_at(b.e, 2), 0, 0.5);
+        end(&b);
+    }
+}
 
 static void faults_of_the_line_are_asked_again(void **state) {
     (void)state;
@@ -250,22 +215,22 @@ static void faults_of_the_line_are_asked_again(void **state) {
         double rad[4];
         home(&b);
         good(move(&b, 5, 0, 0, 0, &error), &error);
-        b.d->mute = 2;
+        b.e->mute = 2;
         stands_at(&b, 5, 0, 0, 0);
-        b.d->wrong = 2;
+        b.e->wrong = 2;
         stands_at(&b, 5, 0, 0, 0);
-        b.d->mute = 2;
+        b.e->mute = 2;
         good(move(&b, 6, 0, 0, 0, &error), &error); // commands as well: their targets are absolute
         stands_at(&b, 6, 0, 0, 0);
-        b.d->mute = 1000;
+        b.e->mute = 1000;
         assert_int_equal(gonio_stage_modbus_table.position(b.stage, rad, &error), GONIO_E_TIMEOUT);
         assert_non_null(strstr(error.message, "light_theta"));
-        b.d->mute = 0;
-        b.d->refuse = 1;
+        b.e->mute = 0;
+        b.e->refuse = 1;
         assert_int_equal(gonio_stage_modbus_table.position(b.stage, rad, &error), GONIO_E_DEVICE);
         assert_non_null(strstr(error.message, "refuses register"));
         if (!families[f].rtu) {
-            b.d->hang_up = true;
+            b.e->hang_up = true;
         }
         stands_at(&b, 6, 0, 0, 0);
         end(&b);
@@ -278,7 +243,7 @@ static void a_lost_step_is_told(void **state) {
         bench b = begin(f);
         gonio_error error = {0};
         home(&b);
-        b.d->lost = families[f].units_per_deg;
+        b.e->lost = families[f].units_per_deg;
         assert_int_equal(move(&b, 20, 0, 0, 0, &error), GONIO_E_DEVICE);
         assert_non_null(strstr(error.message, "light_theta stands at 21 deg, asked for 20 deg"));
         home(&b);
@@ -293,9 +258,9 @@ static int looks;
 static gonio_status raises(void *device, gonio_error *error) {
     (void)device, (void)error;
     if (looks-- == 0) {
-        drives_halt(looked_at->d, 0);
-        looked_at->d->alarm = families[looked_at->family].alarm;
-        looked_at->d->cause = true;
+        drives_halt(looked_at->e, 0);
+        looked_at->e->alarm = families[looked_at->family].alarm;
+        looked_at->e->cause = true;
     }
     return GONIO_OK;
 }
@@ -317,10 +282,10 @@ static void an_alarm_is_named_and_cleared_by_homing(void **state) {
         looks = 100000;
         assert_int_equal(move(&b, 10, 0, 0, 0, &error), GONIO_E_DEVICE);                     // it stands
         assert_int_equal(gonio_stage_modbus_table.home(b.stage, 5, &error), GONIO_E_DEVICE); // and its cause
-        assert_true(b.d->resets == 1);
-        b.d->cause = false;
+        assert_true(b.e->resets == 1);
+        b.e->cause = false;
         home(&b);
-        b.d->speed *= 20;
+        b.e->speed *= 20;
         good(move(&b, 10, 0, 0, 0, &error), &error);
         end(&b);
     }
@@ -331,26 +296,16 @@ static void a_limit_switch_ends_a_move(void **state) {
     bench b = begin(2);
     gonio_error error = {0};
     home(&b);
-    b.d->limit = true;
+    b.e->limit = true;
     assert_int_equal(move(&b, 10, 0, 0, 0, &error), GONIO_E_DEVICE);
     assert_non_null(strstr(error.message, "limit switch"));
     home(&b); // it may stand on one there
-    b.d->limit = false;
+    b.e->limit = false;
     good(move(&b, 10, 0, 0, 0, &error), &error);
     end(&b);
 }
 
 // ---- stops ----
-
-static int strikes_after;
-static gonio_status struck(void *device, gonio_error *error) {
-    (void)device;
-    return strikes_after-- > 0 ? GONIO_OK : gonio_fail(error, GONIO_E_DEVICE, "the door is open");
-}
-static const gonio_interlock_ops door = {.name = "door", .check = struck};
-static void with_door(gonio_stage_modbus_table_config *c) { (void)c, around.interlock = &door; }
-static bool asked(void *context) { return struck(context, NULL) != GONIO_OK; }
-static void with_stop(gonio_stage_modbus_table_config *c) { (void)c, around.cancelled = asked; }
 
 static void stopped_by(void (*change)(gonio_stage_modbus_table_config *), gonio_status status, const char *says) {
     for (int f = 0; f < FAMILIES; f++) {
@@ -361,12 +316,12 @@ static void stopped_by(void (*change)(gonio_stage_modbus_table_config *), gonio_
         strikes_after = 4;
         assert_int_equal(move(&b, 90, 50, 0, 0, &error), status);
         assert_non_null(strstr(error.message, says));
-        assert_true(drives_at(b.d, 0) / families[f].units_per_deg < 80);
+        assert_true(drives_at(b.e, 0) / families[f].units_per_deg < 80);
         for (int k = 0; k < 4; k++) {
-            assert_false(drives_move(b.d, k));
+            assert_false(drives_move(b.e, k));
         }
         strikes_after = 100000;
-        b.d->speed *= 20;
+        b.e->speed *= 20;
         good(move(&b, 10, 0, 0, 0, &error), &error);
         end(&b);
     }
@@ -388,10 +343,10 @@ static void a_move_without_end_is_stopped(void **state) {
         bench b = begin(f);
         gonio_error error = {0};
         home(&b);
-        b.d->speed = 1e-3;
+        b.e->speed = 1e-3;
         const double to[4] = {1, 0, 0, 0};
         assert_int_equal(gonio_stage_modbus_table.move(b.stage, to, 1, NULL, 0.2, &error), GONIO_E_TIMEOUT);
-        assert_false(drives_move(b.d, 0));
+        assert_false(drives_move(b.e, 0));
         end(&b);
     }
 }
@@ -450,6 +405,33 @@ static void tables_are_checked(void **state) {
     assert_non_null(strstr(error.message, "[drive]"));
 }
 
+static void faults_are_named(void **state) {
+    (void)state;
+    static const struct {
+        const char *table;
+        uint32_t number;
+        const char *text;
+    } known[] = {
+        {"leadshine", 0x20, "position following error"},
+        {"leadshine", 0x102, "over-voltage, auto-tuning"},
+        {"leadshine", 0x400, ""},
+        {"leadshine", 0x402, ""},
+        {"oriental-az", 0x30, "overload"}, // and not 0x10 and 0x20
+        {"oriental-az", 0x85, "RS-485 timeout"},
+        {"oriental-az", 0x50, ""},
+        {"oriental-az", 0, ""},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        const gonio_modbus_texts none = {.read = ""};
+        gonio_modbus_table table;
+        gonio_error error;
+        char text[64];
+        assert_int_equal(gonio_modbus_table_read(known[i].table, &none, &table, &error), GONIO_OK);
+        gonio_modbus_fault_text(&table, known[i].number, text, sizeof text);
+        assert_string_equal(text, known[i].text);
+    }
+}
+
 static void words_keep_their_sign_and_order(void **state) {
     (void)state;
     static const int64_t values[] = {0, 1, -1, 32767, -32768, 65535, 65536, -65537, INT32_MAX, INT32_MIN, UINT32_MAX};
@@ -499,7 +481,7 @@ static void encoders_share_the_line(void **state) {
     good(gonio_encoders_read(device, r, &error), &error);
     assert_true(r[1].there && r[1].known && !r[0].there && r[1].counts == 4294967296.0 - 4000);
     rig.stage->close(rig.stage_device);
-    drives_shut_down(b.d);
+    drives_shut_down(b.e);
 }
 
 // An absolute encoder on a line of its own: right from the first moment, and a homing that finds another place is told.
@@ -539,7 +521,7 @@ static void an_absolute_encoder_holds_homing_against_it(void **state) {
     assert_int_equal(rig.stage->move(rig.stage_device, to, 1, NULL, 5, &error), GONIO_E_MISMATCH);
     assert_non_null(strstr(error.message, "lost steps: camera_theta"));
     rig.stage->close(rig.stage_device);
-    drives_shut_down(b.d);
+    drives_shut_down(b.e);
 }
 
 int main(void) {
@@ -549,6 +531,7 @@ int main(void) {
         cmocka_unit_test(limits_hold),
         cmocka_unit_test(takes_up_within_limits_and_zones),
         cmocka_unit_test(zones_count_for_the_box),
+        cmocka_unit_test(a_late_start_is_waited_for),
         cmocka_unit_test(faults_of_the_line_are_asked_again),
         cmocka_unit_test(a_lost_step_is_told),
         cmocka_unit_test(an_alarm_is_named_and_cleared_by_homing),
@@ -557,6 +540,7 @@ int main(void) {
         cmocka_unit_test(whoever_asks_stops_it),
         cmocka_unit_test(a_move_without_end_is_stopped),
         cmocka_unit_test(tables_are_checked),
+        cmocka_unit_test(faults_are_named),
         cmocka_unit_test(words_keep_their_sign_and_order),
         cmocka_unit_test(encoders_share_the_line),
         cmocka_unit_test(an_absolute_encoder_holds_homing_against_it),
