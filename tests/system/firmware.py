@@ -460,6 +460,37 @@ def pico_stops(c, m):
     c.command("CLEAR")
 
 
+def pico_brakes(c, m):
+    """One output for all brakes, instead of the camera trigger where there are any; motors hold while one is open."""
+    motors, brake = 1 << 11, 1 << 28
+    lit = lambda: m.report()["out"] & (motors | brake)
+    c.command("TRIGGER")
+    c.put("brake_delay", 50)  # ms of its time, of which a tenth passes while nobody asks
+    c.put("brakes", 0b0101)
+    home_in_place(c)
+    c.command("RELEASE", 15)
+    time.sleep(1)
+    off = lit()
+    c.command("TRIGGER")
+    c.until("trigger_count", 2, 2)
+    home_in_place(c)
+    c.command("MOVE", 2, (0, 500, 0, 0))
+    c.until("finished_id", c.id)
+    ok(off == 0 and lit() == motors, "pico: an axis without a brake opens none, nor does the trigger")
+    c.command("MOVE", 1, (500, 500, 0, 0))
+    ok(c.until("finished_id", c.id) and lit() == motors | brake, "pico: an axis with a brake opens it")
+    c.command("RELEASE", 2)
+    held = lit()
+    c.command("RELEASE", 15)
+    closed = lit()
+    time.sleep(2)
+    ok(held == motors | brake and closed == motors and lit() == 0, "pico: the brake closes first, then the motors go")
+    c.put("brakes_invert", 0b0101)
+    ok(lit() == brake, "pico: a brake that opens at a low level is closed at a high one")
+    c.put("brakes_invert", 0)
+    c.put("brakes", 0)
+
+
 def pico_restarts(c, m):
     c.put("debounce", 9)
     c.command("SAVE")
@@ -483,6 +514,7 @@ def pico():
         ok(abs(c.get("temperature") - 310 * 330000 // 4095) < 100, "pico: reads the lamp's temperature")
         pico_contacts(c, m)
         pico_stops(c, m)
+        pico_brakes(c, m)
         pico_restarts(c, m)
         c.client.close()
         check_mbpoll(m.path, "pico")

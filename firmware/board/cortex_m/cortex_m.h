@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "firmware/board/boards.h"
+#include "firmware/contract/store.h"
 #include "firmware/contract/tick.h"
 #include "firmware/contract/watchdog.h"
 #include "firmware/core/core.h"
@@ -41,6 +42,14 @@ static inline void irq_enable(unsigned irq, uint8_t priority) {
 
 // The one controller of a board.
 extern struct fw_core fw_core;
+
+// Is a page of the store all ones? Read anew, whatever was read of it before.
+static inline bool cortex_m_erased(const volatile uint32_t *page) {
+    for (unsigned i = 0; i < FW_STORE_WORDS; i++)
+        if (page[i] != 0xFFFFFFFFu)
+            return false;
+    return true;
+}
 
 // ---- time: SysTick counts processor cycles down through all its 24 bits ----
 

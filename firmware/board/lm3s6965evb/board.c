@@ -200,10 +200,7 @@ static bool flash(const uint32_t *at, uint32_t word, uint32_t operation) {
 bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
     const uint32_t *page = gonio_fw_board_store_page(core, slot);
     flash(page, 0, FMC_ERASE);
-    for (unsigned i = 0; i < FW_STORE_WORDS; i++)
-        if (((const volatile uint32_t *)page)[i] != 0xFFFFFFFFu)
-            return false;
-    return true;
+    return cortex_m_erased(page);
 }
 
 bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {

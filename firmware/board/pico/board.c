@@ -3,13 +3,14 @@
 //
 //     GP0, 1 UART 0 (transmit, receive)   GP2 RS-485 driver on   GP3-6 step   GP7-10 direction   GP11 motors on
 //     GP12-15 home switches   GP16 emergency stop   GP17 door   GP18, 19 limit switches of light_theta and camera_theta
-//     GP20 those of both phi axes   GP21 lamp (PWM)   GP22 shutter   GP28 camera trigger
+//     GP20 those of both phi axes   GP21 lamp (PWM)   GP22 shutter   GP28 camera trigger, or the brakes
 //     GP26 photodiode   GP27 lamp temperature, 10 mV a degree
 //
-// There are 26 pins and no more. So GP11 switches all motors on while any axis is energised, and the limit switches at
-// both ends of an axis, or of two, are contacts in series: one that opens counts as both ends of those axes, which then
-// move neither way until it is closed again by hand. Inputs have pull-ups and contacts open when active, so that a
-// broken wire counts as active.
+// There are 26 pins and no more. So GP11 switches all motors on while any axis is energised, GP28 opens all brakes
+// while one is open (all motors hold then) where `brakes` says that there are any, and the limit switches at both ends
+// of an axis, or of two, are contacts in series: one that opens counts as both ends of those axes, which then move
+// neither way until it is closed again by hand. Inputs have pull-ups and contacts open when active, so that a broken
+// wire counts as active.
 #include "firmware/board/cortex_m/step.h"
 #include "firmware/board/pico/rp2040.h"
 #include "firmware/contract/adc.h"
@@ -77,11 +78,16 @@ void gonio_fw_board_directions(struct fw_core *core, uint8_t levels) {
     put(DIRECTIONS, (uint32_t)levels << DIRECTION_0);
 }
 
-// One output for all motors, and none for brakes.
+// One output for all motors, and one for all brakes.
 void gonio_fw_board_motors(struct fw_core *core, uint8_t levels) {
-    const unsigned invert = core->registers.motors_invert[0] & 15u;
+    const unsigned invert = core->registers.motors_invert[0] & 15u, brakes = core->registers.brakes[0] & 15u,
+                   brakes_invert = core->registers.brakes_invert[0] & 15u;
     const bool on = (levels & 15u) != invert, low = (invert & 1) != 0;
     put(1 << MOTORS, on != low ? 1 << MOTORS : 0);
+    if (brakes != 0) {
+        const bool open = (((levels >> FW_AXES) ^ brakes_invert) & brakes) != 0;
+        put(1 << TRIGGER, open != ((brakes_invert & brakes) != 0) ? 1 << TRIGGER : 0);
+    }
 }
 
 uint16_t gonio_fw_board_inputs(struct fw_core *core) {
@@ -111,8 +117,8 @@ void gonio_fw_board_shutter(struct fw_core *core, bool open) {
 }
 
 void gonio_fw_board_trigger(struct fw_core *core, bool high) {
-    (void)core;
-    put(1 << TRIGGER, high ? 1 << TRIGGER : 0);
+    if (core->registers.brakes[0] == 0)
+        put(1 << TRIGGER, high ? 1 << TRIGGER : 0);
 }
 
 void gonio_fw_board_lamp(struct fw_core *core, uint16_t level) {
@@ -255,11 +261,7 @@ bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
     ((rom_erase)rom('R', 'E'))(STORE + slot * FLASH_SECTOR, FLASH_SECTOR, FLASH_SECTOR, SECTOR_ERASE);
     flash_end();
     gonio_fw_board_watchdog_start(core, FW_WATCHDOG_MS);
-    const volatile uint32_t *page = gonio_fw_board_store_page(core, slot);
-    for (unsigned i = 0; i < FW_STORE_WORDS; i++)
-        if (page[i] != 0xFFFFFFFFu)
-            return false;
-    return true;
+    return cortex_m_erased(gonio_fw_board_store_page(core, slot));
 }
 
 // A page is programmed at a time: ones leave what is there.

@@ -238,11 +238,7 @@ bool gonio_fw_board_store_erase(struct fw_core *core, unsigned slot) {
     FLASH_ACR &= ~(uint32_t)ACR_RESET_CACHES;
     FLASH_ACR |= ACR_CACHES;
     gonio_fw_board_watchdog_start(core, FW_WATCHDOG_MS);
-    const volatile uint32_t *page = gonio_fw_board_store_page(core, slot);
-    for (unsigned i = 0; i < FW_STORE_WORDS; i++)
-        if (page[i] != 0xFFFFFFFFu)
-            return false;
-    return true;
+    return cortex_m_erased(gonio_fw_board_store_page(core, slot));
 }
 
 bool gonio_fw_board_store_program(struct fw_core *core, unsigned slot, unsigned index, uint32_t word) {
