@@ -4,5 +4,6 @@
 
 gonio_status gonio_session_doctor(const char *path, bool repair, gonio_doctor_report *report, gonio_error *error) {
     *report = (gonio_doctor_report){0};
+    gonio_session_settle(path);
     return repair ? gonio_session_repair(path, report, error) : gonio_session_look(path, report, error);
 }

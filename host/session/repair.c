@@ -32,7 +32,6 @@ bool gonio_repair_leftover(const session_repair *r, const char *prefix, char fou
 }
 
 static gonio_status open_parent(session_repair *r, const char *path, gonio_error *error) {
-    gonio_session_settle(path);
     char *real = realpath(path, NULL);
     if (real == NULL) {
         return gonio_fail_line(error, GONIO_E_INPUT, path, -1, "cannot find the session: %s", strerror(errno));
