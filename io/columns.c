@@ -1,96 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A column is a channel only if it can be one: names of other things are never taken for a BRDF.
 #include "io/columns.h"
 
-#include <ctype.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-static const char *const wavelengths[] = {"wavelength", "wavelengths", "lambda", "wl", "wvl", "wave", "nm", "um", NULL};
-static const char *const sigmas[] = {"std",
-                                     "stdev",
-                                     "stddev",
-                                     "sd",
-                                     "unc",
-                                     "uncertainty",
-                                     "err",
-                                     "error",
-                                     "sigma",
-                                     "u",
-                                     "sem",
-                                     "standarddeviation",
-                                     "standarduncertainty",
-                                     NULL};
-static const char *const asides[] = {
-    "id",       "index",    "idx",      "no",        "nr",    "row",         "sample",   "name",       "date",
-    "time",     "utc",      "stamp",    "timestamp", "temp",  "temperature", "humidity", "rh",         "operator",
-    "comment",  "note",     "notes",    "remark",    "run",   "repeat",      "scan",     "step",       "frame",
-    "file",     "filename", "exposure", "gain",      "flag",  "flags",       "quality",  "instrument", "detector",
-    "count",    "weight",   "dphi",     "phi",       "theta", "azimuth",     "zenith",   "aspecular",  "scattering",
-    "pressure", "lamp",     "current",  NULL};
-static const char *const foreign[] = {"percent", "pct",   "cos",     "cosine", "ccbrdf",        "btdf",       "brf",
-                                      "log",     "log10", "ln",      "db",     "counts",        "dn",         "adu",
-                                      "volt",    "volts", "voltage", "raw",    "transmittance", "absorbance", NULL};
-
-static bool is_in(const char *const *words, const char *word) {
-    for (int k = 0; words[k] != NULL; k++) {
-        if (strcmp(words[k], word) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
-// The name's words in lower case, cut at _ - . and blanks; what stands in brackets, its unit, goes to `unit`.
-typedef struct words {
-    char text[96], unit[32];
-    char *items[8];
-    int n;
-} words;
-
-static void cut(const char *name, words *w) {
-    *w = (words){.n = 0};
-    const size_t bracket = strcspn(name, "([");
-    snprintf(w->text, sizeof w->text, "%.*s", (int)bracket, name);
-    if (name[bracket] != 0) {
-        snprintf(w->unit, sizeof w->unit, "%.*s", (int)strcspn(name + bracket + 1, ")]"), name + bracket + 1);
-    }
-    char *rest;
-    for (char *c = w->text; *c != 0; c++) {
-        *c = (char)tolower((unsigned char)*c);
-    }
-    for (char *item = strtok_r(w->text, "_-. ", &rest); item != NULL && w->n < 8;
-         item = strtok_r(NULL, "_-. ", &rest)) {
-        w->items[w->n++] = item;
-    }
-}
-
-static bool is_unit(const char *word) {
-    static const char *const units[] = {"nm", "um", "deg", "rad", "c", "k", "s", "ms", "celsius", NULL};
-    return is_in(units, word);
-}
-
-gonio_column_role gonio_column_role_of(const char *name) {
-    words w;
-    cut(name, &w);
-    if (strchr(name, '%') != NULL) {
-        return GONIO_COLUMN_FOREIGN;
-    }
-    for (int k = 0; k < w.n; k++) {
-        if (is_in(foreign, w.items[k])) {
-            return GONIO_COLUMN_FOREIGN;
-        }
-    }
-    const bool single = w.n == 1 || (w.n == 2 && is_unit(w.items[1]));
-    if (single && is_in(wavelengths, w.items[0])) {
-        return GONIO_COLUMN_WAVELENGTH;
-    }
-    if (single && is_in(sigmas, w.items[0])) {
-        return GONIO_COLUMN_SIGMA;
-    }
-    const bool aside = w.n > 0 && (is_in(asides, w.items[0]) || is_in(asides, w.items[w.n - 1]));
-    return aside ? GONIO_COLUMN_ASIDE : GONIO_COLUMN_CHANNEL;
-}
 
 // ---- channels ----
 
@@ -105,21 +18,6 @@ static int find_channel(char *const *fields, const gonio_columns *l, const char 
 }
 
 static bool begins(const char *name, const char *prefix) { return strncmp(name, prefix, strlen(prefix)) == 0; }
-
-const char *gonio_column_sigma_of(const char *name, size_t *length) {
-    words w;
-    cut(name, &w);
-    const char *first = strchr(name, '_'), *last = strrchr(name, '_');
-    if (first == NULL || w.n < 2) {
-        return NULL;
-    }
-    if (is_in(sigmas, w.items[0])) {
-        *length = strlen(first + 1);
-        return first + 1;
-    }
-    *length = (size_t)(last - name);
-    return is_in(sigmas, w.items[w.n - 1]) ? name : NULL;
-}
 
 // Of which channel is it the uncertainty? -1: of none.
 static int sigma_of_channel(char *const *fields, const gonio_columns *l, const char *name) {
@@ -147,48 +45,109 @@ static gonio_status add_channel(const gonio_text *text, char *const *fields, int
 
 static gonio_status set_wavelength(const gonio_text *text, const char *name, int column, gonio_columns *l,
                                    gonio_error *error) {
+    char unit[32];
     if (l->wavelength >= 0) {
         return gonio_text_fail(text, error, "column %d: a second column of wavelengths, '%.60s'", column + 1, name);
     }
-    words w;
-    cut(name, &w);
-    const char *unit = w.unit[0] != 0 ? w.unit : w.n > 0 ? w.items[w.n - 1] : "";
-    const bool um = strcmp(unit, "um") == 0 || strcmp(unit, "\xc2\xb5m") == 0 || strcmp(unit, "\xce\xbcm") == 0;
-    if (w.unit[0] != 0 && !um && strcmp(unit, "nm") != 0) {
-        return gonio_text_fail(text, error, "column %d: wavelengths in '%.30s'; nm and um are read", column + 1, unit);
-    }
+    l->to_um = gonio_column_um(name, unit, sizeof unit);
     l->wavelength = column;
-    l->to_um = um ? 1 : strcmp(unit, "nm") == 0 ? 1e-3 : 0;
-    return GONIO_OK;
+    return isnan(l->to_um)
+               ? gonio_text_fail(text, error, "column %d: wavelengths in '%.30s'; nm and um are read", column + 1, unit)
+               : GONIO_OK;
 }
 
-// First the channels and what is none; sigmas need the channels.
-static gonio_status find_channels(const gonio_text *text, char *const *fields, gonio_columns *l, gonio_error *error) {
-    gonio_status status = GONIO_OK;
-    for (int pass = 0; pass < 2 && status == GONIO_OK; pass++) {
-        for (int k = 4; k < l->columns && status == GONIO_OK; k++) {
-            if (k == l->group) {
-                continue;
-            }
-            const gonio_column_role r =
-                begins(fields[k], "sigma_") ? GONIO_COLUMN_SIGMA : gonio_column_role_of(fields[k]);
-            words w;
-            cut(fields[k], &w);
-            // "r_std" is known only by its channel: channels of plain names come first.
-            const bool compound = w.n > 1 && (is_in(sigmas, w.items[0]) || is_in(sigmas, w.items[w.n - 1]));
-            if (r == GONIO_COLUMN_FOREIGN) {
-                return gonio_text_fail(text, error, "column %d: '%.60s' is no f_r in 1/sr; rename it if it is", k + 1,
-                                       fields[k]);
-            }
-            if (r == GONIO_COLUMN_CHANNEL && pass == (compound ? 1 : 0) && sigma_of_channel(fields, l, fields[k]) < 0) {
-                status = add_channel(text, fields, k, l, error);
-            } else if (r == GONIO_COLUMN_WAVELENGTH && pass == 0) {
-                status = set_wavelength(text, fields[k], k, l, error);
-            } else if (r == GONIO_COLUMN_ASIDE && pass == 0) {
-                gonio_text_append(l->aside, sizeof l->aside, "%s%s", l->aside[0] != 0 ? " " : "", fields[k]);
-            }
+// Is the name one of the list "a,b,c"?
+static bool is_listed(const char *list, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *item = list; item != NULL; item = strchr(item, ',')) {
+        item += strspn(item, ", \t");
+        const size_t n = strcspn(item, ",");
+        if (strncmp(item, name, length) == 0 && length <= n && strspn(item + length, " \t\r") >= n - length) {
+            return true;
         }
     }
+    return false;
+}
+
+static bool has_own_sigma(char *const *fields, const gonio_columns *l, const char *name) {
+    for (int k = 4; k < l->columns; k++) {
+        if (begins(fields[k], "sigma_") && strcmp(fields[k] + 6, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// What column k is beside the others. Names that say nothing are channels where there are no others, where the file
+// says so, or where they have an uncertainty.
+static gonio_column_role role_among(char *const *fields, const gonio_columns *l, int k) {
+    if (begins(fields[k], "sigma_")) {
+        return GONIO_COLUMN_SIGMA;
+    }
+    const gonio_column_role own = gonio_column_role_of(fields[k]);
+    if (l->declared != NULL) {
+        const bool value = own == GONIO_COLUMN_CHANNEL || own == GONIO_COLUMN_UNKNOWN || own == GONIO_COLUMN_FOREIGN;
+        return is_listed(l->declared, fields[k]) ? GONIO_COLUMN_CHANNEL : value ? GONIO_COLUMN_ASIDE : own;
+    }
+    return own == GONIO_COLUMN_UNKNOWN && (!l->named || has_own_sigma(fields, l, fields[k])) ? GONIO_COLUMN_CHANNEL
+                                                                                             : own;
+}
+
+static gonio_status refuse_column(const gonio_text *text, const char *name, int column, gonio_column_role role,
+                                  gonio_error *error) {
+    if (role == GONIO_COLUMN_OTHER_SIGMA) {
+        return gonio_text_fail(text, error,
+                               "column %d: '%.60s' is an uncertainty, but by its name no standard uncertainty in 1/sr; "
+                               "rename it if it is",
+                               column + 1, name);
+    }
+    return role == GONIO_COLUMN_FOREIGN
+               ? gonio_text_fail(text, error, "column %d: '%.60s' is no f_r in 1/sr; rename it if it is", column + 1,
+                                 name)
+               : gonio_text_fail(text, error,
+                                 "column %d: '%.60s' may be a channel or not; a comment line '# channels = a,b,c' says "
+                                 "which columns are",
+                                 column + 1, name);
+}
+
+static bool is_compound(const char *name) {
+    size_t length;
+    return gonio_column_sigma_of(name, &length) != NULL;
+}
+
+// First the channels and what is none; sigmas need the channels. "r_std" is known only by its channel: channels of
+// plain names come first.
+static gonio_status find_channel_columns(const gonio_text *text, char *const *fields, gonio_columns *l, int pass,
+                                         gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int k = 4; k < l->columns && status == GONIO_OK; k++) {
+        const gonio_column_role r = role_among(fields, l, k);
+        const bool refused = r == GONIO_COLUMN_FOREIGN || r == GONIO_COLUMN_OTHER_SIGMA || r == GONIO_COLUMN_UNKNOWN;
+        const bool value = refused || r == GONIO_COLUMN_CHANNEL;
+        if (k == l->group ||
+            (value && (pass != (is_compound(fields[k]) ? 1 : 0) || sigma_of_channel(fields, l, fields[k]) >= 0))) {
+            continue;
+        }
+        if (refused) {
+            return refuse_column(text, fields[k], k, r, error);
+        }
+        if (value) {
+            status = add_channel(text, fields, k, l, error);
+        } else if (r == GONIO_COLUMN_WAVELENGTH && pass == 0) {
+            status = set_wavelength(text, fields[k], k, l, error);
+        } else if (r == GONIO_COLUMN_ASIDE && pass == 0) {
+            gonio_text_append(l->aside, sizeof l->aside, "%s%s", l->aside[0] != 0 ? " " : "", fields[k]);
+        }
+    }
+    return status;
+}
+
+static gonio_status find_channels(const gonio_text *text, char *const *fields, gonio_columns *l, gonio_error *error) {
+    for (int k = 4; k < l->columns && !l->named; k++) {
+        l->named = k != l->group && gonio_column_role_of(fields[k]) == GONIO_COLUMN_CHANNEL;
+    }
+    gonio_status status = find_channel_columns(text, fields, l, 0, error);
+    status = status == GONIO_OK ? find_channel_columns(text, fields, l, 1, error) : status;
     if (status == GONIO_OK && (l->channels < 1 || l->channels > GONIO_CHANNELS_MAX)) {
         status = gonio_text_fail(text, error, "%d value columns after phi_o; expected 1 to %d", l->channels,
                                  GONIO_CHANNELS_MAX);
@@ -211,7 +170,7 @@ static gonio_status find_sigmas(const gonio_text *text, char *const *fields, gon
             continue;
         }
         const bool own = begins(fields[k], "sigma_");
-        const gonio_column_role r = own ? GONIO_COLUMN_SIGMA : gonio_column_role_of(fields[k]);
+        const gonio_column_role r = role_among(fields, l, k);
         int list = 2, channel = -1;
         if (own) {
             for (int p = 0; p < 3 && channel < 0; p++) {
@@ -223,9 +182,8 @@ static gonio_status find_sigmas(const gonio_text *text, char *const *fields, gon
             }
         } else if (r == GONIO_COLUMN_SIGMA) {
             channel = l->channels == 1 ? 0 : -1;
-        } else if (r == GONIO_COLUMN_CHANNEL && (channel = sigma_of_channel(fields, l, fields[k])) < 0) {
-            continue;
-        } else if (r != GONIO_COLUMN_CHANNEL) {
+        } else if ((r != GONIO_COLUMN_CHANNEL && r != GONIO_COLUMN_UNKNOWN) ||
+                   (channel = sigma_of_channel(fields, l, fields[k])) < 0) {
             continue;
         }
         if (channel < 0 || lists[list][channel] >= 0) {
@@ -244,9 +202,19 @@ static gonio_status find_sigmas(const gonio_text *text, char *const *fields, gon
     return GONIO_OK;
 }
 
-gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, gonio_columns *l,
-                                gonio_error *error) {
-    *l = (gonio_columns){.columns = columns, .group = -1, .wavelength = -1};
+bool gonio_columns_are_plain(const gonio_samples *samples) {
+    int named = 0, unknown = 0;
+    for (int c = 0; c < samples->channels; c++) {
+        const gonio_column_role role = gonio_column_role_of(samples->channel_names[c]);
+        named += role == GONIO_COLUMN_CHANNEL;
+        unknown += role == GONIO_COLUMN_UNKNOWN;
+    }
+    return named + unknown == samples->channels && (named == 0 || unknown == 0);
+}
+
+gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, const char *channels,
+                                gonio_columns *l, gonio_error *error) {
+    *l = (gonio_columns){.columns = columns, .group = -1, .wavelength = -1, .declared = channels};
     memset(l->sigma, -1, sizeof l->sigma);
     memset(l->random, -1, sizeof l->random);
     memset(l->systematic, -1, sizeof l->systematic);

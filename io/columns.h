@@ -3,6 +3,7 @@
 #ifndef GONIO_IO_COLUMNS_H
 #define GONIO_IO_COLUMNS_H
 
+#include "io/column_names.h"
 #include "io/format.h"
 
 #define GONIO_COLUMNS_MAX (4 + 4 * GONIO_CHANNELS_MAX + 1)
@@ -14,26 +15,18 @@ typedef struct gonio_columns {
     int value[GONIO_CHANNELS_MAX], sigma[GONIO_CHANNELS_MAX];
     int random[GONIO_CHANNELS_MAX], systematic[GONIO_CHANNELS_MAX];
     bool with_sigma, with_parts;
-    int group;       // column of systematic_group; -1: none
-    int wavelength;  // column of a table with a row for each wavelength; -1: none
-    double to_um;    // of its numbers; 0: by their size
-    char aside[256]; // names of the columns that are not read, blanks between them
+    int group;            // column of systematic_group; -1: none
+    int wavelength;       // column of a table with a row for each wavelength; -1: none
+    double to_um;         // of its numbers; 0: by their size
+    bool named;           // a column is a channel by its name alone
+    const char *declared; // the channels that the file says it has, commas between them; NULL: it does not
+    char aside[256];      // names of the columns that are not read, blanks between them
 } gonio_columns;
 
-// What a column is by its name alone.
-typedef enum gonio_column_role {
-    GONIO_COLUMN_CHANNEL,
-    GONIO_COLUMN_SIGMA,
-    GONIO_COLUMN_WAVELENGTH,
-    GONIO_COLUMN_ASIDE,   // of something else
-    GONIO_COLUMN_FOREIGN, // values, but no f_r
-} gonio_column_role;
-gonio_column_role gonio_column_role_of(const char *name);
-// "std_r", "r_unc": its uncertainty's channel, within the name, and that one's length; NULL: it is none.
-const char *gonio_column_sigma_of(const char *name, size_t *length);
-
-// fields: the header's, of which the first four are the angles.
-gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, gonio_columns *out,
-                                gonio_error *error);
+// fields: the header's, of which the first four are the angles. channels: as the file declares them, or NULL.
+gonio_status gonio_columns_read(const gonio_text *text, char *const *fields, int columns, const char *channels,
+                                gonio_columns *out, gonio_error *error);
+// Would all these channels be read as such by their names alone, without "# channels = ..."?
+bool gonio_columns_are_plain(const gonio_samples *samples);
 
 #endif

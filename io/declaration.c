@@ -9,18 +9,24 @@
 
 #include "base/head.h"
 #include "base/number.h"
+#include "io/declaration_words.h"
 
 enum { LINE = 4000, NAME = 96 };
 
+#define UNITS "1/sr|/sr|sr^-1|per sr|per steradian|inverse steradian|inv_steradian|1/steradian|steradian^-1"
 #define POLARISATIONS "none|unpolarised|unpolarized|s|p|h|v|45|135|left|right"
 
 const gonio_declaration gonio_declarations_common[] = {
-    {"quantity", "f_r|fr|brdf|bsdf|f_r in 1/sr|brdf in 1/sr|brdf (1/sr)|f_r (1/sr)", GONIO_DECLARED_NOTHING},
-    {"quantity", "f_r cos|f_r cos(theta_o)|f_r_cos|brdf cos|brdf cos(theta_o)|cos brdf|ccbrdf|cosine corrected brdf",
+    {"quantity", "f_r|fr|brdf|bsdf|absolute brdf", GONIO_DECLARED_NOTHING},
+    {"quantity",
+     "f_r cos|f_r cos(theta_o)|f_r cos(theta_r)|f_r cos(theta_s)|f_r cos(theta_v)|brdf cos|brdf cos(theta_o)|"
+     "brdf cos(theta_r)|brdf cos(theta_s)|brdf cos(theta_v)|cos brdf|cos(theta_o) brdf|ccbrdf|cosine corrected brdf|"
+     "cosine weighted brdf",
      GONIO_DECLARED_COSINE},
-    {"quantity", "brf|reflectance factor|radiance factor|pi f_r|pi brdf", GONIO_DECLARED_FACTOR},
-    {"units", "1/sr|/sr|sr^-1|sr-1|per sr|per steradian|inverse steradian|inv_steradian", GONIO_DECLARED_NOTHING},
-    {"value_units", "1/sr|/sr|sr^-1|sr-1|per sr|per steradian|inverse steradian|inv_steradian", GONIO_DECLARED_NOTHING},
+    {"quantity", "brf|reflectance factor|radiance factor|luminance factor|pi f_r|pi brdf|brdf pi|f_r pi",
+     GONIO_DECLARED_FACTOR},
+    {"units", UNITS, GONIO_DECLARED_NOTHING},
+    {"value_units", UNITS, GONIO_DECLARED_NOTHING},
     {"symmetry", "isotropic", GONIO_DECLARED_ISOTROPIC},
     {"symmetry", "anisotropic|none", GONIO_DECLARED_ANISOTROPIC},
     {"isotropic", "yes|true|1", GONIO_DECLARED_ISOTROPIC},
@@ -41,7 +47,10 @@ const gonio_declaration gonio_declarations_common[] = {
     {"normalised", "no|none|false|0", GONIO_DECLARED_NOTHING},
     {"cosine", "no|none|false|0", GONIO_DECLARED_NOTHING},
     {"cosine", "yes|true|1", GONIO_DECLARED_COSINE},
-    {"quantity", "btdf|f_t|btdf in 1/sr|btdf (1/sr)", GONIO_DECLARED_THROUGH},
+    {"quantity", "btdf|f_t", GONIO_DECLARED_THROUGH},
+    {"type", "brdf", GONIO_DECLARED_KNOWN},
+    {"type", "btdf", GONIO_DECLARED_THROUGH},
+    {"channels", NULL, GONIO_DECLARED_CHANNELS},
     {"halves", "reflection", GONIO_DECLARED_NOTHING},
     {"halves",
      "reflection,transmission|transmission,reflection|reflection and transmission|both|all|"
@@ -114,51 +123,42 @@ static const char *const synonyms[][2] = {{"unit", "units"},
                                           {"nodata", "missing"},
                                           {"nodatavalue", "missing"},
                                           {"fillvalue", "missing"},
+                                          {"missingvalues", "missing"},
+                                          {"missingdata", "missing"},
+                                          {"nanvalue", "missing"},
+                                          {"nan", "missing"},
+                                          {"blank", "missing"},
+                                          {"blankvalue", "missing"},
+                                          {"invalid", "missing"},
+                                          {"invalidvalue", "missing"},
+                                          {"badvalue", "missing"},
+                                          {"undefined", "missing"},
+                                          {"novalue", "missing"},
+                                          {"fehlwert", "missing"},
+                                          {"theta", "angleunits"},
+                                          {"phi", "angleunits"},
+                                          {"winkel", "angleunits"},
+                                          {"winkeleinheit", "angleunits"},
+                                          {"einheit", "units"},
+                                          {"einheiten", "units"},
+                                          {"unite", "units"},
+                                          {"unidad", "units"},
+                                          {"unita", "units"},
+                                          {"messgroesse", "quantity"},
+                                          {"groesse", "quantity"},
+                                          {"grandeur", "quantity"},
+                                          {"magnitud", "quantity"},
+                                          {"lambda", "wavelengthunits"},
+                                          {"wavelengthsin", "wavelengthunits"},
+                                          {"wellenlaenge", "wavelength"},
                                           {"mirror", "mirrorat"},
                                           {"specularat", "mirrorat"}};
-
-// Lower case, without blanks and the characters that spellings differ by.
-static void plain(const char *from, size_t length, char *to, size_t size) {
-    size_t n = 0;
-    for (size_t i = 0; i < length && n + 1 < size; i++) {
-        if (strchr(" \t\r_-^*.\"'", from[i]) == NULL) {
-            to[n++] = (char)tolower((unsigned char)from[i]);
-        }
-    }
-    to[n] = 0;
-}
-
-// Stems of what can change a value, and of lines of prose only the phrases that can hardly mean anything else.
-static const char *const stems[] = {
-    "unit",    "quantity", "cosine",    "cos(",           "angle",      "convention", "symmetr",   "isotrop",
-    "wavelen", "polari",   "scale",     "scaling",        "factor",     "percent",    "param",     "normali",
-    "theta",   "phi",      "azimuth",   "zenith",         "coordinate", "half",       "halves",    "transm",
-    "missing", "nodata",   "fillvalue", "offset",         "mirrorat",   "specularat", "separator", "delimiter",
-    "decimal", "log10",    "mueller",   "referenceframe", "mirror",     "measurand",  NULL};
-static const char *const phrases[] = {"cos(",         "costheta",      "timescos",  "bycos", "cosinefactor",
-                                      "cosineweight", "radian",        "inpercent", "log10", "polarised",
-                                      "polarized",    "transmittance", NULL};
-
-static const char *find_any(const char *const *words, const char *text) {
-    for (int k = 0; words[k] != NULL; k++) {
-        if (strstr(text, words[k]) != NULL) {
-            return words[k];
-        }
-    }
-    return NULL;
-}
-
-const char *gonio_declaration_weight(const char *name) {
-    char text[NAME];
-    plain(name, strlen(name), text, sizeof text);
-    return find_any(stems, text);
-}
 
 static bool is_one_of(const char *value, const char *words) {
     for (const char *word = words;; word++) {
         const size_t n = strcspn(word, "|");
         char one[NAME];
-        plain(word, n, one, sizeof one);
+        gonio_declaration_plain(word, n, true, one, sizeof one);
         if (strcmp(one, value) == 0) {
             return true;
         }
@@ -174,7 +174,7 @@ static const gonio_declaration *look_up(const gonio_declaration *table, const ch
                                         bool *known) {
     for (const gonio_declaration *d = table; d != NULL && d->key != NULL; d++) {
         char name[NAME];
-        plain(d->key, strlen(d->key), name, sizeof name);
+        gonio_declaration_plain(d->key, strlen(d->key), false, name, sizeof name);
         if (strcmp(name, key) == 0) {
             *known = true;
             if (d->values == NULL || is_one_of(value, d->values)) {
@@ -215,6 +215,10 @@ static void apply(const gonio_declaration *d, const char *value, gonio_declared 
     case GONIO_DECLARED_HALVES:
         declared->transmission = true;
         break;
+    case GONIO_DECLARED_CHANNELS:
+        free(declared->channels);
+        declared->channels = strdup(value);
+        break;
     }
 }
 
@@ -222,7 +226,7 @@ static gonio_status refuse(const gonio_source *source, long long line, const cha
                            gonio_error *error) {
     return gonio_fail_line(error, GONIO_E_INPUT, source->path, line,
                            "the file declares '%.120s', which could change its values and is not known here (%s); "
-                           "docs/formats.md lists what is",
+                           "docs/formats.md lists what is, --declared ignore takes it for a remark",
                            comment, what);
 }
 
@@ -285,50 +289,134 @@ static void take_synonym(char key[NAME], const char *value) {
     }
 }
 
-static gonio_status heed(const gonio_source *source, long long line, const char *comment, const gonio_declaration *own,
-                         gonio_declared *declared, gonio_error *error) {
-    const size_t mark = strcspn(comment, "=:"), capital = capital_key(comment);
-    const bool pair = capital == 0 && comment[mark] != 0 && mark < 40;
-    const size_t length = capital > 0 ? capital : pair ? mark : strlen(comment);
-    const char *rest = comment + length + (comment[length] != 0);
-    char key[NAME], value[NAME];
-    plain(comment, length, key, sizeof key);
-    plain(rest, strlen(rest), value, sizeof value);
-    take_synonym(key, value);
-    bool known = false;
-    const gonio_declaration *d = look_up(own, key, value, &known);
-    d = d != NULL || known ? d : look_up(gonio_declarations_common, key, value, &known);
-    if (d != NULL) {
-        apply(d, rest, declared);
-        const bool kept = d->effect == GONIO_DECLARED_FIGURE || d->effect == GONIO_DECLARED_KNOWN;
-        const gonio_status status =
-            d->effect == GONIO_DECLARED_FIGURE ? check_figure(source, line, d, rest, error) : GONIO_OK;
-        return status == GONIO_OK && kept ? keep(comment, length, rest, d, declared, error) : status;
-    }
-    if (known) {
-        return refuse(source, line, comment, "the value", error);
-    }
-    const char *weight = capital > 0 || pair ? find_any(stems, key) : NULL;
-    if (weight == NULL) {
-        char all[LINE];
-        plain(comment, strlen(comment), all, sizeof all);
-        weight = find_any(phrases, all);
-        for (const gonio_declaration *p = own; weight != NULL && p != NULL && p->key != NULL; p++) {
-            weight = strcmp(p->key, weight) == 0 ? NULL : weight; // it says what this format is anyway
+// "brdf in 1/sr", "brdf (sr^-1)": a quantity with its unit.
+static void strip_unit(char value[NAME]) {
+    static const char *const units[] = {"in1/sr", "insr1", "1/sr", "/sr", "sr1", "persr", "persteradian"};
+    for (size_t k = 0; k < sizeof units / sizeof *units; k++) {
+        const size_t n = strlen(value), unit = strlen(units[k]);
+        if (n > unit && strcmp(value + n - unit, units[k]) == 0) {
+            value[n - unit] = 0;
+            return;
         }
     }
-    return weight != NULL        ? refuse(source, line, comment, weight, error)
-           : capital > 0 || pair ? keep(comment, length, rest, NULL, declared, error)
-                                 : GONIO_OK;
+}
+
+// A comment as key and value. A remark without a sign between them, "angles in rad" or "values are brf", is one too
+// where its first part is a key that is known.
+typedef struct statement {
+    const char *comment, *rest; // rest: the value as written
+    size_t length;              // of the key
+    bool capital, pair;
+    char key[NAME], value[NAME];
+} statement;
+
+static bool is_key(const gonio_declaration *own, const char *key) {
+    bool known = false;
+    look_up(own, key, "", &known);
+    look_up(gonio_declarations_common, key, "", &known);
+    return known;
+}
+
+static void cut_remark(const gonio_declaration *own, statement *s) {
+    static const char *const verbs[] = {" in ", " are ", " is ", " sind ", " en "};
+    for (size_t k = 0; k < sizeof verbs / sizeof *verbs; k++) {
+        const char *at = strstr(s->comment, verbs[k]);
+        char key[NAME];
+        if (at == NULL || at == s->comment || at - s->comment >= 40) {
+            continue;
+        }
+        gonio_declaration_plain(s->comment, (size_t)(at - s->comment), false, key, sizeof key);
+        take_synonym(key, at + strlen(verbs[k]));
+        if (is_key(own, key)) {
+            s->length = (size_t)(at - s->comment);
+            s->rest = at + strlen(verbs[k]);
+            s->pair = true;
+            return;
+        }
+    }
+}
+
+static statement cut(const char *comment, const gonio_declaration *own) {
+    const size_t mark = strcspn(comment, "=:"), capital = capital_key(comment);
+    statement s = {.comment = comment, .capital = capital > 0, .pair = capital == 0 && comment[mark] != 0 && mark < 40};
+    s.length = capital > 0 ? capital : s.pair ? mark : strlen(comment);
+    s.rest = comment + s.length + (comment[s.length] != 0);
+    if (!s.pair && !s.capital) {
+        cut_remark(own, &s);
+    }
+    gonio_declaration_plain(comment, s.length, false, s.key, sizeof s.key);
+    gonio_declaration_plain(s.rest, strlen(s.rest), true, s.value, sizeof s.value);
+    take_synonym(s.key, s.value);
+    if (strcmp(s.key, "quantity") == 0) {
+        strip_unit(s.value);
+    }
+    return s;
+}
+
+// The weight of a comment that no table knows; NULL: it has none.
+static const char *weigh(const statement *s, const gonio_declaration *own) {
+    const char *weight = s->capital || s->pair ? gonio_declaration_key_weight(s->key) : NULL;
+    if (weight != NULL) {
+        return weight;
+    }
+    weight = gonio_declaration_remark_weight(s->comment);
+    for (const gonio_declaration *p = own; weight != NULL && p != NULL && p->key != NULL; p++) {
+        // It says what this format is anyway.
+        weight = strncmp(p->key, weight, strlen(p->key) < strlen(weight) ? strlen(p->key) : strlen(weight)) == 0
+                     ? NULL
+                     : weight;
+    }
+    return weight;
+}
+
+static gonio_status heed(const gonio_source *source, long long line, const char *comment, const gonio_declaration *own,
+                         bool marked, gonio_declared *declared, gonio_error *error) {
+    statement s = cut(comment, own);
+    bool known = false;
+    const gonio_declaration *d = look_up(own, s.key, s.value, &known);
+    d = d != NULL || known ? d : look_up(gonio_declarations_common, s.key, s.value, &known);
+    if (d != NULL) {
+        apply(d, s.rest, declared);
+        const bool kept = d->effect == GONIO_DECLARED_FIGURE || d->effect == GONIO_DECLARED_KNOWN;
+        const gonio_status status =
+            d->effect == GONIO_DECLARED_FIGURE ? check_figure(source, line, d, s.rest, error) : GONIO_OK;
+        return status == GONIO_OK && kept ? keep(comment, s.length, s.rest, d, declared, error) : status;
+    }
+    // Of text before a table only what is about the values: "angle of incidence: 30" is no declaration.
+    const bool heavy = marked || strcmp(s.key, "quantity") == 0 || strstr(s.key, "unit") != NULL;
+    if (known && heavy && strcmp(s.key, "type") != 0 && (marked || !isdigit((unsigned char)s.value[0]))) {
+        return refuse(source, line, comment, "the value", error);
+    }
+    s.pair = s.pair && marked;
+    const char *weight = weigh(&s, own);
+    if (weight != NULL) {
+        return refuse(source, line, comment, weight, error);
+    }
+    if (declared->through_line == 0 && gonio_declaration_speaks_of_transmission(comment)) {
+        declared->through_line = line;
+        snprintf(declared->through_remark, sizeof declared->through_remark, "%.*s", 100, comment);
+    }
+    return (s.capital || s.pair) && marked ? keep(comment, s.length, s.rest, NULL, declared, error) : GONIO_OK;
 }
 
 bool gonio_declaration_holds(const char *key, const char *value) {
     char name[NAME], text[NAME];
     bool known = false;
-    plain(key, strlen(key), name, sizeof name);
-    plain(value, strlen(value), text, sizeof text);
+    gonio_declaration_plain(key, strlen(key), false, name, sizeof name);
+    gonio_declaration_plain(value, strlen(value), true, text, sizeof text);
     const gonio_declaration *d = look_up(gonio_declarations_common, name, text, &known);
     return d != NULL && (d->effect != GONIO_DECLARED_FIGURE || is_figure(d, value));
+}
+
+gonio_status gonio_declarations_transmit(const gonio_source *source, const gonio_declared *declared,
+                                         gonio_error *error) {
+    return declared->through_line == 0 || declared->transmission
+               ? GONIO_OK
+               : gonio_fail_line(error, GONIO_E_INPUT, source->path, declared->through_line,
+                                 "the file speaks of transmission, '%.100s', and does not declare it: '# halves = "
+                                 "reflection,transmission' or '# quantity = btdf' does, as --transmission; --declared "
+                                 "ignore takes it for a remark",
+                                 declared->through_remark);
 }
 
 gonio_status gonio_declarations_read(const gonio_source *source, const gonio_declaration *own, gonio_declared *declared,
@@ -343,11 +431,11 @@ gonio_status gonio_declarations_read(const gonio_source *source, const gonio_dec
         while (at < last && (*at == ' ' || *at == '\t')) {
             at++;
         }
-        if (at < last && *at == '#') {
+        if (at < last && (*at == '#' || line <= source->preamble)) {
             char comment[LINE];
             snprintf(comment, sizeof comment, "%.*s", (int)(last - at < LINE ? last - at : LINE), at);
             char *text = gonio_text_trim(comment + strspn(comment, "#"));
-            status = text[0] != 0 ? heed(source, line, text, own, declared, error) : GONIO_OK;
+            status = text[0] != 0 ? heed(source, line, text, own, *at == '#', declared, error) : GONIO_OK;
         }
         at = last + 1;
     }
@@ -356,7 +444,8 @@ gonio_status gonio_declarations_read(const gonio_source *source, const gonio_dec
     }
     if (status != GONIO_OK) { // nobody takes what was told of a file that is refused
         free(declared->head);
-        declared->head = NULL;
+        free(declared->channels);
+        declared->head = declared->channels = NULL;
     }
     return status;
 }

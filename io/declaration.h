@@ -19,6 +19,7 @@ typedef enum gonio_declared_effect {
     GONIO_DECLARED_FIGURE,      // likewise, and it must be a number of 0 or more
     GONIO_DECLARED_HALVES,      // thetas beyond 90 deg are directions behind the sample
     GONIO_DECLARED_THROUGH,     // all rows are transmission
+    GONIO_DECLARED_CHANNELS,    // which columns are channels
 } gonio_declared_effect;
 
 // One known declaration; a table ends with {0}. Keys and values are compared without case, blanks, and _ - ^ * .
@@ -33,21 +34,25 @@ typedef struct gonio_declared {
     bool cosine;                // values are to be divided by cos(theta_o)
     double factor;              // and by this
     bool transmission, through; // thetas go to 180 deg; every row is transmitted
+    long long through_line;     // a remark that speaks of transmission; 0: none does
+    char through_remark[112];
     bool has_missing;
     double missing;
-    char *head; // "key = value" lines of what the measurement was, NULL: none; owned
+    char *channels; // "a,b,c" of the columns that are channels, NULL: it does not say; owned
+    char *head;     // "key = value" lines of what the measurement was, NULL: none; owned
 } gonio_declared;
 
 // What every text format knows besides its own table.
 extern const gonio_declaration gonio_declarations_common[];
 
-// Go through all comment lines of a text. own: NULL, or the format's table, which comes first. Changes nothing in the
-// source. Free declared->head, also on failure.
+// Go through all comment lines of a text, and the lines before its table. own: NULL, or the format's table, which comes
+// first. Changes nothing in the source. Free declared->head and ->channels; on failure there are none.
 gonio_status gonio_declarations_read(const gonio_source *source, const gonio_declaration *own, gonio_declared *declared,
                                      gonio_error *error);
+// An error where a remark speaks of transmission that nothing declares.
+gonio_status gonio_declarations_transmit(const gonio_source *source, const gonio_declared *declared,
+                                         gonio_error *error);
 // Would the line "key = value" be heeded without a word, as one of those that every text format knows?
 bool gonio_declaration_holds(const char *key, const char *value);
-// Does a name speak of something that could change values: units, angles, factors ...? The word for messages; NULL: no.
-const char *gonio_declaration_weight(const char *name);
 
 #endif

@@ -12,6 +12,7 @@ struct gonio_source {
     const char *path;
     char *data;
     size_t size;
+    long long preamble; // so many lines at its beginning are remarks, without a mark of such
 };
 
 // The values of a format's options, in the order of its table.
@@ -186,10 +187,11 @@ gonio_status gonio_row_collector_add(gonio_row_collector *collector, const gonio
 gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_status status, gonio_samples **out,
                                      gonio_read_report *report, gonio_error *error);
 
-// Look for missing values that are written as exact zeros, and for a ceiling; left out (the set is then another one)
-// where `leave_out`, and told in notes. lines: of the set's rows.
-gonio_status gonio_missing_look(gonio_samples **samples, const long long *lines, bool leave_out, char *notes,
-                                size_t size, gonio_error *error);
+// Look for missing values that are written as numbers: fill numbers, blocks of zeros or of another value; and for a
+// ceiling. They are left out (the set is then another one) where `leave_out`, and told in notes. lines: of the set's
+// rows, which follow.
+gonio_status gonio_missing_look(gonio_samples **samples, long long *lines, bool leave_out, char *notes, size_t size,
+                                gonio_error *error);
 
 // Tell in notes of equal geometries whose values differ by more than they may.
 gonio_status gonio_repeats_look(const gonio_samples *samples, const long long *lines, char *notes, size_t size,

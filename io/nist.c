@@ -162,7 +162,7 @@ static gonio_status join(gonio_samples *const sets[16], gonio_samples **out, gon
 static gonio_status read_matrix(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                 gonio_read_report *report, gonio_error *error) {
     gonio_samples *sets[16] = {0};
-    gonio_source copy = {source->path, malloc(source->size + 1), source->size};
+    gonio_source copy = {.path = source->path, .data = malloc(source->size + 1), .size = source->size};
     gonio_status status =
         copy.data != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", source->path);
     for (int e = 0; e < 16 && status == GONIO_OK; e++) {

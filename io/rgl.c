@@ -20,6 +20,7 @@
 
 #include "base/number.h"
 #include "gonio/plan.h"
+#include "io/declaration_words.h"
 #include "io/rgl.h"
 
 #define MAGIC "tensor_file"

@@ -13,7 +13,8 @@
 static bool name_is_sound(const char *name) {
     const size_t length = strnlen(name, GONIO_CHANNEL_NAME_MAX);
     if (length == 0 || length == GONIO_CHANNEL_NAME_MAX || strncmp(name, "sigma_", 6) == 0 ||
-        strcmp(name, GONIO_COLUMN_GROUP) == 0 || gonio_column_role_of(name) != GONIO_COLUMN_CHANNEL) {
+        strcmp(name, GONIO_COLUMN_GROUP) == 0 ||
+        (gonio_column_role_of(name) != GONIO_COLUMN_CHANNEL && gonio_column_role_of(name) != GONIO_COLUMN_UNKNOWN)) {
         return false;
     }
     for (size_t k = 0; k < length; k++) {
@@ -75,10 +76,13 @@ gonio_status gonio_row_collector_begin(gonio_row_collector *collector, gonio_tex
     collector->report.first_negative_line = -1;
     collector->report.open_end = text->next < text->end && text->end[-1] != '\n';
     snprintf(collector->report.format, sizeof collector->report.format, "%s", format);
-    const gonio_status status = values->at[GONIO_TEXT_DECLARED].choice == 0
-                                    ? gonio_declarations_read(source, own, &collector->declared, error)
-                                    : GONIO_OK;
+    gonio_status status = values->at[GONIO_TEXT_DECLARED].choice == 0
+                              ? gonio_declarations_read(source, own, &collector->declared, error)
+                              : GONIO_OK;
     collector->declared.transmission |= values->at[GONIO_TEXT_TRANSMISSION].choice == 1;
+    if (status == GONIO_OK && own != NULL) { // the others tell their halves themselves
+        status = gonio_declarations_transmit(source, &collector->declared, error);
+    }
     text->transmission = collector->declared.transmission;
     parse_missing(values, &collector->declared, &collector->missing);
     return status;
@@ -263,11 +267,12 @@ static gonio_status refuse(const gonio_row_collector *collector, gonio_error *er
         snprintf(beyond, sizeof beyond, " more than %d sigma below 0", GONIO_NOISE_SIGMAS);
         snprintf(sigma, sizeof sigma, " with sigma %g", collector->refused_sigma);
     }
-    return gonio_fail_line(error, GONIO_E_INPUT, collector->text->path, collector->refused_line,
-                           "%zu negative values%s, the first here: %s = %g%s; `--negatives clamp` raises them to 0, "
-                           "`--negatives keep` takes them as they are",
-                           collector->refused, beyond, collector->samples->channel_names[collector->refused_channel],
-                           collector->refused_value, sigma);
+    return gonio_fail_line(
+        error, GONIO_E_INPUT, collector->text->path, collector->refused_line,
+        "%zu negative values%s, the first here: %s = %g%s; `--negatives clamp` raises them to 0, "
+        "`--negatives keep` takes them as they are, `--missing %.10g` leaves out the rows of that value",
+        collector->refused, beyond, collector->samples->channel_names[collector->refused_channel],
+        collector->refused_value, sigma, collector->refused_value);
 }
 
 // A single -1 is a negative value like any other; said twice it stands for something.
@@ -375,6 +380,7 @@ gonio_status gonio_row_collector_end(gonio_row_collector *collector, gonio_statu
     free(collector->sigmas);
     free(collector->is_signed);
     free(collector->declared.head);
+    free(collector->declared.channels);
     *out = collector->samples;
     return status;
 }

@@ -19,6 +19,7 @@
 #include "io/long_rows.h"
 
 #define ANISOTROPIC "# anisotropic"
+#define CHANNELS "# channels = "
 #define TRANSMISSION "# halves = reflection,transmission"
 
 // A header that holds one of the angles: what else is wrong with it, this reader says best.
@@ -158,7 +159,7 @@ static gonio_status read_header(gonio_text *text, char **fields, gonio_columns *
         return gonio_text_fail(
             text, error, "expected a header that begins with " GONIO_PAIR_HEADER ", found '%.60s' first", fields[0]);
     }
-    const gonio_status status = gonio_columns_read(text, fields, columns, l, error);
+    const gonio_status status = gonio_columns_read(text, fields, columns, collector->declared.channels, l, error);
     if (status == GONIO_OK && l->aside[0] != 0) {
         gonio_text_append(collector->report.notes, sizeof collector->report.notes,
                           "columns that are no channels and not read: %s\n", l->aside);
@@ -241,6 +242,9 @@ static void put_header(const gonio_samples *s, bool systematic, FILE *stream) {
     }
     if (s->transmission) {
         fputs(TRANSMISSION "\n", stream);
+    }
+    for (int c = 0; c < s->channels && !gonio_columns_are_plain(s); c++) {
+        fprintf(stream, "%s%s%s", c == 0 ? CHANNELS : ",", s->channel_names[c], c + 1 == s->channels ? "\n" : "");
     }
     fputs(GONIO_PAIR_HEADER, stream);
     static const char *const prefixes[4] = {"", "sigma_", "sigma_random_", "sigma_systematic_"};

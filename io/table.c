@@ -225,7 +225,8 @@ static const gonio_declaration in_degrees[] = {{"angle_units", "deg|degree|degre
                                                {"wavelength_units", "nm|um", GONIO_DECLARED_NOTHING},
                                                {"mirror_at", "0|180|0 deg|180 deg", GONIO_DECLARED_NOTHING},
                                                {0}};
-static const gonio_declaration in_radians[] = {{"angle_units", "rad|radian|radians", GONIO_DECLARED_NOTHING},
+static const gonio_declaration in_radians[] = {{"radian", NULL, GONIO_DECLARED_NOTHING},
+                                               {"angle_units", "rad|radian|radians", GONIO_DECLARED_NOTHING},
                                                {"wavelength_units", "nm|um", GONIO_DECLARED_NOTHING},
                                                {"mirror_at", "0|180|0 deg|180 deg", GONIO_DECLARED_NOTHING},
                                                {0}};
@@ -407,6 +408,7 @@ static gonio_status check_declarations(const gonio_source *source, const gonio_f
             ? gonio_declarations_read(source, radians ? in_radians : in_degrees, &declared, error)
             : GONIO_OK;
     free(declared.head);
+    free(declared.channels);
     return status;
 }
 
@@ -431,7 +433,11 @@ static gonio_status read_table(const gonio_source *source, const gonio_format_va
     status = status == GONIO_OK ? gonio_table_columns_find(source, mapping, &layout, columns, error) : status;
     if (status == GONIO_OK) {
         reader r = {.mapping = mapping, .layout = &layout, .columns = columns, .lines = flat.lines};
-        status = read_both(source, values, &r, out, report, error);
+        gonio_source whole = *source;
+        if (flat.lines == NULL && mapping->quantity == GONIO_QUANTITY_UNSTATED) {
+            whole.preamble = (layout.header_line > 0 ? layout.header_line : layout.first_row) - 1;
+        }
+        status = read_both(&whole, values, &r, out, report, error);
         if (status == GONIO_OK) {
             note_words(&r, report);
         }

@@ -148,8 +148,9 @@ static void name_channel(const finder *f, int column, char name[GONIO_CHANNEL_NA
     }
     plain[n] = 0;
     const char *kept = gonio_text_trim(plain);
+    const gonio_column_role role = gonio_column_role_of(kept);
     const bool sound = kept[0] != 0 && gonio_text_is_printable(kept) && strncmp(kept, "sigma_", 6) != 0 &&
-                       gonio_column_role_of(kept) == GONIO_COLUMN_CHANNEL;
+                       (role == GONIO_COLUMN_CHANNEL || role == GONIO_COLUMN_UNKNOWN);
     snprintf(name, GONIO_CHANNEL_NAME_MAX, sound ? "%s" : "value", kept);
     for (int c = 0; c < f->columns->channels; c++) {
         if (strcmp(f->columns->names[c], name) == 0) {
@@ -163,9 +164,10 @@ static gonio_status add_channel(const finder *f, int column, const char *key, go
     if (c->channels == GONIO_CHANNELS_MAX) {
         return fail_at(f, error, "too many value columns, with '%.60s'", f->layout->names[column]);
     }
+    const gonio_column_role role = key != NULL ? gonio_column_role_of(key) : GONIO_COLUMN_CHANNEL;
     if (key == NULL) {
         name_channel(f, column, c->names[c->channels]);
-    } else if (gonio_column_role_of(key) != GONIO_COLUMN_CHANNEL) {
+    } else if (role != GONIO_COLUMN_CHANNEL && role != GONIO_COLUMN_UNKNOWN) {
         return gonio_fail(error, GONIO_E_USAGE, "columns: '%.60s' can be no channel's name", key);
     } else {
         snprintf(c->names[c->channels], GONIO_CHANNEL_NAME_MAX, "%s", key);
@@ -259,33 +261,30 @@ static int channel_of_sigma(const finder *f, const char *name) {
     return -1;
 }
 
-// "uncertainty [%]": of the value, not f_r.
-static bool is_relative_sigma(const char *name) {
-    char plain[96];
-    snprintf(plain, sizeof plain, "%.*s", (int)strcspn(name, "[(%"), name);
-    return gonio_column_role_of(gonio_text_trim(plain)) == GONIO_COLUMN_SIGMA &&
-           gonio_column_role_of(name) == GONIO_COLUMN_FOREIGN;
-}
-
 static gonio_column_role role_of(const char *name) {
     gonio_mapped_role angle;
-    if (is_relative_sigma(name)) {
-        return GONIO_COLUMN_ASIDE;
-    }
     return gonio_table_angle_of_name(name, &angle) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(name);
+}
+
+// Is a column a value by its name? What says nothing is one only where none is.
+static bool is_value(gonio_column_role role, bool named) {
+    return role == GONIO_COLUMN_CHANNEL || role == GONIO_COLUMN_FOREIGN || (role == GONIO_COLUMN_UNKNOWN && !named);
 }
 
 // Values whose names may be of an uncertainty come last: they need the others.
 static gonio_status take_values(const finder *f, gonio_error *error) {
     gonio_status status = GONIO_OK;
+    bool named = false;
+    for (int k = 0; k < f->layout->columns; k++) {
+        named = named || (!f->taken[k] && is_value(role_of(f->layout->names[k]), true));
+    }
     for (int pass = 0; pass < 2; pass++) {
         for (int k = 0; k < f->layout->columns && status == GONIO_OK; k++) {
             const char *name = f->layout->names[k];
-            const gonio_column_role role = role_of(name);
             size_t length;
             const bool compound = gonio_column_sigma_of(name, &length) != NULL;
             if (!f->taken[k] && compound == (pass == 1) && channel_of_sigma(f, name) < 0 &&
-                (role == GONIO_COLUMN_CHANNEL || role == GONIO_COLUMN_FOREIGN)) {
+                is_value(role_of(name), named)) {
                 f->taken[k] = true;
                 status = add_channel(f, k, NULL, error);
             }
@@ -322,15 +321,40 @@ static bool known(const gonio_table_columns *c, gonio_mapped_role role) {
     return c->angle[role] >= 0 || !isnan(c->constant[role]);
 }
 
-static gonio_status check_names(const finder *f, gonio_error *error) {
-    const gonio_table_columns *c = f->columns;
-    for (int k = 0; k < c->channels; k++) {
-        const char *name = f->layout->names[c->value[k]];
-        if (f->mapping->quantity == GONIO_QUANTITY_UNSTATED && gonio_column_role_of(name) == GONIO_COLUMN_FOREIGN) {
-            return fail_at(f, error, "'%.60s' is no f_r in 1/sr by its name; --quantity says what it is", name);
+static gonio_status check_angle_units(const finder *f, gonio_error *error) {
+    static const char *const degrees[] = {"deg", "degs", "degree", "degrees", "grad", "grd", NULL};
+    static const char *const radians[] = {"rad", "rads", "radian", "radians", "bogenmass", NULL};
+    static const char *const others[] = {"gon",     "gons",     "mrad", "arcmin", "arcsec",
+                                         "gradian", "gradians", "turn", NULL};
+    for (int role = 0; role < GONIO_MAPPED_ANGLES; role++) {
+        char unit[48];
+        const int column = f->columns->angle[role];
+        if (column < 0) {
+            continue;
+        }
+        gonio_table_unit(f->layout, column, unit, sizeof unit);
+        if (is_one_of(unit, others)) {
+            return fail_at(f, error, "angles in '%.40s'; degrees and radians are read", unit);
+        }
+        if (is_one_of(unit, f->mapping->radians ? degrees : radians)) {
+            return fail_at(f, error, "'%.60s' is in another unit by the file; --angles says which",
+                           f->layout->names[column]);
         }
     }
     return GONIO_OK;
+}
+
+static gonio_status check_names(const finder *f, gonio_error *error) {
+    const gonio_table_columns *c = f->columns;
+    for (int k = 0; k < c->channels && f->mapping->quantity == GONIO_QUANTITY_UNSTATED; k++) {
+        const char *name = f->layout->names[c->value[k]];
+        char with_unit[128];
+        snprintf(with_unit, sizeof with_unit, "%.60s [%.60s]", name, f->layout->units[c->value[k]]);
+        if (gonio_column_role_of(f->layout->units[c->value[k]][0] != 0 ? with_unit : name) == GONIO_COLUMN_FOREIGN) {
+            return fail_at(f, error, "'%.60s' is no f_r in 1/sr by its name or unit; --quantity says what it is", name);
+        }
+    }
+    return check_angle_units(f, error);
 }
 
 static gonio_status check_whole(const finder *f, gonio_error *error) {
@@ -362,12 +386,15 @@ static gonio_status check_whole(const finder *f, gonio_error *error) {
     return check_names(f, error);
 }
 
-static void find_wavelength_unit(const finder *f) {
+static gonio_status find_wavelength_unit(const finder *f, gonio_error *error) {
     gonio_table_columns *c = f->columns;
-    const char *name = c->wavelength >= 0 ? f->layout->names[c->wavelength] : "";
-    c->to_um = strstr(name, "nm") != NULL                                        ? 1e-3
-               : strstr(name, "um") != NULL || strstr(name, "\xc2\xb5m") != NULL ? 1
-                                                                                 : 0;
+    char unit[32] = "", name[128];
+    if (c->wavelength >= 0) {
+        snprintf(name, sizeof name, "%.60s [%.60s]", f->layout->names[c->wavelength], f->layout->units[c->wavelength]);
+        c->to_um = gonio_column_um(f->layout->units[c->wavelength][0] != 0 ? name : f->layout->names[c->wavelength],
+                                   unit, sizeof unit);
+    }
+    return isnan(c->to_um) ? fail_at(f, error, "wavelengths in '%.30s'; nm and um are read", unit) : GONIO_OK;
 }
 
 static gonio_status take_wavelength(const finder *f, gonio_error *error) {
@@ -403,8 +430,7 @@ gonio_status gonio_table_columns_find(const gonio_source *source, const gonio_ma
     }
     status = status == GONIO_OK ? check_whole(&f, error) : status;
     free(f.taken);
-    find_wavelength_unit(&f);
-    return status;
+    return status == GONIO_OK ? find_wavelength_unit(&f, error) : status;
 }
 
 // ---- in words ----

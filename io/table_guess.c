@@ -138,22 +138,23 @@ static void roles_by_place(gonio_table_guess *g) {
     because(g, "no names: the columns' order alone says which angle is which");
 }
 
-// Without what stands in brackets behind it.
-static bool is_sigma_name(const char *name) {
-    char plain[64];
-    snprintf(plain, sizeof plain, "%.*s", (int)strcspn(name, "[(%"), name);
-    return gonio_column_role_of(gonio_text_trim(plain)) == GONIO_COLUMN_SIGMA;
+static gonio_column_role role_of(const gonio_table_column_facts *c) {
+    gonio_mapped_role angle;
+    return gonio_table_angle_of_name(c->name, &angle) ? GONIO_COLUMN_ASIDE : gonio_column_role_of(c->name);
 }
 
 static void find_values(gonio_table_guess *g) {
     int values = 0;
+    bool named = false;
+    for (int k = 0; k < g->layout.columns; k++) {
+        const gonio_table_column_facts *c = &g->columns[k];
+        const gonio_column_role kind = role_of(c);
+        named = named ||
+                (c->key[0] == 0 && c->numbers > 0 && (kind == GONIO_COLUMN_CHANNEL || kind == GONIO_COLUMN_FOREIGN));
+    }
     for (int k = 0; k < g->layout.columns; k++) {
         gonio_table_column_facts *c = &g->columns[k];
-        gonio_mapped_role role;
-        const gonio_column_role kind = gonio_table_angle_of_name(c->name, &role) ? GONIO_COLUMN_ASIDE
-                                       : strchr(c->name, '%') != NULL && is_sigma_name(c->name)
-                                           ? GONIO_COLUMN_ASIDE
-                                           : gonio_column_role_of(c->name);
+        const gonio_column_role kind = role_of(c);
         if (c->key[0] != 0 || c->numbers == 0) {
             continue;
         }
@@ -161,7 +162,8 @@ static void find_values(gonio_table_guess *g) {
             set_key(g, k, "wavelength");
         } else if (kind == GONIO_COLUMN_SIGMA && column_of(g, "sigma") < 0) {
             set_key(g, k, "sigma");
-        } else if (kind == GONIO_COLUMN_CHANNEL || kind == GONIO_COLUMN_FOREIGN) {
+        } else if (kind == GONIO_COLUMN_CHANNEL || kind == GONIO_COLUMN_FOREIGN ||
+                   (kind == GONIO_COLUMN_UNKNOWN && !named)) {
             set_key(g, k, values++ == 0 ? "value" : "values");
         }
     }
@@ -255,7 +257,9 @@ static void propose_angles(gonio_table_guess *g) {
         if (column >= 0) {
             low = fmin(low, g->columns[column].low);
             high = fmax(high, fmax(g->columns[column].high, -g->columns[column].low));
-            radians = radians || strcasestr(g->columns[column].name, "rad") != NULL;
+            char unit[32];
+            gonio_table_unit(&g->layout, column, unit, sizeof unit);
+            radians = radians || strncmp(unit, "rad", 3) == 0 || strcmp(unit, "bogenmass") == 0;
         }
     }
     if (low < 0) {
@@ -267,7 +271,7 @@ static void propose_angles(gonio_table_guess *g) {
         because(g, "the name says elevation: polar angles from the surface, not from the normal");
     }
     if (radians || (high > 0.2 && high <= 1.5708 && high != floor(high))) {
-        because(g, radians ? "the angles' names say radians" : "the polar angles end at 1.5708: radians");
+        because(g, radians ? "the angles' units say radians" : "the polar angles end at 1.5708: radians");
         set(g, GONIO_TABLE_ANGLES, "rad");
     }
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/table_layout.h"
+#include "io/fold.h"
 
 #include <ctype.h>
 #include <math.h>
@@ -363,6 +364,43 @@ static gonio_status find_any(const gonio_source *source, char **fields, gonio_ta
     return status;
 }
 
+// "deg;deg;1/sr" between the header and the rows: as many fields, none a number.
+static gonio_status find_units(const gonio_source *source, char **fields, gonio_table_layout *l, gonio_error *error) {
+    gonio_table_lines lines = gonio_table_lines_begin(source);
+    gonio_status status = GONIO_OK;
+    for (char *line; status == GONIO_OK && l->header_line > 0 && (line = gonio_table_lines_next(&lines)) != NULL &&
+                     lines.number < l->first_row;) {
+        if (lines.number <= l->header_line || line[0] == 0) {
+            continue;
+        }
+        char *text = without_mark(line), *copy = strdup(text);
+        const int n = gonio_table_split(text, l->separator, l->columns, fields, GONIO_TABLE_COLUMNS_MAX);
+        if (copy == NULL) {
+            status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the units");
+        } else if (n == l->columns && numbers_in(fields, n, l->decimal) == 0 && l->unit_line == NULL) {
+            l->unit_line = copy;
+            copy = NULL;
+            gonio_table_split(l->unit_line, l->separator, l->columns, l->units, l->columns);
+        }
+        free(copy);
+    }
+    free(lines.buffer);
+    return status;
+}
+
+void gonio_table_unit(const gonio_table_layout *l, int column, char *unit, size_t size) {
+    const char *told = l->units[column];
+    char part[64];
+    if (told[0] == 0) {
+        const char *bracket = strpbrk(l->names[column], "[(,");
+        const char *stroke = strchr(l->names[column], '/');
+        told = bracket != NULL ? bracket + 1 : stroke != NULL ? stroke + 1 : "";
+    }
+    told += strspn(told, " [(");
+    snprintf(part, sizeof part, "%.*s", (int)strcspn(told, "])"), told);
+    gonio_fold(gonio_text_trim(part), false, unit, size);
+}
+
 // Could the line be a row, or what is left of one?
 static bool is_near_row(char *line, char **fields, const gonio_table_layout *l) {
     double value;
@@ -412,11 +450,12 @@ static gonio_status find(const gonio_source *source, const gonio_mapping *m, cha
                                "no table in it: no rows of two numbers or more%s",
                                m->separator != 0 || m->decimal != 0 ? " with this separator and decimal sign" : "");
     }
-    l->names = malloc((size_t)l->columns * sizeof *l->names);
+    l->names = malloc(2 * (size_t)l->columns * sizeof *l->names);
     if (l->names == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %d columns", l->columns);
     }
-    for (int k = 0; k < l->columns; k++) {
+    l->units = l->names + l->columns;
+    for (int k = 0; k < 2 * l->columns; k++) {
         l->names[k] = (char *)"";
     }
     gonio_status status = GONIO_OK;
@@ -429,6 +468,7 @@ static gonio_status find(const gonio_source *source, const gonio_mapping *m, cha
         status = status == GONIO_OK && l->header_line == 0 ? find_any(source, fields, l, error) : status;
     }
     find_last(source, fields, l);
+    status = status == GONIO_OK ? find_units(source, fields, l, error) : status;
     return status == GONIO_OK && l->first_row == 0
                ? gonio_fail_line(error, GONIO_E_INPUT, source->path, l->header_line > 0 ? l->header_line : 1,
                                  "no rows of numbers behind the header")
@@ -447,7 +487,7 @@ gonio_status gonio_table_layout_find(const gonio_source *source, const gonio_map
 
 void gonio_table_layout_free(gonio_table_layout *layout) {
     free(layout->header);
+    free(layout->unit_line);
     free(layout->names);
-    layout->header = NULL;
-    layout->names = NULL;
+    *layout = (gonio_table_layout){0};
 }

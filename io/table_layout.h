@@ -16,8 +16,10 @@ typedef struct gonio_table_layout {
     long long last_row;    // of the last; lines of text behind it, that could be no row, are footers
     long long first_footer;
     size_t footers;
-    char *header; // its line, cut up
-    char **names; // of the columns, "" where there is none; borrowed from header
+    char *header;    // its line, cut up
+    char **names;    // of the columns, "" where there is none; borrowed from header
+    char *unit_line; // the line of units between header and rows, cut up; NULL: none
+    char **units;    // of the columns, "" where none is told; borrowed from unit_line
 } gonio_table_layout;
 
 // The lines of a text one by one, each copied and trimmed; data is kept. Free buffer.
@@ -41,6 +43,8 @@ bool gonio_table_number(const char *field, char decimal, double *value);
 // layout, also on failure.
 gonio_status gonio_table_layout_find(const gonio_source *source, const gonio_mapping *mapping,
                                      gonio_table_layout *layout, gonio_error *error);
+// The unit of a column, from the line of units or from what stands in brackets in its name, as gonio_fold has it.
+void gonio_table_unit(const gonio_table_layout *layout, int column, char *unit, size_t size);
 void gonio_table_layout_free(gonio_table_layout *layout);
 // The column of that name, from 0 on: the same text, else the same but for case and what stands in brackets; -1: none.
 int gonio_table_find_name(char *const *names, int columns, const char *name);

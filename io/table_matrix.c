@@ -288,7 +288,7 @@ gonio_status gonio_table_unfold(const gonio_source *source, const char *text, go
         fclose(f.stream);
     }
     free(copy);
-    *flat = (gonio_table_flat){{source->path, f.text, f.size}, f.lines};
+    *flat = (gonio_table_flat){{.path = source->path, .data = f.text, .size = f.size}, f.lines};
     return status;
 }
 

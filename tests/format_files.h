@@ -70,7 +70,7 @@ static inline void format_rgl(format_bytes *b) {
 
 #define FORMAT_TABLE_COLUMNS "theta_i=theta_i,theta_o=theta_o,phi=phi,value=BRF" // of the file "table"
 
-enum { FORMAT_FILES = 21, FORMAT_TEXTS = 17 };
+enum { FORMAT_FILES = 22, FORMAT_TEXTS = 18 };
 
 enum { FORMAT_CURET = 205 };
 
@@ -125,7 +125,11 @@ static inline void format_files(format_file files[FORMAT_FILES], format_bytes *r
         {"ddr", "ddr",
          ";; a\nSource Measured\nTypeSym PlaneSymmetrical\nTypeColorModel BW\nTypeData Luminance Absolute\nsigma 2\n0 "
          "30\n"
-         "phi 2\n0 180\ntheta 2\n0 10\nbw\nkbdf 0.5 0.25\ndef\n;; b\n1 2\n3 4\n5 6\n7 8\n"},
+         "phi 2\n0 180\ntheta 2\n0 10\nbw\nkbdf 0.5 0.25\ndef\n;; b\n1 2\n3 4\n5 6\n7 8\nenddef\n"},
+        {"sdr", "sdr",
+         ";; a\nSource Measured\nTypeColorModel RGB\nsigma 4\n0 30 60 90\nred\n def\n 0.04 0.05 0.1 1\n "
+         "enddef\ngreen\n def\n"
+         " 0.04 0.06 0.2 1\n enddef\nblue\n def\n 0.04 0.07 0.3 1\n enddef\n"},
         {"speos", "speos",
          "OPTIS - brdf surface file v8.0\n0\na comment\n8\ntwo\nbit\n1\t0\n1\n1\t2\n30\n450 550\n50\n2 2\n\t0\t180\n0 "
          "1 1\n90 1 1\n"

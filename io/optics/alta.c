@@ -69,8 +69,60 @@ static void cartesian(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
     *wi = (gonio_vec3){x[3], x[4], x[5]};
 }
 
-// Those that tell both directions, where coordinates lack as ALTA itself fills them in; the others are slices or
-// averages, whose pairs of directions nobody knows.
+// H = (l + v) / 2 projected on the surface, of length x[0] at azimuth 0, and B = (l - v) / 2: l = H + B, v = H - B.
+static void half_and_back(gonio_vec3 h, gonio_vec3 b, gonio_vec3 *wi, gonio_vec3 *wo) {
+    *wi = (gonio_vec3){h.x + b.x, h.y + b.y, h.z + b.z};
+    *wo = (gonio_vec3){h.x - b.x, h.y - b.y, h.z - b.z};
+}
+// Neumann: the projections of both, |B| at azimuth x[2].
+static void neumann_3(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    half_and_back((gonio_vec3){x[0], 0, 0}, (gonio_vec3){x[1] * cos(x[2]), x[1] * sin(x[2]), 0}, wi, wo);
+    wi->z = sqrt(fmax(1 - wi->x * wi->x - wi->y * wi->y, 0));
+    wo->z = sqrt(fmax(1 - wo->x * wo->x - wo->y * wo->y, 0));
+}
+static void neumann_2(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    neumann_3((const double[]){x[0], x[1], GONIO_PI / 2}, wi, wo);
+}
+// Stark: B's whole length and azimuth; it is perpendicular to H, as both directions are of length 1.
+static void stark_3(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    const gonio_vec3 h = {x[0], 0, sqrt(fmax(1 - x[0] * x[0] - x[1] * x[1], 0))};
+    const double theta = atan2(h.z, -h.x * cos(x[2])), s = x[1] * sin(theta);
+    half_and_back(h, (gonio_vec3){s * cos(x[2]), s * sin(x[2]), x[1] * cos(theta)}, wi, wo);
+}
+static void stark_2(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    stark_3((const double[]){x[0], x[1], GONIO_PI / 2}, wi, wo);
+}
+// Schlick's back vector K stands half-way between the view and the light's mirror direction.
+static void schlick(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    const gonio_vec3 k = polar(elevation(x[1], x[2]), atan2(x[2], x[1]));
+    *wi = polar(x[0], 0);
+    const gonio_vec3 r = {-wi->x, 0, wi->z};
+    const double along = 2 * dot(k, r);
+    *wo = (gonio_vec3){along * k.x - r.x, along * k.y - r.y, along * k.z - r.z};
+}
+// The view at an angle from the light, in a direction that counts from the normal's about the light.
+static void retro(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    const double apart = elevation(x[1], x[2]), turn = atan2(x[2], x[1]);
+    *wi = polar(x[0], 0);
+    const double a = cos(apart), b = sin(apart) * cos(turn);
+    *wo = (gonio_vec3){a * wi->x - b * wi->z, sin(apart) * sin(turn), a * wi->z + b * wi->x};
+}
+static gonio_vec3 stereographic_one(double x, double y) {
+    const double r = x * x + y * y;
+    return (gonio_vec3){2 * x / (1 + r), 2 * y / (1 + r), (1 - r) / (1 + r)};
+}
+static void stereographic(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    *wo = stereographic_one(x[0], x[1]);
+    *wi = stereographic_one(x[2], x[3]);
+}
+static void half_vector(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) { *wi = *wo = (gonio_vec3){x[0], x[1], x[2]}; }
+static void apart(const double *x, gonio_vec3 *wi, gonio_vec3 *wo) {
+    *wi = (gonio_vec3){0, 0, 1};
+    *wo = polar(acos(x[0]), 0);
+}
+
+// Those that tell both directions, where coordinates lack as ALTA itself fills them in. Of COS_TK, COS_TLR and
+// SCHLICK_VK, slices or averages too, it makes no pair of directions of length 1.
 static const struct parametrisation {
     const char *name;
     int coordinates;
@@ -87,6 +139,15 @@ static const struct parametrisation {
     {"ISOTROPIC_TL_TV_PROJ_DPHI", 3, false, projected},
     {"ISOTROPIC_TV_PROJ_DPHI", 2, false, normal_light},
     {"CARTESIAN", 6, true, cartesian},
+    {"NEUMANN_3D", 3, false, neumann_3},
+    {"NEUMANN_2D", 2, false, neumann_2},
+    {"STARK_3D", 3, false, stark_3},
+    {"STARK_2D", 2, false, stark_2},
+    {"SCHLICK_TL_TK_PROJ_DPHI", 3, false, schlick},
+    {"RETRO_TL_TVL_PROJ_DPHI", 3, false, retro},
+    {"STEREOGRAPHIC", 4, true, stereographic},
+    {"RUSIN_VH", 3, true, half_vector},
+    {"COS_TLV", 1, false, apart},
 };
 enum { PARAMETRISATIONS = sizeof parametrisations / sizeof *parametrisations };
 
@@ -413,8 +474,9 @@ static gonio_status read_alta(const gonio_source *source, const gonio_format_val
     alta a = {.text = gonio_text_begin(source->path, source->data, source->size), .count = -1};
     // Bytes of a stream declare nothing.
     const char *stream = strstr(source->data, "#BEGIN_STREAM");
-    const gonio_source head = {source->path, source->data,
-                               stream != NULL ? (size_t)(stream - source->data) : source->size};
+    const gonio_source head = {.path = source->path,
+                               .data = source->data,
+                               .size = stream != NULL ? (size_t)(stream - source->data) : source->size};
     char *line = NULL;
     gonio_status status = gonio_row_collector_begin(&a.collector, &a.text, &head, values, declarations, "alta", error);
     status = status == GONIO_OK ? read_header(&a, source, &line, error) : status;

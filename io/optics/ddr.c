@@ -8,12 +8,14 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/number.h"
-#include "io/optics/grid.h"
+#include "io/optics/integra.h"
 
+// SDR, which holds no distribution, has the same head without these.
 static bool recognise(const gonio_source *source) {
     return (gonio_source_begins(source, ";;", "Source") || gonio_source_begins(source, ";;", "TypeSym")) &&
-           strstr(source->data, "TypeColorModel") != NULL;
+           strstr(source->data, "TypeColorModel") != NULL &&
+           (strstr(source->data, "TypeData") != NULL || strstr(source->data, "TypeSym") != NULL ||
+            strstr(source->data, "kbdf") != NULL);
 }
 
 typedef struct ddr {
@@ -22,23 +24,6 @@ typedef struct ddr {
     bool spectral, intensity, has_unit, has_psi;
     int done; // channels read
 } ddr;
-
-static gonio_status read_colours(ddr *d, gonio_error *error) {
-    int choice;
-    double n = 3;
-    gonio_status status = gonio_word_choice(&d->words, "TypeColorModel", "rgb|spectral|bw", &choice, error);
-    d->spectral = choice == 1;
-    if (status == GONIO_OK && d->spectral) {
-        status = gonio_word_number(&d->words, "number of wavelengths", &n, error);
-    } else {
-        n = choice == 0 ? 3 : 1;
-    }
-    if (status == GONIO_OK && !(n >= 1 && n <= GONIO_CHANNELS_MAX && n == floor(n))) {
-        status =
-            gonio_text_fail(&d->words.text, error, "expected 1 to %d wavelengths, found %g", GONIO_CHANNELS_MAX, n);
-    }
-    return status == GONIO_OK ? gonio_grid_channels(&d->grid, (int)n, error) : status;
-}
 
 static gonio_status read_unit(ddr *d, gonio_error *error) {
     int choice;
@@ -56,16 +41,6 @@ static gonio_status read_symmetry(ddr *d, gonio_error *error) {
                              &choice, error);
 }
 
-static bool is_channel(const char *word) {
-    static const char *const names[] = {"wl", "bw", "red", "gre", "green", "blu", "blue"};
-    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
-        if (strcasecmp(word, names[k]) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
 static gonio_status read_entry(ddr *d, const char *word, gonio_error *error) {
     gonio_grid *grid = &d->grid;
     int choice;
@@ -79,7 +54,7 @@ static gonio_status read_entry(ddr *d, const char *word, gonio_error *error) {
         return GONIO_OK; // of ASymmetrical 4D
     }
     if (strcasecmp(word, "TypeColorModel") == 0) {
-        return read_colours(d, error);
+        return gonio_integra_colours(&d->words, grid, &d->spectral, error);
     }
     if (strcasecmp(word, "TypeData") == 0) {
         return read_unit(d, error);
@@ -100,19 +75,6 @@ static gonio_status read_entry(ddr *d, const char *word, gonio_error *error) {
 }
 
 // ---- one channel ----
-
-static gonio_status name_channel(ddr *d, gonio_error *error) {
-    if (!d->spectral) {
-        return GONIO_OK;
-    }
-    double nm;
-    const gonio_status status = gonio_word_number(&d->words, "wavelength", &nm, error);
-    if (status == GONIO_OK && !(nm >= 1 && nm <= 1e6)) {
-        return gonio_text_fail(&d->words.text, error, "wavelength: expected 1 to 1e6 nm, found %g", nm);
-    }
-    gonio_number_format(d->grid.names[d->done], sizeof d->grid.names[d->done], "%.10gnm", nm);
-    return status;
-}
 
 static gonio_status read_scales(ddr *d, double *scales, gonio_error *error) {
     const size_t n = (size_t)d->grid.axis[GONIO_GRID_IN_PHI].n * (size_t)d->grid.axis[GONIO_GRID_IN_THETA].n;
@@ -163,7 +125,7 @@ static gonio_status read_channel(ddr *d, gonio_error *error) {
     if (scales == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the scales");
     }
-    status = name_channel(d, error);
+    status = d->spectral ? gonio_integra_wavelength(&d->words, d->grid.names[d->done], error) : GONIO_OK;
     status = status == GONIO_OK ? read_scales(d, scales, error) : status;
     status = status == GONIO_OK ? read_values(d, scales, error) : status;
     free(scales);
@@ -179,12 +141,14 @@ static gonio_status read_ddr(const gonio_source *source, const gonio_format_valu
                       .half = values->at[1].choice == 1 ? GONIO_TRANSMISSION : GONIO_REFLECTION}};
     gonio_status status = GONIO_OK;
     for (char *word; status == GONIO_OK && (word = gonio_word(&d.words)) != NULL;) {
-        status = is_channel(word)        ? read_channel(&d, error)
-                 : d.grid.values == NULL ? read_entry(&d, word, error)
-                                         : gonio_text_fail(&d.words.text, error,
-                                                           "expected the next channel, found "
-                                                           "'%.40s'",
-                                                           word);
+        const bool end = d.done > 0 && strcasecmp(word, "enddef") == 0; // of a channel's values
+        status = end                              ? GONIO_OK
+                 : gonio_integra_is_channel(word) ? read_channel(&d, error)
+                 : d.grid.values == NULL          ? read_entry(&d, word, error)
+                                                  : gonio_text_fail(&d.words.text, error,
+                                                                    "expected the next channel, found "
+                                                                             "'%.40s'",
+                                                                    word);
     }
     if (status == GONIO_OK && (d.done == 0 || d.done < d.grid.channels)) {
         status =

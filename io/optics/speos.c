@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// OPTIS / Ansys Speos .brdf, text of version 8: for each incidence and wavelength a reflectance in per cent and a table
-// over theta and phi, whose mirror direction lies at phi = 0. The table gives the shape, the percentage its scale: the
-// hemisphere's integral of f_r cos(theta_o), by the trapezoidal rule over the table.
+// OPTIS / Ansys Speos .brdf, text of versions 8 and 9: for each incidence and wavelength a reflectance in per cent and
+// a table over theta and phi, whose mirror direction lies at phi = 0; of a file of both halves a table of each, which
+// its thetas tell: 0 to 90 deg of reflection, 90 to 180 deg of transmission. The table gives the shape, the percentage
+// its scale: the hemisphere's integral of f_r cos(theta_o), by the trapezoidal rule over the table.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,9 +32,11 @@ typedef struct speos {
     gonio_negatives policy;
     gonio_samples *samples;
     gonio_read_report report;
-    bool intensity, through; // through: a table of transmission
+    bool intensity, through, both; // through: tables of transmission alone; both: of either half
     int incidences, wavelengths;
     double *incidence;
+    tables half[2]; // of the incidence that is read: reflection, transmission
+    int done[2];    // tables of each
 } speos;
 
 static gonio_status count(speos *s, const char *what, int most, int *n, gonio_error *error) {
@@ -68,8 +71,8 @@ static gonio_status skip_description(speos *s, gonio_error *error) {
 static gonio_status read_kind(speos *s, gonio_error *error) {
     int reflection = 0, transmission = 0, bsdf;
     const char *version = gonio_text_line(&s->words.text) + sizeof MAGIC - 1;
-    if (strncmp(version, "8.", 2) != 0) {
-        return gonio_text_fail(&s->words.text, error, "version '%.20s' of a Speos brdf; 8.0 is read", version);
+    if (strncmp(version, "8.", 2) != 0 && strncmp(version, "9.", 2) != 0) {
+        return gonio_text_fail(&s->words.text, error, "version '%.20s' of a Speos brdf; 8.0 and 9.0 are read", version);
     }
     gonio_status status = gonio_word_choice(&s->words, "text (0) or binary", "0", &bsdf, error);
     s->words.rest = gonio_text_line(&s->words.text); // a comment
@@ -77,12 +80,11 @@ static gonio_status read_kind(speos *s, gonio_error *error) {
     status = status == GONIO_OK ? skip_description(s, error) : status;
     status = status == GONIO_OK ? gonio_word_choice(&s->words, "reflection", "0|1", &reflection, error) : status;
     status = status == GONIO_OK ? gonio_word_choice(&s->words, "transmission", "0|1", &transmission, error) : status;
-    if (status == GONIO_OK && reflection == transmission) {
-        status = gonio_text_fail(
-            &s->words.text, error, "a file of %s; one of reflection (1 0) or of transmission (0 1) is read",
-            reflection == 1 ? "reflection and transmission" : "neither reflection nor transmission");
+    if (status == GONIO_OK && reflection == 0 && transmission == 0) {
+        status = gonio_text_fail(&s->words.text, error, "a file of neither reflection nor transmission");
     }
-    s->through = transmission == 1;
+    s->both = reflection == 1 && transmission == 1;
+    s->through = transmission == 1 && !s->both;
     status = status == GONIO_OK ? gonio_word_choice(&s->words, "intensity or bsdf", "0|1", &bsdf, error) : status;
     s->intensity = bsdf == 0;
     return status;
@@ -146,13 +148,8 @@ static gonio_status allocate(speos *s, tables *t, int thetas, int phis, gonio_er
 }
 
 // An angle of the first wavelength, or the same again; ascending.
-static gonio_status angle(speos *s, const char *what, double high, double *list, int k, bool first,
-                          gonio_error *error) {
-    double value;
-    const gonio_status status = gonio_word_number(&s->words, what, &value, error);
-    if (status != GONIO_OK) {
-        return status;
-    }
+static gonio_status keep_angle(speos *s, const char *what, double value, double high, double *list, int k, bool first,
+                               gonio_error *error) {
     if (!(value >= 0 && value <= high) || (k > 0 && value <= list[k - 1]) || (!first && value != list[k])) {
         return gonio_text_fail(&s->words.text, error,
                                first ? "%s: expected ascending angles of 0 to %g deg, found %g"
@@ -165,10 +162,11 @@ static gonio_status angle(speos *s, const char *what, double high, double *list,
 
 // Of transmission, thetas may run from 90 to 180 deg; they are kept as 0 to 90 from the far side's normal, with the
 // rows as they stand.
-static gonio_status theta(speos *s, tables *t, int i, bool first, gonio_error *error) {
-    const gonio_status status = angle(s, "theta", s->through ? 180 : 90, t->theta, i, first, error);
+static gonio_status keep_theta(speos *s, tables *t, double deg, int i, bool first, gonio_error *error) {
+    const bool through = t == &s->half[1];
+    const gonio_status status = keep_angle(s, "theta", deg, through ? 180 : 90, t->theta, i, first, error);
     if (status == GONIO_OK && i == 0) {
-        t->behind = s->through && t->theta[0] >= 90;
+        t->behind = through && t->theta[0] >= 90;
     }
     return status == GONIO_OK && !t->behind && t->theta[i] > 90
                ? gonio_text_fail(&s->words.text, error, "theta: expected 0 to 90 or 90 to 180 deg, found %g",
@@ -209,25 +207,58 @@ static double integral(const tables *t, const double *v) {
     return span > 0 ? sum * 360 / span : 0;
 }
 
-static gonio_status read_table(speos *s, tables *t, int wavelength, gonio_error *error) {
+// The half whose thetas begin so; the angles phi, read before, become its own.
+static gonio_status begin_table(speos *s, double first_theta, int thetas, int phis, const double *phi, tables **out,
+                                gonio_error *error) {
+    tables *t = &s->half[s->both ? first_theta >= 90 : s->through];
+    *out = t;
+    if (s->done[t - s->half] == s->incidences * s->wavelengths) {
+        return gonio_text_fail(&s->words.text, error, "theta: a table of %s too many, from %g deg on",
+                               t == s->half ? "reflection" : "transmission", first_theta);
+    }
     const bool first = t->values == NULL;
-    double percent;
+    gonio_status status = allocate(s, t, thetas, phis, error);
+    for (int k = 0; status == GONIO_OK && k < phis; k++) {
+        status = keep_angle(s, "phi", phi[k], 360, t->phi, k, first, error);
+    }
+    return status == GONIO_OK ? keep_theta(s, t, first_theta, 0, first, error) : status;
+}
+
+// Up to the first theta, which tells the half.
+static gonio_status read_table_head(speos *s, double *percent, tables **t, bool *first, gonio_error *error) {
     int thetas = 0, phis = 0;
-    gonio_status status = gonio_word_number(&s->words, "reflectance in per cent", &percent, error);
-    if (status == GONIO_OK && !(percent >= 0 && percent <= 1000)) {
-        status = gonio_text_fail(&s->words.text, error, "a reflectance of %g %%", percent);
+    double first_theta = 0;
+    gonio_status status = gonio_word_number(&s->words, "reflectance in per cent", percent, error);
+    if (status == GONIO_OK && !(*percent >= 0 && *percent <= 1000)) {
+        status = gonio_text_fail(&s->words.text, error, "a reflectance of %g %%", *percent);
     }
     status = status == GONIO_OK ? count(s, "number of thetas", ANGLES_MAX, &thetas, error) : status;
     status = status == GONIO_OK ? count(s, "number of phis", ANGLES_MAX, &phis, error) : status;
-    status = status == GONIO_OK ? allocate(s, t, thetas, phis, error) : status;
-    for (int k = 0; status == GONIO_OK && k < phis; k++) {
-        status = angle(s, "phi", 360, t->phi, k, first, error);
+    double *phi = malloc(((size_t)phis + 1) * sizeof *phi);
+    if (status == GONIO_OK && phi == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %d angles", phis);
     }
-    double *v = status == GONIO_OK ? t->values + (size_t)wavelength * (size_t)thetas * (size_t)phis : NULL;
-    for (int i = 0; status == GONIO_OK && i < thetas; i++) {
-        status = theta(s, t, i, first, error);
-        for (int k = 0; status == GONIO_OK && k < phis; k++) {
-            double *to = &v[(size_t)i * (size_t)phis + (size_t)k];
+    for (int k = 0; status == GONIO_OK && k < phis; k++) {
+        status = gonio_word_number(&s->words, "phi", &phi[k], error);
+    }
+    status = status == GONIO_OK ? gonio_word_number(&s->words, "theta", &first_theta, error) : status;
+    if (status == GONIO_OK) {
+        *first = s->half[s->both ? first_theta >= 90 : s->through].values == NULL;
+        status = begin_table(s, first_theta, thetas, phis, phi, t, error);
+    }
+    free(phi);
+    return status;
+}
+
+// The values, scaled to the percentage.
+static gonio_status read_values(speos *s, tables *t, double percent, bool first, double *v, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int i = 0; status == GONIO_OK && i < t->thetas; i++) {
+        double deg = t->theta[0];
+        status = i > 0 ? gonio_word_number(&s->words, "theta", &deg, error) : GONIO_OK;
+        status = status == GONIO_OK && i > 0 ? keep_theta(s, t, deg, i, first, error) : status;
+        for (int k = 0; status == GONIO_OK && k < t->phis; k++) {
+            double *to = &v[(size_t)i * (size_t)t->phis + (size_t)k];
             status = value(s, to, error);
             *to /= s->intensity ? fmax(cos(gonio_radians(leaving_deg(t, i))), 1e-4) : 1;
         }
@@ -239,7 +270,7 @@ static gonio_status read_table(speos *s, tables *t, int wavelength, gonio_error 
     if (!(whole > 0) && percent > 0) {
         return gonio_text_fail(&s->words.text, error, "a table without any light, of %g %% reflectance", percent);
     }
-    for (size_t k = 0; k < (size_t)thetas * (size_t)phis; k++) {
+    for (size_t k = 0; k < (size_t)t->thetas * (size_t)t->phis; k++) {
         v[k] *= whole > 0 ? percent / 100 / whole : 0;
     }
     return GONIO_OK;
@@ -262,8 +293,9 @@ static gonio_status add_tables(speos *s, const tables *t, double incidence, goni
             const gonio_pair pair = {gonio_angle_canonical(gonio_radians(incidence)), 0,
                                      gonio_angle_canonical(gonio_radians(leaving_deg(t, i))),
                                      gonio_angle_canonical(gonio_radians(phi))};
-            const gonio_pair lowered = gonio_pair_lowered(pair, s->through ? GONIO_TRANSMISSION : GONIO_REFLECTION);
-            s->samples->transmission = s->through;
+            const bool through = t == &s->half[1];
+            const gonio_pair lowered = gonio_pair_lowered(pair, through ? GONIO_TRANSMISSION : GONIO_REFLECTION);
+            s->samples->transmission = s->samples->transmission || through;
             status = gonio_samples_add(s->samples, &lowered, values, NULL, NULL, error);
         }
     }
@@ -271,16 +303,30 @@ static gonio_status add_tables(speos *s, const tables *t, double incidence, goni
     return status;
 }
 
-static gonio_status read_incidence(speos *s, int k, gonio_error *error) {
-    tables t = {0};
-    gonio_status status = GONIO_OK;
-    for (int w = 0; status == GONIO_OK && w < s->wavelengths; w++) {
-        status = read_table(s, &t, w, error);
+static void release(tables *t) {
+    free(t->theta);
+    free(t->phi);
+    free(t->values);
+    *t = (tables){0};
+}
+
+// The next table; once its incidence has all wavelengths, the samples.
+static gonio_status read_table(speos *s, gonio_error *error) {
+    tables *t = NULL;
+    double percent;
+    bool first = false;
+    gonio_status status = read_table_head(s, &percent, &t, &first, error);
+    if (status != GONIO_OK) {
+        return status;
     }
-    status = status == GONIO_OK ? add_tables(s, &t, s->incidence[k], error) : status;
-    free(t.theta);
-    free(t.phi);
-    free(t.values);
+    int *done = &s->done[t - s->half];
+    const size_t n = (size_t)t->thetas * (size_t)t->phis;
+    status = read_values(s, t, percent, first, t->values + (size_t)(*done % s->wavelengths) * n, error);
+    (*done)++;
+    if (status == GONIO_OK && *done % s->wavelengths == 0) {
+        status = add_tables(s, t, s->incidence[*done / s->wavelengths - 1], error);
+        release(t);
+    }
     return status;
 }
 
@@ -291,9 +337,11 @@ static gonio_status read_speos(const gonio_source *source, const gonio_format_va
                .report = {.format = "speos", .first_negative_line = -1}};
     s.report.open_end = s.words.open_end;
     gonio_status status = read_head(&s, error);
-    for (int k = 0; status == GONIO_OK && k < s.incidences; k++) {
-        status = read_incidence(&s, k, error);
+    for (int k = 0; status == GONIO_OK && k < (s.both ? 2 : 1) * s.incidences * s.wavelengths; k++) {
+        status = read_table(&s, error);
     }
+    release(&s.half[0]);
+    release(&s.half[1]);
     free(s.incidence);
     if (status != GONIO_OK) {
         gonio_samples_free(s.samples);

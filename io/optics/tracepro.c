@@ -2,9 +2,12 @@
 // TracePro's exported surface properties ("Surface Property Import/Export Format" of its help): header lines, a table
 // of specular terms, then behind a line Table_BSDF_Data rows of temperature (K), wavelength (um), polar angle and
 // azimuth of incidence (degrees), length and azimuth (degrees) of the vector beta - beta_0, BRDF and BTDF (1/sr). beta
-// is the outgoing direction's projection on the surface, beta_0 that of the mirror direction; azimuth 0 is taken to
-// point from the normal outwards, in the plane of incidence. A symmetric table (Scatter 4) holds at every azimuth and
-// is read at five. BTDFs, about the way straight through, are read where --transmission asks for them.
+// is the outgoing direction's projection on the surface, beta_0 that of the mirror direction. Azimuth 0 of beta -
+// beta_0 is the surface's local x axis (TracePro 2019 User's Manual, 7.19 to 7.21, "Asymmetric Table BSDF"), of which
+// there are two, and the file does not tell which is meant: fixed on the sample, the axis from which azimuths of
+// incidence count too, taken as those of beta_0; or floating, orthogonal to the plane of incidence, so that 90 deg
+// points outwards along beta_0 (figure 7.7). --zero-azimuth says which. A symmetric table (Scatter 4) holds at every
+// azimuth and is read at five. BTDFs, about the way straight through, are read where --transmission asks for them.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,6 +19,8 @@
 #define FIRST_LINE "TracePro Surface Property Data"
 #define TABLE "Table_BSDF_Data"
 enum { COLUMNS = 8, SYMMETRIC = 4, ASYMMETRIC = 5 };
+enum { ZERO_AZIMUTH = GONIO_TEXT_OPTIONS_N };
+enum { UNSTATED, FIXED, FLOATING };
 
 typedef struct tracepro {
     gonio_text text;
@@ -25,6 +30,9 @@ typedef struct tracepro {
     double kelvin;                 // of all rows; NaN: none yet
     size_t reflected, transmitted; // rows with a BRDF, with a BTDF
     size_t below, turned;          // nodes below the horizon; rows of another azimuth
+    int axis;                      // of azimuth 0: not stated, fixed, floating
+    double ring[4], ring_value;    // incidence, its azimuth, wavelength and length of the last row; its BRDF
+    bool varies;                   // values of one ring differ
     char name[200], made[100];
 } tracepro;
 
@@ -88,8 +96,9 @@ static gonio_status read_header(tracepro *t, gonio_error *error) {
 static double angle(double deg) { return gonio_angle_canonical(gonio_radians(remainder(deg, 360))); }
 
 static gonio_status add_node(tracepro *t, const double *v, double azimuth_deg, bool through, gonio_error *error) {
-    const double beta_0 = sin(gonio_radians(v[2])), turn = gonio_radians(azimuth_deg);
     // In the frame of the plane of incidence: x from the normal to the mirror direction.
+    const double beta_0 = sin(gonio_radians(v[2]));
+    const double turn = gonio_radians(t->axis == FLOATING ? azimuth_deg - 90 : azimuth_deg - v[3]);
     const double x = beta_0 + v[4] * cos(turn), y = v[4] * sin(turn), beta = hypot(x, y);
     if (beta >= 1) {
         t->below++;
@@ -140,6 +149,11 @@ static gonio_status read_row(tracepro *t, char *line, gonio_error *error) {
     t->reflected += v[6] != 0;
     t->transmitted += v[7] != 0;
     t->turned += v[3] != 0;
+    const double ring[4] = {v[2], v[3], v[1], v[4]};
+    const bool same = memcmp(ring, t->ring, sizeof ring) == 0;
+    t->varies = t->varies || (same && fabs(v[6] - t->ring_value) > 1e-6 * fabs(v[6]));
+    memcpy(t->ring, ring, sizeof ring);
+    t->ring_value = v[6];
     const bool every = t->scatter == SYMMETRIC && v[4] > 0;
     for (int k = 0; k < (every ? 5 : 1) && status == GONIO_OK; k++) {
         status = add_node(t, v, every ? 45 * k : v[5], false, error);
@@ -188,6 +202,12 @@ static gonio_status read_rows(tracepro *t, const gonio_format_values *values, go
     if (status == GONIO_OK && line != NULL && gonio_text_content(&t->text) != NULL) {
         gonio_text_append(notes, size, "properties and sides behind the first are not read\n");
     }
+    if (t->scatter == ASYMMETRIC && t->varies && t->axis == UNSTATED) {
+        gonio_text_append(
+            notes, size,
+            "azimuth 0 of beta - beta_0 is taken for an axis fixed on the sample, which the file does not "
+            "tell; --zero-azimuth floating: orthogonal to the plane of incidence\n");
+    }
     drop_empty_half(t);
     if (status == GONIO_OK && values->wavelength_nm > 0) {
         status = gonio_long_rows_choose(&t->text, &t->rows, values->wavelength_nm / 1000, notes, size, error);
@@ -202,7 +222,9 @@ static gonio_status read_rows(tracepro *t, const gonio_format_values *values, go
 
 static gonio_status read_tracepro(const gonio_source *source, const gonio_format_values *values, gonio_samples **out,
                                   gonio_read_report *report, gonio_error *error) {
-    tracepro t = {.text = gonio_text_begin(source->path, source->data, source->size), .kelvin = NAN};
+    tracepro t = {.text = gonio_text_begin(source->path, source->data, source->size),
+                  .kelvin = NAN,
+                  .axis = values->at[ZERO_AZIMUTH].choice};
     gonio_status status = gonio_row_collector_begin(&t.collector, &t.text, source, values, NULL, "tracepro", error);
     status = status == GONIO_OK ? read_header(&t, error) : status;
     status = status == GONIO_OK ? read_rows(&t, values, error) : status;
@@ -212,7 +234,13 @@ static gonio_status read_tracepro(const gonio_source *source, const gonio_format
     return gonio_row_collector_end(&t.collector, status, out, report, error);
 }
 
-static const gonio_format_option options[] = {GONIO_TEXT_OPTIONS, {0}};
+static const gonio_format_option options[] = {
+    GONIO_TEXT_OPTIONS,
+    [ZERO_AZIMUTH] =
+        {"zero-azimuth", GONIO_FORMAT_CHOICE, "auto|fixed|floating", "auto",
+         "where azimuth 0 of beta - beta_0 points: an axis of the sample (auto), or orthogonal to the plane "
+         "of incidence"},
+    {0}};
 
 const gonio_format gonio_format_tracepro = {.name = "tracepro",
                                             .summary = "TracePro surface property",

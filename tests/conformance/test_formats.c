@@ -78,6 +78,9 @@ static gonio_read_options all_of(const gonio_format *f, const char *limit) {
     if (has_option(f, "scale")) {
         options.settings[0] = (gonio_format_setting){"scale", "1"};
     }
+    if (has_option(f, "cone")) {
+        options.settings[1] = (gonio_format_setting){"cone", "0.5"};
+    }
     if (has_option(f, "directions")) {
         options.settings[1] = (gonio_format_setting){"directions", directions_file()};
     }
@@ -95,7 +98,7 @@ static int recognised(const void *data, size_t size, const gonio_format **last) 
     char *copy = malloc(size + 1);
     memcpy(copy, data, size);
     copy[size] = 0;
-    const gonio_source source = {"memory", copy, size};
+    const gonio_source source = {.path = "memory", .data = copy, .size = size};
     int n = 0;
     for (int i = 0; gonio_format_at(i) != NULL; i++) {
         if (gonio_format_at(i)->recognise(&source)) {

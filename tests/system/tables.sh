@@ -110,7 +110,7 @@ done
 for name in brdf_percent percent 'r%%' f_r_cos brdf_cos counts btdf brf log10_brdf voltage; do
     refused "no f_r: $name" "$header,$name\n1,0,2,0,0.5\n" "no f_r"
 done
-heeded "names as you like" "$header,Y,green,left eye,m11\n1,0,2,0,1,2,3,4\n" '1,0,2,0,1,2,3,4'
+heeded "names as you like" "$header,left eye,my right eye\n1,0,2,0,1,2\n" '1,0,2,0,1,2'
 heeded "equal geometries that differ" "$header,r\n1,0,2,0,1\n1,0,2,0,2\n" '1,0,2,0,1 1,0,2,0,2'
 says "equal geometries that differ are told" "1 geometries stand in 2 rows"
 heeded "equal geometries within sigma" "$header,r,sigma_r\n1,0,2,0,1,0.5\n1,0,2,0,2,0.5\n" '1,0,2,0,1,0.5 1,0,2,0,2,0.5'

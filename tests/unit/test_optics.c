@@ -211,6 +211,167 @@ static void ddr(void **state) {
     gonio_samples_free(s);
 }
 
+// Both halves in one file, whose tables stand by turns or one half behind the other; a third at the same percentages.
+static void speos_of_both_halves(void **state) {
+    (void)state;
+    static const char head[] = "OPTIS - brdf surface file v9.0\n0\na\n0\n\n1\t1\n1\n2\t1\n0\t30\n550\n";
+    static const char *const tables[2][2] = {
+        {"25\n2 2\n\t0\t180\n0 1 1\n90 1 1\n", "30\n2 2\n\t0\t180\n0 2 2\n90 2 2\n"},
+        {"50\n2 2\n\t0\t180\n90 1 1\n180 1 1\n", "10\n2 2\n\t0\t180\n90 1 1\n180 1 1\n"}};
+    for (int apart = 0; apart < 2; apart++) {
+        char text[1000];
+        snprintf(text, sizeof text, "%s%s%s%s%s", head, tables[0][0], tables[apart ? 0 : 1][apart ? 1 : 0],
+                 tables[apart ? 1 : 0][apart ? 0 : 1], tables[1][1]);
+        gonio_samples *s = read_text(text, NULL);
+        assert_true(s->transmission);
+        has(s, 30, 90, 180, 0.3 / GONIO_PI);
+        has(s, 0, 180, 0, 0.5 / GONIO_PI);
+        has(s, 30, 180, 0, 0.1 / GONIO_PI);
+        gonio_samples_free(s);
+    }
+}
+
+// Azimuth 0 of beta - beta_0: an axis of the sample, or orthogonal to the plane of incidence, in which 90 deg is
+// outwards.
+static void tracepro_azimuths(void **state) {
+    (void)state;
+    static const char text[] =
+        "TracePro Surface Property Data\nScatter 5\nInteraction 0\nTable_BSDF_Data\n"
+        "Temperature\tWavelength\tIncAngle\tAziAngle\tScatterBeta\tScatterAzimuth\tBRDF\tBTDF\n"
+        "300\t0.55\t30\t0\t0.25\t0\t1\t0\n300\t0.55\t30\t0\t0.25\t90\t2\t0\n300\t0.55\t30\t0\t0.25\t180\t3\t0\n"
+        "300\t0.55\t30\t90\t0.25\t90\t4\t0\n";
+    const double out = gonio_degrees(asin(0.75)), in = gonio_degrees(asin(0.25));
+    for (int floating = 0; floating < 2; floating++) {
+        gonio_read_options options = {.seed = 1};
+        gonio_read_report report;
+        if (floating == 1) {
+            options.settings[0] = (gonio_format_setting){"zero-azimuth", "floating"};
+        }
+        gonio_samples *s;
+        assert_int_equal(gonio_read(memory_file((const uint8_t *)text, sizeof text - 1), &options, &s, &report, NULL),
+                         GONIO_OK);
+        assert_true((strstr(report.notes, "--zero-azimuth") != NULL) == (floating == 0));
+        if (floating == 1) {
+            has(s, 30, out, 180, 2);
+        } else {
+            has(s, 30, out, 180, 1);
+            has(s, 30, in, 180, 3);
+        }
+        // Light at azimuth 90: the axis of the sample is the same, and so is beta_0's side.
+        const gonio_pair *last = &s->pairs[s->n - 1];
+        assert_near(gonio_degrees(last->theta_o), floating == 1 ? gonio_degrees(asin(0.75)) : out, 1e-9);
+        gonio_samples_free(s);
+    }
+}
+
+// A reflectance has no f_r in 1/sr before a cone is stated; a cone of 1 deg of half angle has the projected solid angle
+// pi sin(1 deg)^2 cos(theta).
+static void sdr(void **state) {
+    (void)state;
+    format_file files[FORMAT_FILES];
+    format_bytes rgl;
+    format_files(files, &rgl);
+    for (int k = 0; k < FORMAT_FILES; k++) {
+        if (strcmp(files[k].name, "sdr") != 0) {
+            continue;
+        }
+        const char *path = memory_file(files[k].data, files[k].size);
+        gonio_samples *s;
+        gonio_error error = {0};
+        assert_int_equal(gonio_read(path, NULL, &s, NULL, &error), GONIO_E_USAGE);
+        assert_non_null(strstr(error.message, "--cone"));
+        for (int through = 0; through < 2; through++) {
+            const gonio_read_options options = {
+                .seed = 1, .settings = {{"cone", "1"}, {"transmission", through == 1 ? "yes" : "no"}}};
+            assert_int_equal(gonio_read(path, &options, &s, NULL, &error), GONIO_OK);
+            assert_int_equal(s->n, 3); // not at the horizon
+            const double cone = GONIO_PI * pow(sin(gonio_radians(1)), 2);
+            has(s, 60, through == 1 ? 120 : 60, 180, 0.1 / (cone * cos(gonio_radians(60))));
+            assert_non_null(strstr(s->head, "aperture_half_angle_deg = 1"));
+            gonio_samples_free(s);
+        }
+    }
+}
+
+// Each of ALTA's parametrisations that tells both directions, from its definition: l is the light, v the view.
+enum { ALTA_FORMS = 8 };
+static const struct {
+    const char *name;
+    int n;
+} alta_forms[ALTA_FORMS] = {
+    {"NEUMANN_3D", 3},    {"STARK_3D", 3},       {"SCHLICK_TL_TK_PROJ_DPHI", 3}, {"RETRO_TL_TVL_PROJ_DPHI", 3},
+    {"STEREOGRAPHIC", 4}, {"RUSIN_TH_TD_PD", 3}, {"ISOTROPIC_TV_TL_DPHI", 3},    {"CARTESIAN", 6}};
+
+static double between(double ay, double ax, double by, double bx) { return atan2(ay, ax) - atan2(by, bx); }
+
+static void alta_coordinates(int form, gonio_vec3 l, gonio_vec3 v, double *x) {
+    const double hx = (l.x + v.x) / 2, hy = (l.y + v.y) / 2, hz = (l.z + v.z) / 2;
+    const double bx = (l.x - v.x) / 2, by = (l.y - v.y) / 2, bz = (l.z - v.z) / 2;
+    const double kx = v.x - l.x, ky = v.y - l.y, kz = v.z + l.z, k = sqrt(kx * kx + ky * ky + kz * kz);
+    const double lv = l.x * v.x + l.y * v.y + l.z * v.z, h = sqrt(hx * hx + hy * hy + hz * hz);
+    const double tl = acos(l.z), tv = acos(v.z), apart = acos(lv);
+    if (form < 2) {
+        x[0] = hypot(hx, hy);
+        x[1] = form == 0 ? hypot(bx, by) : sqrt(bx * bx + by * by + bz * bz);
+        x[2] = between(by, bx, hy, hx);
+    } else if (form == 2) {
+        const double dphi = between(l.y, l.x, ky, kx), tk = acos(kz / k);
+        x[0] = tl;
+        x[1] = tk * cos(dphi);
+        x[2] = tk * sin(dphi);
+    } else if (form == 3) { // the spherical triangle of light, view and normal, at the light
+        const double c = (v.z - l.z * lv) / (sin(tl) * sin(apart));
+        const double s = sin(between(l.y, l.x, v.y, v.x)) * sin(tv) / sin(apart);
+        x[0] = tl;
+        x[1] = apart * c;
+        x[2] = apart * s;
+    } else if (form == 4) {
+        const double own[4] = {v.x / (1 + v.z), v.y / (1 + v.z), l.x / (1 + l.z), l.y / (1 + l.z)};
+        memcpy(x, own, sizeof own);
+    } else if (form == 5) { // the view in the half vector's frame
+        const double phi = atan2(hy, hx), theta = acos(hz / h);
+        const double ax = v.x * cos(phi) + v.y * sin(phi), ay = v.y * cos(phi) - v.x * sin(phi);
+        x[0] = theta;
+        x[1] = acos(fmin((v.x * hx + v.y * hy + v.z * hz) / h, 1));
+        x[2] = atan2(ay, ax * cos(theta) - v.z * sin(theta));
+    } else if (form == 6) {
+        const double own[3] = {tv, tl, between(l.y, l.x, v.y, v.x)};
+        memcpy(x, own, sizeof own);
+    } else {
+        const double own[6] = {v.x, v.y, v.z, l.x, l.y, l.z};
+        memcpy(x, own, sizeof own);
+    }
+}
+
+static void alta(void **state) {
+    (void)state;
+    for (int form = 0; form < ALTA_FORMS; form++) {
+        char text[4000];
+        int at = sprintf(text, "#DIM %d 1\n#PARAM_IN %s\n#PARAM_OUT INV_STERADIAN\n", alta_forms[form].n,
+                         alta_forms[form].name);
+        gonio_pair pairs[20];
+        for (int i = 0; i < 20; i++) {
+            double x[6];
+            pairs[i] = (gonio_pair){0.1 + 0.07 * i, 0.3, 1.5 - 0.06 * i, 0.3 + 0.31 * i + 0.1};
+            alta_coordinates(form, gonio_direction(pairs[i].theta_i, pairs[i].phi_i),
+                             gonio_direction(pairs[i].theta_o, pairs[i].phi_o), x);
+            for (int k = 0; k < alta_forms[form].n; k++) {
+                at += sprintf(text + at, "%.15g ", x[k]);
+            }
+            at += sprintf(text + at, "%d\n", i + 1);
+        }
+        gonio_samples *s = read_text(text, NULL);
+        assert_int_equal(s->n, 20);
+        for (size_t i = 0; i < s->n; i++) {
+            const gonio_pair *p = &s->pairs[i];
+            assert_near(p->theta_i, pairs[i].theta_i, 1e-7);
+            assert_near(p->theta_o, pairs[i].theta_o, 1e-7);
+            assert_near(cos(p->phi_o - p->phi_i), cos(pairs[i].phi_o - pairs[i].phi_i), 1e-7);
+        }
+        gonio_samples_free(s);
+    }
+}
+
 static void astm(void **state) {
     (void)state;
     gonio_samples *s = read_file("astm");
@@ -321,7 +482,9 @@ static void refused_with_words(void **state) {
         {"VERSION 0.3\nDATA_TYPE specular_reflectance\n", "DATA_TYPE"},
         {"VERSION 0.3\nDATA_TYPE btdf\n", "ends before its DATA"},
         {"OPTIS - brdf surface file v7.0\n0\n", "version '7.0'"},
-        {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n1 1\n", "reflection (1 0)"},
+        {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n1 1\n1\n1 1\n30\n550\n50\n2 1\n0\n0 1\n90 1\n50\n2 1\n0\n0 1\n90 "
+         "1\n",
+         "a table of reflection too many"},
         {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n0 0\n", "neither"},
         {"OPTIS - brdf surface file v8.0\n0\nc\n1\n-\n1 0\n1\n1 1\n30\n550\n50\n2 1\n0\n0 0\n90 0\n",
          "without any light"},
@@ -357,6 +520,10 @@ int main(void) {
         cmocka_unit_test(lighttools),
         cmocka_unit_test(ssdd),
         cmocka_unit_test(ddr),
+        cmocka_unit_test(speos_of_both_halves),
+        cmocka_unit_test(tracepro_azimuths),
+        cmocka_unit_test(sdr),
+        cmocka_unit_test(alta),
         cmocka_unit_test(astm),
         cmocka_unit_test(mbsdf),
         cmocka_unit_test(halves),
