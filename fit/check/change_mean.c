@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// One value on its way to a target, with its sigma.
+// What all transforms of samples share: a copy, and one value on its way to a target, with its sigma.
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
+#include "base/head.h"
 #include "fit/check/change.h"
 
 const char *gonio_change_name(gonio_change_kind kind) {
@@ -66,6 +68,18 @@ void gonio_change_towards(const gonio_change *change, const gonio_samples *in, s
     out->sigma_systematic[at] = systematic + own * in->sigma_systematic[at];
 }
 
+double gonio_change_leverage(const double *vectors, size_t n, size_t k, size_t at) {
+    double sum = 0;
+    for (size_t j = 0; j < k; j++) {
+        sum += vectors[j * n + at] * vectors[j * n + at];
+    }
+    return fmin(sum, 1);
+}
+
+double gonio_change_product_sigma(const gonio_change *change, double u, double v) {
+    return 1 - change->delta + change->delta * sqrt(u + v - u * v);
+}
+
 gonio_status gonio_change_check(const gonio_change *change, gonio_error *error) {
     if (!(change->delta >= 0 && change->delta <= 1)) {
         return gonio_fail(error, GONIO_E_USAGE, "delta %g; expected 0 (nothing changes) to 1", change->delta);
@@ -77,4 +91,28 @@ gonio_status gonio_change_check(const gonio_change *change, gonio_error *error) 
         return gonio_fail(error, GONIO_E_USAGE, "separable:%d; expected 1 to 64 products", change->products);
     }
     return GONIO_OK;
+}
+
+gonio_status gonio_change_copy(const gonio_samples *in, bool twice, gonio_samples **out, gonio_error *error) {
+    const bool sigma = in->sigma_random != NULL;
+    const size_t c = (size_t)in->channels;
+    gonio_status status = gonio_samples_new(in->channels, sigma, out, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    (*out)->isotropic = in->isotropic;
+    (*out)->transmission = in->transmission;
+    memcpy((*out)->channel_names, in->channel_names, c * sizeof *in->channel_names);
+    status = gonio_head_copy(in->head, &(*out)->head, error);
+    for (size_t i = 0; i < in->n && status == GONIO_OK; i++) {
+        for (int k = 0; k < (twice ? 2 : 1) && status == GONIO_OK; k++) {
+            const gonio_pair p = k == 0 ? in->pairs[i] : gonio_pair_mirrored(in->pairs[i]);
+            status = gonio_samples_add(*out, &p, in->values + i * c, sigma ? in->sigma_random + i * c : NULL,
+                                       sigma ? in->sigma_systematic + i * c : NULL, error);
+            if (status == GONIO_OK && in->group != NULL) {
+                status = gonio_samples_set_group(*out, (*out)->n - 1, in->group[i], error);
+            }
+        }
+    }
+    return status;
 }

@@ -322,6 +322,7 @@ static gonio_status make_passive(gonio_model **model, int threads, gonio_physica
     if (status != GONIO_OK || report->energy_before <= 1) {
         return status;
     }
+    report->least_factor_bound = 1 / sqrt(report->energy_before);
     status = albedos_of(*model, 0, threads, &a, error);
     if (status != GONIO_OK) {
         return status;
@@ -356,7 +357,7 @@ static gonio_status make_passive(gonio_model **model, int threads, gonio_physica
 gonio_status gonio_check_make_physical(gonio_model *model, bool reciprocal, bool passive, int threads,
                                        gonio_model **out, gonio_physical_report *report, gonio_error *error) {
     *out = NULL;
-    *report = (gonio_physical_report){.least_factor = 1};
+    *report = (gonio_physical_report){.least_factor = 1, .least_factor_bound = 1};
     gonio_model *made = model;
     double largest;
     gonio_status status = refuse_halves(model, error);

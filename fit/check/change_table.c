@@ -6,7 +6,6 @@
 
 #include "fit/check/change.h"
 #include "fit/check/measures.h"
-#include "fit/check/products.h"
 
 // The stored direction that this one is; GONIO_TABLE_NONE: none.
 static size_t find(const gonio_table_direction *d, size_t n, double theta, double phi, bool folded) {
@@ -143,87 +142,20 @@ static gonio_status make_conserving(const gonio_table *t, const gonio_change *ch
     return memory ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to change %zu samples", out->n);
 }
 
-// ---- separability ----
-
-typedef struct source {
-    const gonio_table *t;
-    size_t channel;
-} source;
-
-static void read_row(void *context, size_t row, double *values) {
-    const source *s = context;
-    for (size_t q = 0; q < s->t->columns; q++) {
-        values[q] = s->t->samples->values[gonio_table_at(s->t, row, q) * (size_t)s->t->samples->channels + s->channel];
-    }
-}
-
-// Squares of an orthonormal basis' row: how much of an entry the products take from itself.
-static double leverage(const double *vectors, size_t n, size_t k, size_t at) {
-    double sum = 0;
-    for (size_t j = 0; j < k; j++) {
-        sum += vectors[j * n + at] * vectors[j * n + at];
-    }
-    return fmin(sum, 1);
-}
-
-static void put_products(const gonio_table *t, const gonio_change *change, const gonio_products *p, size_t k, size_t c,
-                         gonio_samples *out) {
-    const gonio_samples *in = t->samples;
-    const size_t channels = (size_t)in->channels;
-    for (size_t row = 0; row < t->rows; row += gonio_table_row_step(t)) {
-        const double u = leverage(p->u, p->rows, k, row);
-        for (size_t column = 0; column < t->columns; column++) {
-            const size_t at = gonio_table_at(t, row, column) * channels + c;
-            double target = 0;
-            for (size_t j = 0; j < k; j++) {
-                target += p->value[j] * p->u[j * p->rows + row] * p->v[j * p->columns + column];
-            }
-            out->values[at] = gonio_change_between(change, in->values[at], target);
-            if (in->sigma_random != NULL) {
-                const double v = leverage(p->v, p->columns, k, column), part = sqrt(u + v - u * v);
-                out->sigma_random[at] = in->sigma_random[at] * (1 - change->delta + change->delta * part);
-            }
-        }
-    }
-}
-
-static gonio_status make_separable(const gonio_table *t, const gonio_change *change, gonio_samples *out,
-                                   gonio_error *error) {
-    const bool circular = t->isotropic && t->phis > 0;
-    for (size_t c = 0; c < (size_t)out->channels; c++) {
-        source s = {t, c};
-        const gonio_row_source rows = {t->rows, t->columns, read_row, &s};
-        gonio_products p;
-        const gonio_status status = gonio_products_find(&rows, (size_t)change->products + circular, 8, &p, error);
-        if (status != GONIO_OK) {
-            return status;
-        }
-        size_t k = (size_t)change->products < p.k ? (size_t)change->products : p.k;
-        // Products of an isotropic table come in pairs, cosine and sine of one frequency: half a pair would not be
-        // isotropic, so it stays out.
-        if (circular && k < p.k && k > 1 && p.value[k - 1] - p.value[k] < 1e-6 * p.value[k - 1]) {
-            k--;
-        }
-        put_products(t, change, &p, k, c, out);
-        gonio_products_free(&p);
-    }
-    return GONIO_OK;
-}
-
-gonio_status gonio_change_table(const gonio_table *t, const gonio_change *change, int threads, gonio_samples *out,
+gonio_status gonio_change_table(const gonio_table *t, const gonio_change *change, int threads, gonio_samples **out,
                                 gonio_error *error) {
     switch (change->kind) {
     case GONIO_CHANGE_RECIPROCITY:
         if (t->row_of_column[0] == GONIO_TABLE_NONE && t->columns > 0) {
             return gonio_change_scattered(t->samples, change, threads, out, error); // exchanged directions are missing
         }
-        make_reciprocal(t, change, out);
+        make_reciprocal(t, change, *out);
         return GONIO_OK;
     case GONIO_CHANGE_ISOTROPY:
-        return t->isotropic ? GONIO_OK : make_isotropic(t, change, out, error);
+        return t->isotropic ? GONIO_OK : make_isotropic(t, change, *out, error);
     case GONIO_CHANGE_ENERGY:
-        return make_conserving(t, change, threads, out, error);
+        return make_conserving(t, change, threads, *out, error);
     default:
-        return make_separable(t, change, out, error);
+        return gonio_change_separable(t, change, *out, error);
     }
 }

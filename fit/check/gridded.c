@@ -28,12 +28,16 @@ gonio_status gonio_check_cell_plan(int thetas, bool isotropic, gonio_plan **out,
     return GONIO_OK;
 }
 
+gonio_status gonio_check_grid_plan(bool isotropic, gonio_plan **out, gonio_error *error) {
+    return gonio_check_cell_plan(GRID_THETAS, isotropic, out, error);
+}
+
 gonio_status gonio_check_gridded_ranks(const gonio_model *model, int threads, gonio_check_report *report,
                                        gonio_error *error) {
     gonio_plan *plan;
     gonio_samples *samples = NULL;
     gonio_table *table = NULL;
-    gonio_status status = gonio_check_cell_plan(GRID_THETAS, model->isotropic, &plan, error);
+    gonio_status status = gonio_check_grid_plan(model->isotropic, &plan, error);
     if (status != GONIO_OK) {
         return status;
     }

@@ -5,10 +5,9 @@
 #include <stdlib.h>
 
 #include "base/thread_pool.h"
-#include "fit/check/albedo.h"
 #include "fit/check/measures.h"
 
-enum { ANGLES = 18, AZIMUTHS = 8, NODES = 8192 };
+enum { ANGLES = 18, AZIMUTHS = 8 };
 
 static gonio_half first_of(unsigned halves) {
     static const gonio_half order[] = {GONIO_REFLECTION, GONIO_REFLECTION_BACK, GONIO_TRANSMISSION,
@@ -30,30 +29,29 @@ static double theta_from(int side, double theta) { return side == GONIO_REFLECTI
 typedef struct sheet_job {
     const gonio_model *model;
     size_t turns;    // azimuths of the light
-    double *albedos; // [half][ANGLES][turns][2][channels]: by NODES, and by half of them
+    double *albedos; // [half][ANGLES][turns][channels]
+    double *gaps;    // [half][ANGLES], relative
 } sheet_job;
 
 static double *albedos_at(const sheet_job *j, size_t half, size_t angle, size_t turn) {
     const size_t c = (size_t)j->model->channels;
-    return j->albedos + ((half * ANGLES + angle) * j->turns + turn) * 2 * c;
+    return j->albedos + ((half * ANGLES + angle) * j->turns + turn) * c;
 }
 
-static void find_albedos(void *context, size_t at) {
+static gonio_status find_albedos(void *context, size_t at, gonio_error *error) {
     const sheet_job *j = context;
     const gonio_model *part = gonio_model_half(j->model, (gonio_half)(at / ANGLES));
-    for (size_t turn = 0; part != NULL && turn < j->turns; turn++) {
-        const double angle = 2 * GONIO_PI * (double)turn / (double)j->turns;
-        double *to = albedos_at(j, at / ANGLES, at % ANGLES, turn);
-        gonio_check_albedo_shares(part, gonio_radians(5.0 * (double)(at % ANGLES)), angle, NODES, 1, to);
-        gonio_check_albedo_shares(part, gonio_radians(5.0 * (double)(at % ANGLES)), angle, NODES / 2, 1,
-                                  to + part->channels);
-    }
+    return part != NULL ? gonio_check_albedo_exactly(part, gonio_radians(5.0 * (double)(at % ANGLES)), (int)j->turns,
+                                                     albedos_at(j, at / ANGLES, at % ANGLES, 0), &j->gaps[at], error)
+                        : GONIO_OK;
 }
 
 static void take_point(const sheet_job *j, int side, size_t angle, gonio_check_albedo_point *a) {
     const size_t c = (size_t)j->model->channels, n = j->turns * c;
     *a = (gonio_check_albedo_point){
         .theta_i = theta_from(side, gonio_radians(5.0 * (double)angle)), .largest = -INFINITY, .covered = 1};
+    const double gap[2] = {j->gaps[(size_t)side * ANGLES + angle],
+                           j->gaps[((size_t)side + GONIO_TRANSMISSION) * ANGLES + angle]};
     for (size_t turn = 0; turn < j->turns; turn++) {
         const double *reflected = albedos_at(j, (size_t)side, angle, turn);
         const double *through = albedos_at(j, (size_t)side + GONIO_TRANSMISSION, angle, turn);
@@ -61,7 +59,8 @@ static void take_point(const sheet_job *j, int side, size_t angle, gonio_check_a
             const double sum = reflected[k] + through[k];
             a->reflected += reflected[k] / (double)n;
             a->transmitted += through[k] / (double)n;
-            a->integration = fmax(a->integration, fabs(reflected[c + k] + through[c + k] - sum));
+            a->integration =
+                fmax(a->integration, fmin(gap[0], 1) * fabs(reflected[k]) + fmin(gap[1], 1) * fabs(through[k]));
             if (sum > a->largest) {
                 a->largest = sum;
                 a->channel = (int)k;
@@ -75,24 +74,27 @@ static void take_point(const sheet_job *j, int side, size_t angle, gonio_check_a
 static gonio_status sheet_energy(const gonio_model *model, unsigned halves, int threads, gonio_check_report *r,
                                  gonio_error *error) {
     sheet_job j = {.model = model, .turns = model->isotropic ? 1 : AZIMUTHS};
-    j.albedos = calloc(GONIO_HALVES * ANGLES * j.turns * 2 * (size_t)model->channels, sizeof *j.albedos);
+    j.albedos = calloc(GONIO_HALVES * ANGLES * j.turns * (size_t)model->channels, sizeof *j.albedos);
+    j.gaps = calloc((size_t)GONIO_HALVES * ANGLES, sizeof *j.gaps);
     gonio_check_report_free(r);
     r->albedos = calloc(2 * (size_t)ANGLES, sizeof *r->albedos);
     r->incidences = 0;
-    if (j.albedos == NULL || r->albedos == NULL) {
-        free(j.albedos);
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory to check a model of %d channels", model->channels);
-    }
-    gonio_pool_for(threads, (size_t)GONIO_HALVES * ANGLES, find_albedos, &j);
-    for (int side = 0; side < GONIO_HALVES; side += GONIO_REFLECTION_BACK) {
+    gonio_status status =
+        j.albedos != NULL && j.gaps != NULL && r->albedos != NULL
+            ? gonio_pool_try(threads, (size_t)GONIO_HALVES * ANGLES, find_albedos, &j, error)
+            : gonio_fail(error, GONIO_E_MEMORY, "no memory to check a model of %d channels", model->channels);
+    for (int side = 0; side < GONIO_HALVES && status == GONIO_OK; side += GONIO_REFLECTION_BACK) {
         for (size_t angle = 0; angle < ANGLES && has_side(halves, side); angle++) {
             take_point(&j, side, angle, &r->albedos[r->incidences++]);
         }
     }
     free(j.albedos);
+    free(j.gaps);
     r->excess = r->albedo = 0;
-    gonio_check_sum_up_albedos(r);
-    return GONIO_OK;
+    if (status == GONIO_OK) {
+        gonio_check_sum_up_albedos(r);
+    }
+    return status;
 }
 
 gonio_status gonio_check_model(const gonio_model *model, int threads, gonio_check_report *report, gonio_error *error) {

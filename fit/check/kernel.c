@@ -14,13 +14,8 @@ static const struct {
     double eps_part; // of the median magnitude: where logarithms end
 } tuning = {800, 1e-10, 2, 0.01};
 
-static void place(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, double *x) {
-    if (k->half_vector && k->turned) {
-        gonio_coordinates_isotropic(GONIO_HALF_VECTOR, wi, wo, x);
-        x[1] = fabs(x[1] - 0.5); // mirror images are the same
-    } else if (k->half_vector) {
-        gonio_coordinates_anisotropic(GONIO_HALF_VECTOR, wi, wo, x);
-    } else if (k->turned) {
+static void unit_place(bool is_turned, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    if (is_turned) {
         const double s = hypot(wi.x, wi.y), c = s > 0 ? wi.x / s : 1, d = s > 0 ? wi.y / s : 0;
         const double own[5] = {s, wi.z, wo.x * c + wo.y * d, fabs(wo.y * c - wo.x * d), wo.z};
         memcpy(x, own, sizeof own);
@@ -30,48 +25,97 @@ static void place(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, double *x
     }
 }
 
+static void place(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, double *x) {
+    if (k->half_vector && k->turned) {
+        gonio_coordinates_isotropic(GONIO_HALF_VECTOR, wi, wo, x);
+        x[1] = fabs(x[1] - 0.5); // mirror images are the same
+    } else if (k->half_vector) {
+        gonio_coordinates_anisotropic(GONIO_HALF_VECTOR, wi, wo, x);
+    } else {
+        unit_place(k->turned, wi, wo, x);
+    }
+}
+
 static double in(const gonio_kernel *k, double z, int c) { return k->log ? asinh(z / k->eps[c]) : z; }
 static double out_of(const gonio_kernel *k, double y, int c) { return k->log ? k->eps[c] * sinh(y) : y; }
 
-// The neighbours' weights, which add up to 1; returns how many there are.
-static size_t weigh(const gonio_nearest *near, double *weight) {
+// The neighbours' weights, which add up to 1.
+static void weigh(const gonio_nearest *near, double *weight) {
     double mean = 0, sum = 0;
-    if (near->found > 0 && near->distance[0] < tuning.exact2) { // measured there: all rows of the place alike
-        size_t n = 0;
-        while (n < near->found && near->distance[n] < tuning.exact2) {
-            n++;
-        }
-        for (size_t i = 0; i < n; i++) {
-            weight[i] = 1 / (double)n;
-        }
-        return n;
-    }
     for (size_t i = 0; i < near->found; i++) {
         mean += sqrt(near->distance[i]) / (double)near->found;
     }
     for (size_t i = 0; i < near->found; i++) {
-        weight[i] = exp(-near->distance[i] / (2 * mean * mean));
+        weight[i] = mean > 0 ? exp(-near->distance[i] / (2 * mean * mean)) : 1;
         sum += weight[i];
     }
     for (size_t i = 0; i < near->found; i++) {
         weight[i] /= sum;
     }
-    return near->found;
+}
+
+size_t gonio_kernel_at(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, size_t without, size_t *rows) {
+    const size_t skip[2] = {without, without == SIZE_MAX ? without : without + 1};
+    gonio_nearest near = {.wanted = GONIO_NEAREST_MAX};
+    double x[GONIO_NEIGHBOURS_DIMS];
+    size_t n = 0;
+    unit_place(k->turned, wi, wo, x);
+    // One suffices where nothing stands there, as is the rule.
+    gonio_nearest first = {.wanted = 1};
+    gonio_neighbours_find(&k->exact, x, skip, &first);
+    if (first.found == 0 || first.distance[0] >= tuning.exact2) {
+        return 0;
+    }
+    gonio_neighbours_find(&k->exact, x, skip, &near);
+    while (n < near.found && near.distance[n] < tuning.exact2) {
+        rows[n] = near.index[n];
+        n++;
+    }
+    return n;
+}
+
+size_t gonio_kernel_nearest(const gonio_kernel *k, const gonio_pair *p) {
+    gonio_nearest near = {.wanted = 1};
+    double x[GONIO_NEIGHBOURS_DIMS];
+    unit_place(k->turned, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o), x);
+    gonio_neighbours_find(&k->exact, x, (const size_t[2]){SIZE_MAX, SIZE_MAX}, &near);
+    return near.index[0];
+}
+
+// The nearest samples and their weights: all that were measured at the place itself alike, or the j nearest.
+static size_t neighbours_of(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, size_t without, size_t *rows,
+                            double *weight, bool *there) {
+    size_t n = gonio_kernel_at(k, wi, wo, without, rows);
+    *there = n > 0;
+    for (size_t i = 0; i < n; i++) {
+        weight[i] = 1 / (double)n;
+    }
+    if (n == 0) {
+        const size_t skip[2] = {without, without == SIZE_MAX ? without : without + 1};
+        gonio_nearest near = {.wanted = (size_t)k->wanted};
+        double x[GONIO_NEIGHBOURS_DIMS];
+        place(k, wi, wo, x);
+        gonio_neighbours_find(&k->tree, x, skip, &near);
+        weigh(&near, weight);
+        n = near.found;
+        memcpy(rows, near.index, n * sizeof *rows);
+        *there = n > 0 && near.distance[0] <= k->reach * k->reach;
+    }
+    return n;
 }
 
 bool gonio_kernel_value(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, size_t without, double *values,
                         double *sigma) {
     const gonio_samples *s = k->samples;
-    const size_t c = (size_t)s->channels, skip[2] = {without, without == SIZE_MAX ? without : without + 1};
-    gonio_nearest near = {.wanted = (size_t)k->wanted};
-    double x[GONIO_NEIGHBOURS_DIMS], weight[GONIO_NEAREST_MAX];
-    place(k, wi, wo, x);
-    gonio_neighbours_find(&k->tree, x, skip, &near);
-    const size_t n = weigh(&near, weight);
+    const size_t c = (size_t)s->channels;
+    size_t rows[GONIO_NEAREST_MAX];
+    double weight[GONIO_NEAREST_MAX];
+    bool there;
+    const size_t n = neighbours_of(k, wi, wo, without, rows, weight, &there);
     for (size_t j = 0; j < c; j++) {
         double sum = 0, variance = 0;
         for (size_t i = 0; i < n; i++) {
-            const size_t at = near.index[i] * c + j;
+            const size_t at = rows[i] * c + j;
             sum += weight[i] * in(k, s->values[at], (int)j);
             variance += sigma != NULL && s->sigma_random != NULL ? pow(weight[i] * s->sigma_random[at], 2) : 0;
         }
@@ -80,7 +124,7 @@ bool gonio_kernel_value(const gonio_kernel *k, gonio_vec3 wi, gonio_vec3 wo, siz
             sigma[j] = sqrt(variance);
         }
     }
-    return near.found > 0 && near.distance[0] <= k->reach * k->reach;
+    return there;
 }
 
 // ---- the choice ----
@@ -198,12 +242,20 @@ gonio_status gonio_kernel_new(const gonio_samples *samples, bool turned, gonio_k
                             .isotropic = k->turned,
                             .channel_names = (const char(*)[32])samples->channel_names};
     k->at = malloc((samples->n + 1) * GONIO_NEIGHBOURS_DIMS * sizeof *k->at);
+    k->units = malloc((samples->n + 1) * GONIO_NEIGHBOURS_DIMS * sizeof *k->units);
     k->eps = malloc(c * sizeof *k->eps);
     k->left_out_squares = calloc(c, sizeof *k->left_out_squares);
     gonio_status status = GONIO_OK;
-    if (k->at == NULL || k->eps == NULL || k->left_out_squares == NULL || !find_eps(k)) {
+    if (k->at == NULL || k->units == NULL || k->eps == NULL || k->left_out_squares == NULL || !find_eps(k)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to interpolate %zu samples", samples->n);
     }
+    const int dims = k->turned ? 5 : 6;
+    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
+        const gonio_pair *p = &samples->pairs[i];
+        unit_place(k->turned, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o),
+                   k->units + i * (size_t)dims);
+    }
+    status = status == GONIO_OK ? gonio_neighbours_new(k->units, samples->n, dims, &k->exact, error) : status;
     status = status == GONIO_OK ? choose(k, error) : status;
     status = status == GONIO_OK ? judge(k, error) : status;
     if (status != GONIO_OK) {
@@ -214,7 +266,9 @@ gonio_status gonio_kernel_new(const gonio_samples *samples, bool turned, gonio_k
 
 void gonio_kernel_free(gonio_kernel *k) {
     gonio_neighbours_free(&k->tree);
+    gonio_neighbours_free(&k->exact);
     free(k->at);
+    free(k->units);
     free(k->eps);
     free(k->left_out_squares);
     *k = (gonio_kernel){0};

@@ -21,6 +21,8 @@ typedef struct gonio_kernel {
     double *eps;  // [channels] where the logarithm begins
     double reach; // distance within which the place counts as sampled
     gonio_neighbours tree;
+    double *units;          // [n][5 or 6] the places as unit vectors, and their tree
+    gonio_neighbours exact; // what stands at a place itself: half-vector coordinates have none at some
     // Of each sample predicted from the others: median of |error| / (|f| + eps), and the mean square of a channel.
     double left_out, *left_out_squares;
 } gonio_kernel;
@@ -29,6 +31,10 @@ typedef struct gonio_kernel {
 gonio_status gonio_kernel_new(const gonio_samples *samples, bool turned, gonio_kernel *out, gonio_error *error);
 void gonio_kernel_free(gonio_kernel *kernel);
 
+// The samples at the place itself, without that one; up to GONIO_NEAREST_MAX of them.
+size_t gonio_kernel_at(const gonio_kernel *kernel, gonio_vec3 wi, gonio_vec3 wo, size_t without, size_t *rows);
+// The nearest sample of a pair.
+size_t gonio_kernel_nearest(const gonio_kernel *kernel, const gonio_pair *pair);
 // values[channels] at a pair, without the sample of that number (SIZE_MAX: all take part); false: the nearest are too
 // far away for the place to count as sampled (the values are set all the same). sigma: NULL, or [channels] the random
 // uncertainty that they inherit.

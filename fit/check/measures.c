@@ -106,3 +106,31 @@ void gonio_check_test_energy(gonio_check_report *r, int channels) {
         }
     }
 }
+
+bool gonio_check_sums_begin(gonio_check_sums *s, size_t channels) {
+    s->square = calloc(4 * channels, sizeof *s->square);
+    s->chi2 = s->square != NULL ? s->square + channels : NULL;
+    s->dof = s->square != NULL ? s->chi2 + channels : NULL;
+    s->expected = s->square != NULL ? s->dof + channels : NULL;
+    return s->square != NULL;
+}
+
+gonio_check_test gonio_check_sums_test(const gonio_check_sums *s, int channels) {
+    gonio_check_test one = gonio_check_no_test;
+    int n = 0;
+    for (int c = 0; c < channels; c++) {
+        if (s->dof[c] > 0) {
+            const double p = gonio_chi_square_beyond(s->dof[c], s->chi2[c]);
+            gonio_check_join(&one, &n, &(gonio_check_test){s->chi2[c], s->dof[c], p, c, p});
+        }
+    }
+    return one;
+}
+
+double gonio_check_mean(const double *values, size_t n) {
+    double sum = 0;
+    for (size_t k = 0; k < n; k++) {
+        sum += values[k];
+    }
+    return sum / (double)n;
+}

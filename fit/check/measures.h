@@ -21,6 +21,15 @@ void gonio_differences_add(gonio_differences *d, double a, double b, const gonio
 // The range in per cent, and the median of 2|a - b| / (|a| + |b| + 2e-3) as a fraction. Releases.
 gonio_check_range gonio_differences_end(gonio_differences *d, double *median);
 
+// Sums of each channel over what was compared: squares, chi-square and its degrees of freedom, and what sigma alone
+// makes of the squares. Free square.
+typedef struct gonio_check_sums {
+    double *square, *chi2, *dof, *expected; // [channels]
+} gonio_check_sums;
+bool gonio_check_sums_begin(gonio_check_sums *sums, size_t channels); // false: no memory
+gonio_check_test gonio_check_sums_test(const gonio_check_sums *sums, int channels);
+double gonio_check_mean(const double *values, size_t n);
+
 // The albedos of the report are there: excess, albedo, energy and their range from them.
 void gonio_check_sum_up_albedos(gonio_check_report *report);
 // Does one of the albedos exceed 1 by more than sigma and the sum's own error explain?
@@ -31,6 +40,11 @@ gonio_status gonio_check_half_model(const gonio_model *model, int threads, gonio
                                     gonio_error *error);
 gonio_status gonio_check_half_samples(const gonio_samples *samples, int threads, gonio_check_report *report,
                                       gonio_error *error);
+
+// Albedos[azimuths][channels] of a model for light at theta_i, the sample turned to each azimuth, by adaptive
+// quadrature held against an albedo by importance; *gap: their relative error.
+gonio_status gonio_check_albedo_exactly(const gonio_model *model, double theta_i, int azimuths, double *albedos,
+                                        double *gap, gonio_error *error);
 
 // The albedo of n samples of one incidence into point: sum weight f, and the same by other weights, whose difference is
 // what the sum may be off. value[channels], sigma: what the test takes, by the better weights. point: its place and
@@ -43,6 +57,9 @@ void gonio_check_integrate(const gonio_samples *samples, size_t n, const size_t 
 // A grid of thetas x 4 thetas azimuths in cells that fill the hemisphere: no pole, no horizon. isotropic: light at
 // azimuth 0. The caller frees it.
 gonio_status gonio_check_cell_plan(int thetas, bool isotropic, gonio_plan **out, gonio_error *error);
+#define GONIO_CHECK_TURNS 8 // azimuths at which (4.8) and (4.9) take the interpolant of scattered samples
+// The one on which P_s of models and of scattered samples is measured.
+gonio_status gonio_check_grid_plan(bool isotropic, gonio_plan **out, gonio_error *error);
 // P_s^(k) of a model from a table of it, cell-centred at equal steps of theta and azimuth.
 gonio_status gonio_check_gridded_ranks(const gonio_model *model, int threads, gonio_check_report *report,
                                        gonio_error *error);

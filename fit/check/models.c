@@ -18,7 +18,7 @@
 #include "fit/check/significance.h"
 #include "gonio/plan.h"
 
-enum { NODES = 24, ANGLES = 18, AZIMUTHS = 16, EDGES = 40, PAIRS = 4000 };
+enum { NODES = 24, ANGLES = 18, AZIMUTHS = 16, EDGES = 40, PAIRS = 4000, CONTROL = 4096 };
 static const struct {
     double tolerance, agreement;   // of the adaptive integrals; between both albedos
     size_t most, most_anisotropic; // evaluations of an incidence, a turned set counting as one
@@ -108,26 +108,68 @@ static size_t unite(double *edge, size_t n) {
     return count;
 }
 
-static gonio_status integrate(void *context, size_t k, gonio_error *error) {
-    const model_job *j = context;
-    const size_t n = (size_t)(j->azimuths * j->model->channels) + 3;
-    double weight, theta[EDGES] = {0, GONIO_PI / 2, 0.6, 1.1, 1.4}, phi[EDGES] = {0, 2 * GONIO_PI, 0.8, 1.6, 2.4};
-    place p = {j->model, j->azimuths, k < NODES ? node((int)k, &weight) : gonio_radians(5.0 * (double)(k - NODES))};
-    size_t nx = close_in(0, GONIO_PI / 2, p.theta_i, theta, 5), ny = close_in(0, 2 * GONIO_PI, GONIO_PI, phi, 5);
+// Integrals over the outgoing hemisphere for light at theta_i: panels close in on the mirror direction and the light's.
+static gonio_status over_hemisphere(void (*f)(void *context, double theta, double phi, double *out), void *context,
+                                    double theta_i, size_t n, bool turns, double *sums, double *gap,
+                                    gonio_error *error) {
+    double theta[EDGES] = {0, GONIO_PI / 2, 0.6, 1.1, 1.4}, phi[EDGES] = {0, 2 * GONIO_PI, 0.8, 1.6, 2.4};
+    size_t nx = close_in(0, GONIO_PI / 2, theta_i, theta, 5), ny = close_in(0, 2 * GONIO_PI, GONIO_PI, phi, 5);
     ny = close_in(0, 2 * GONIO_PI, 0, phi, ny);
     for (int side = 0; side < 3; side++) {
         phi[ny++] = 2 * GONIO_PI - phi[2 + side];
     }
-    const gonio_cubature c = {.f = integrand,
-                              .context = &p,
+    const gonio_cubature c = {.f = f,
+                              .context = context,
                               .n = n,
                               .x = theta,
                               .y = phi,
                               .nx = unite(theta, nx),
                               .ny = unite(phi, ny),
                               .tolerance = tuning.tolerance,
-                              .most = j->azimuths > 1 ? tuning.most_anisotropic : tuning.most};
-    return gonio_cubature_run(&c, j->sums + k * n, &j->gap[k], error);
+                              .most = turns ? tuning.most_anisotropic : tuning.most};
+    return gonio_cubature_run(&c, sums, gap, error);
+}
+
+static gonio_status integrate(void *context, size_t k, gonio_error *error) {
+    const model_job *j = context;
+    const size_t n = (size_t)(j->azimuths * j->model->channels) + 3;
+    double weight;
+    place p = {j->model, j->azimuths, k < NODES ? node((int)k, &weight) : gonio_radians(5.0 * (double)(k - NODES))};
+    return over_hemisphere(integrand, &p, p.theta_i, n, j->azimuths > 1, j->sums + k * n, &j->gap[k], error);
+}
+
+// ---- albedos alone ----
+
+static void reflected(void *context, double theta, double phi, double *out) {
+    const place *p = context;
+    const size_t c = (size_t)p->model->channels, n = (size_t)p->azimuths;
+    for (size_t j = 0; j < n; j++) {
+        const double turn = 2 * GONIO_PI * (double)j / (double)n;
+        gonio_model_eval(p->model, gonio_direction(p->theta_i, turn), gonio_direction(theta, phi + turn), out + j * c);
+    }
+    for (size_t j = 0; j < n * c; j++) {
+        out[j] *= sin(theta) * cos(theta);
+    }
+}
+
+gonio_status gonio_check_albedo_exactly(const gonio_model *model, double theta_i, int azimuths, double *albedos,
+                                        double *gap, gonio_error *error) {
+    place p = {model, azimuths, theta_i};
+    const size_t c = (size_t)model->channels;
+    double other[GONIO_CHANNELS_MAX];
+    const gonio_status status =
+        over_hemisphere(reflected, &p, theta_i, c * (size_t)azimuths, azimuths > 1, albedos, gap, error);
+    for (int j = 0; status == GONIO_OK && j < azimuths; j++) {
+        gonio_check_albedo_shares(model, theta_i, 2 * GONIO_PI * j / azimuths, CONTROL, 1, other);
+        for (size_t k = 0; k < c; k++) {
+            double *value = &albedos[(size_t)j * c + k];
+            if (other[k] - *value > tuning.agreement * fabs(other[k])) { // a lobe that the panels missed
+                *gap = fmax(*gap, (other[k] - *value) / other[k]);
+                *value = other[k];
+            }
+        }
+    }
+    return status;
 }
 
 // ---- the report ----
@@ -136,7 +178,7 @@ static void take_albedo(const model_job *j, size_t k, gonio_check_albedo_point *
     const size_t c = (size_t)j->model->channels, n = (size_t)j->azimuths * c + 3;
     const double *sum = j->sums + (NODES + k) * n;
     double other[GONIO_CHANNELS_MAX];
-    gonio_check_albedo_nodes(j->model, gonio_radians(5.0 * (double)k), 4096, other);
+    gonio_check_albedo_nodes(j->model, gonio_radians(5.0 * (double)k), CONTROL, other);
     *a = (gonio_check_albedo_point){.theta_i = gonio_radians(5.0 * (double)k), .largest = -INFINITY, .covered = 1};
     const double gap = j->gap[NODES + k];
     for (size_t i = 0; i < (size_t)j->azimuths * c; i++) {

@@ -10,8 +10,9 @@
 #include <stdlib.h>
 
 #include "base/thread_pool.h"
+#include "fit/check/change.h"
 #include "fit/check/measures.h"
-#include "fit/check/products.h"
+#include "fit/check/ranks.h"
 #include "fit/check/significance.h"
 #include "fit/smooth/matrix.h"
 
@@ -20,10 +21,7 @@ enum { EXACT = 400, PASSES = 3 };
 typedef struct job {
     const gonio_table *table;
     size_t channel; // of the row source
-    // [channels]: what is left beyond k = 0, 1 ... and the most that may be less of it.
-    double (*left)[GONIO_CHECK_RANKS + 1];
-    double *error;
-    gonio_check_test (*tests)[GONIO_CHECK_RANKS];
+    gonio_ranks ranks;
 } job;
 
 static double value_of(const gonio_table *t, size_t row, size_t column, size_t channel) {
@@ -132,35 +130,76 @@ static bool whole(job *j, size_t channel, double largest[GONIO_CHECK_RANKS], dou
 
 // ---- what sigma explains ----
 
-static double leverage(const double *vectors, size_t n, size_t k, size_t at) {
-    double sum = 0;
-    for (size_t j = 0; j < k; j++) {
-        sum += vectors[j * n + at] * vectors[j * n + at];
-    }
-    return fmin(sum, 1);
-}
-
 // The squares that noise leaves beyond k products: each entry's variance, less what the products took up of it. Their
 // sum is a scaled chi-square with the mean and variance of that sum (Satterthwaite 1946).
-static void test_ranks(job *j, size_t channel, const gonio_products *p, const double *left) {
-    const gonio_table *t = j->table;
-    const gonio_samples *s = t->samples;
-    for (size_t k = 1; k <= p->k; k++) {
-        double mean = 0, squares = 0;
-        for (size_t row = 0; row < t->rows; row++) {
-            const double u = 1 - leverage(p->u, p->rows, k, row);
-            for (size_t column = 0; column < t->columns; column++) {
-                const double sigma = s->sigma_random[gonio_table_at(t, row, column) * (size_t)s->channels + channel];
-                const double v = sigma * sigma * u * (1 - leverage(p->v, p->columns, k, column));
-                mean += v;
-                squares += v * v;
+void gonio_ranks_test(const gonio_row_source *sigma, const gonio_products *p, size_t channel, gonio_ranks *ranks) {
+    double mean[GONIO_CHECK_RANKS] = {0}, squares[GONIO_CHECK_RANKS] = {0};
+    double *row = malloc(p->columns * sizeof *row);
+    const double *left = ranks->left[channel];
+    for (size_t r = 0; row != NULL && r < p->rows; r++) {
+        sigma->row(sigma->context, r, row);
+        for (size_t k = 1; k <= p->k; k++) {
+            const double u = 1 - gonio_change_leverage(p->u, p->rows, k, r);
+            for (size_t column = 0; column < p->columns; column++) {
+                const double v =
+                    row[column] * row[column] * u * (1 - gonio_change_leverage(p->v, p->columns, k, column));
+                mean[k - 1] += v;
+                squares[k - 1] += v * v;
             }
         }
-        gonio_check_test *test = &j->tests[channel][k - 1];
-        if (squares > 0) {
-            *test = (gonio_check_test){left[k] * mean / squares, mean * mean / squares, 0, (int)channel, 0};
+    }
+    for (size_t k = 0; k < p->k; k++) {
+        gonio_check_test *test = &ranks->tests[channel][k];
+        if (squares[k] > 0) {
+            *test = (gonio_check_test){left[k + 1] * mean[k] / squares[k], mean[k] * mean[k] / squares[k], 0,
+                                       (int)channel, 0};
             test->p = test->least = gonio_chi_square_beyond(test->dof, test->chi2);
         }
+    }
+    free(row);
+}
+
+static void keep_values(const double *value, size_t n, double rest, size_t channel, gonio_ranks *ranks) {
+    for (size_t k = GONIO_CHECK_RANKS; k <= GONIO_CHECK_RANKS; k--) {
+        ranks->left[channel][k] = rest;
+        rest += k > 0 && k <= n ? value[k - 1] * value[k - 1] : 0;
+    }
+}
+
+void gonio_ranks_of_products(const gonio_products *p, size_t channel, gonio_ranks *ranks) {
+    double rest = p->squares;
+    for (size_t k = 0; k < p->k; k++) {
+        rest = fmax(rest - p->value[k] * p->value[k], 0);
+    }
+    keep_values(p->value, p->k, rest, channel, ranks);
+    ranks->error[channel] = p->left;
+}
+
+gonio_status gonio_ranks_begin(size_t channels, gonio_ranks *ranks, gonio_error *error) {
+    *ranks = (gonio_ranks){calloc(channels, sizeof *ranks->left), calloc(channels, sizeof *ranks->error),
+                           calloc(channels, sizeof *ranks->tests)};
+    if (ranks->left == NULL || ranks->error == NULL || ranks->tests == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the singular values of %zu channels", channels);
+    }
+    for (size_t c = 0; c < channels; c++) {
+        for (int k = 0; k < GONIO_CHECK_RANKS; k++) {
+            ranks->tests[c][k] = gonio_check_no_test;
+        }
+    }
+    return GONIO_OK;
+}
+
+void gonio_ranks_free(gonio_ranks *ranks) {
+    free(ranks->tests);
+    free(ranks->error);
+    free(ranks->left);
+}
+
+static void read_sigma(void *context, size_t row, double *values) {
+    const job *j = context;
+    const gonio_samples *s = j->table->samples;
+    for (size_t q = 0; q < j->table->columns; q++) {
+        values[q] = s->sigma_random[gonio_table_at(j->table, row, q) * (size_t)s->channels + j->channel];
     }
 }
 
@@ -172,9 +211,6 @@ static gonio_status find_channel(void *context, size_t channel, gonio_error *err
     const size_t longest = t->rows > t->columns ? t->rows : t->columns;
     const bool blocks = t->isotropic && t->phis > 0, exact = blocks || longest <= EXACT;
     const bool sigma = t->samples->sigma_random != NULL && !blocks;
-    for (int k = 0; k < GONIO_CHECK_RANKS; k++) {
-        j.tests[channel][k] = gonio_check_no_test;
-    }
     if (exact && !(blocks ? by_blocks(&j, channel, largest, &rest) : whole(&j, channel, largest, &rest))) {
         return gonio_fail(error, GONIO_E_CONVERGENCE, "no singular values of the table's matrix");
     }
@@ -186,32 +222,24 @@ static gonio_status find_channel(void *context, size_t channel, gonio_error *err
             return status;
         }
     }
-    if (!exact) {
-        rest = p.squares;
-        for (size_t k = 0; k < p.k; k++) {
-            largest[k] = p.value[k];
-            rest = fmax(rest - p.value[k] * p.value[k], 0);
-        }
-        j.error[channel] = p.left;
-    }
-    for (int k = GONIO_CHECK_RANKS; k >= 0; k--) {
-        j.left[channel][k] = rest;
-        rest += k > 0 ? largest[k - 1] * largest[k - 1] : 0;
+    if (exact) {
+        keep_values(largest, GONIO_CHECK_RANKS, rest, channel, &j.ranks);
+    } else {
+        gonio_ranks_of_products(&p, channel, &j.ranks);
     }
     if (sigma) {
-        test_ranks(&j, channel, &p, j.left[channel]);
+        gonio_ranks_test(&(gonio_row_source){t->rows, t->columns, read_sigma, &j}, &p, channel, &j.ranks);
     }
     gonio_products_free(&p);
     return GONIO_OK;
 }
 
-static void sum_up(const job *j, size_t channels, gonio_check_report *r) {
-    const gonio_table *t = j->table;
-    const double entries = (double)t->rows * (double)t->columns * (double)channels;
-    const size_t least = t->rows < t->columns ? t->rows : t->columns;
+void gonio_ranks_sum_up(const gonio_ranks *j, size_t rows, size_t columns, size_t channels, gonio_check_report *r) {
+    const double entries = (double)rows * (double)columns * (double)channels;
+    const size_t least = rows < columns ? rows : columns;
     r->ranks = least < GONIO_CHECK_RANKS ? (int)least : GONIO_CHECK_RANKS;
-    r->directions[0] = t->rows;
-    r->directions[1] = t->columns;
+    r->directions[0] = rows;
+    r->directions[1] = columns;
     double all = 0, error = 0;
     for (size_t c = 0; c < channels; c++) {
         all += j->left[c][0];
@@ -237,20 +265,11 @@ gonio_status gonio_check_table_ranks(const gonio_table *t, int threads, gonio_ch
                                      gonio_error *error) {
     const size_t c = (size_t)t->samples->channels;
     job j = {.table = t};
-    j.left = calloc(c, sizeof *j.left);
-    j.error = calloc(c, sizeof *j.error);
-    j.tests = calloc(c, sizeof *j.tests);
-    gonio_status status = GONIO_OK;
-    if (j.left == NULL || j.error == NULL || j.tests == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the singular values of %zu channels", c);
-    } else {
-        status = gonio_pool_try(threads, c, find_channel, &j, error);
-    }
+    gonio_status status = gonio_ranks_begin(c, &j.ranks, error);
+    status = status == GONIO_OK ? gonio_pool_try(threads, c, find_channel, &j, error) : status;
     if (status == GONIO_OK) {
-        sum_up(&j, c, report);
+        gonio_ranks_sum_up(&j.ranks, t->rows, t->columns, c, report);
     }
-    free(j.tests);
-    free(j.error);
-    free(j.left);
+    gonio_ranks_free(&j.ranks);
     return status;
 }

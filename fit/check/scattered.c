@@ -15,7 +15,7 @@
 #include "fit/check/triangles.h"
 
 enum {
-    TURNS = 8,        // azimuths at which (4.8) and (4.9) take the interpolant
+    TURNS = GONIO_CHECK_TURNS,
     GROUP_LEAST = 12, // samples of an incidence that is triangulated
     NODES = 4096,     // of a hemisphere's quadrature of the interpolant
 };
@@ -35,12 +35,21 @@ static gonio_vec3 turned(gonio_vec3 v, double angle) {
 
 // ---- reciprocity ----
 
+// A sample whose exchanged directions are its own is reciprocal by itself.
 static void exchange(void *context, size_t i) {
     const scattered *x = context;
     const gonio_pair *p = &x->s->pairs[i];
-    x->there[i] =
-        gonio_kernel_value(x->kernel, gonio_direction(p->theta_o, p->phi_o), gonio_direction(p->theta_i, p->phi_i), i,
-                           x->partner + i * (size_t)x->s->channels, NULL);
+    const size_t c = (size_t)x->s->channels;
+    const gonio_vec3 wi = gonio_direction(p->theta_i, p->phi_i), wo = gonio_direction(p->theta_o, p->phi_o);
+    size_t rows[GONIO_NEAREST_MAX];
+    bool own = false;
+    for (size_t n = gonio_kernel_at(x->kernel, wo, wi, SIZE_MAX, rows); n > 0; n--) {
+        own = own || rows[n - 1] == i;
+    }
+    if (own) {
+        memcpy(x->partner + i * c, x->s->values + i * c, c * sizeof *x->partner);
+    }
+    x->there[i] = own || gonio_kernel_value(x->kernel, wo, wi, i, x->partner + i * c, NULL);
 }
 
 static gonio_status reciprocity(const scattered *x, int threads, gonio_check_report *r, gonio_error *error) {

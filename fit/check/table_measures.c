@@ -9,38 +9,6 @@
 #include "fit/check/partial.h"
 #include "fit/check/significance.h"
 
-typedef struct sums {
-    double *square, *chi2, *dof, *expected; // [channels]
-} sums;
-
-static bool allocate(sums *s, size_t channels) {
-    s->square = calloc(4 * channels, sizeof *s->square);
-    s->chi2 = s->square != NULL ? s->square + channels : NULL;
-    s->dof = s->square != NULL ? s->chi2 + channels : NULL;
-    s->expected = s->square != NULL ? s->dof + channels : NULL;
-    return s->square != NULL;
-}
-
-static gonio_check_test joined(const sums *s, int channels) {
-    gonio_check_test one = gonio_check_no_test;
-    int n = 0;
-    for (int c = 0; c < channels; c++) {
-        if (s->dof[c] > 0) {
-            const double p = gonio_chi_square_beyond(s->dof[c], s->chi2[c]);
-            gonio_check_join(&one, &n, &(gonio_check_test){s->chi2[c], s->dof[c], p, c, p});
-        }
-    }
-    return one;
-}
-
-static double mean(const double *values, size_t n) {
-    double sum = 0;
-    for (size_t k = 0; k < n; k++) {
-        sum += values[k];
-    }
-    return sum / (double)n;
-}
-
 static double variance(const gonio_samples *s, size_t i, size_t c) {
     const double sigma = s->sigma_random != NULL ? s->sigma_random[i * (size_t)s->channels + c] : 0;
     return sigma * sigma;
@@ -71,7 +39,8 @@ static bool bracket(const gonio_table *t, bool incident, double theta, size_t *r
 
 // The exchanged direction where thetas of both sides differ: DeYoung's quadrilinear interpolation, of which the thetas
 // remain, for the azimuths of both sides are the same ones.
-static bool add_interpolated(const gonio_table *t, size_t row, size_t column, sums *sum, gonio_differences *d) {
+static bool add_interpolated(const gonio_table *t, size_t row, size_t column, gonio_check_sums *sum,
+                             gonio_differences *d) {
     const size_t c = (size_t)t->samples->channels, n = t->phis;
     size_t in, out;
     double s, u;
@@ -98,7 +67,7 @@ static bool add_interpolated(const gonio_table *t, size_t row, size_t column, su
     return true;
 }
 
-static size_t add_pair(const gonio_table *t, size_t row, size_t column, sums *sum, gonio_differences *d) {
+static size_t add_pair(const gonio_table *t, size_t row, size_t column, gonio_check_sums *sum, gonio_differences *d) {
     const size_t r = t->row_of_column[column], q = t->column_of_row[row], c = (size_t)t->samples->channels;
     if (r == GONIO_TABLE_NONE || q == GONIO_TABLE_NONE) {
         return 0;
@@ -122,9 +91,9 @@ static size_t add_pair(const gonio_table *t, size_t row, size_t column, sums *su
 static gonio_status reciprocity(const gonio_table *t, int threads, gonio_check_report *report, gonio_error *error) {
     const size_t c = (size_t)t->samples->channels, step = gonio_table_row_step(t);
     gonio_differences d;
-    sums sum;
+    gonio_check_sums sum;
     const bool ready = gonio_differences_begin(&d, t->rows / step * t->columns * c);
-    if (!allocate(&sum, c) || !ready) {
+    if (!gonio_check_sums_begin(&sum, c) || !ready) {
         free(sum.square);
         free(d.kept);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to compare %zu samples", t->samples->n);
@@ -138,10 +107,11 @@ static gonio_status reciprocity(const gonio_table *t, int threads, gonio_check_r
         }
     }
     pairs += between;
-    report->reciprocity = pairs > 0 ? mean(sum.square, c) / (double)pairs : NAN;
-    report->reciprocity_expected =
-        pairs > 0 && between == 0 && t->samples->sigma_random != NULL ? mean(sum.expected, c) / (double)pairs : NAN;
-    report->reciprocity_test = joined(&sum, (int)c);
+    report->reciprocity = pairs > 0 ? gonio_check_mean(sum.square, c) / (double)pairs : NAN;
+    report->reciprocity_expected = pairs > 0 && between == 0 && t->samples->sigma_random != NULL
+                                       ? gonio_check_mean(sum.expected, c) / (double)pairs
+                                       : NAN;
+    report->reciprocity_test = gonio_check_sums_test(&sum, (int)c);
     report->reciprocity_range = gonio_differences_end(&d, &report->reciprocity_median);
     free(sum.square);
     // What interpolates between thetas errs by more than sigma: the test is that of scattered samples then.
@@ -153,7 +123,8 @@ static gonio_status reciprocity(const gonio_table *t, int threads, gonio_check_r
 // ---- isotropy ----
 
 // The phis values that a turn of the sample makes equal, (4.8) and (4.9).
-static double deviation(const gonio_table *t, size_t row, size_t column, size_t k, sums *sum, gonio_differences *d) {
+static double deviation(const gonio_table *t, size_t row, size_t column, size_t k, gonio_check_sums *sum,
+                        gonio_differences *d) {
     const gonio_samples *s = t->samples;
     const size_t n = t->phis, c = (size_t)s->channels, row0 = row - row % n, column0 = column - column % n;
     double total = 0, squares = 0, weight = 0, weighted = 0, chi2 = 0;
@@ -186,9 +157,9 @@ static gonio_status isotropy(const gonio_table *t, gonio_check_report *report, g
         return GONIO_OK;
     }
     gonio_differences d;
-    sums sum;
+    gonio_check_sums sum;
     const bool ready = gonio_differences_begin(&d, t->rows * t->columns * c);
-    if (!allocate(&sum, c) || !ready) {
+    if (!gonio_check_sums_begin(&sum, c) || !ready) {
         free(sum.square);
         free(d.kept);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to compare %zu samples", t->samples->n);
@@ -200,8 +171,8 @@ static gonio_status isotropy(const gonio_table *t, gonio_check_report *report, g
             }
         }
     }
-    report->isotropy = mean(sum.square, c) / (double)(t->thetas_in * t->columns);
-    report->isotropy_test = joined(&sum, (int)c);
+    report->isotropy = gonio_check_mean(sum.square, c) / (double)(t->thetas_in * t->columns);
+    report->isotropy_test = gonio_check_sums_test(&sum, (int)c);
     report->isotropy_range = gonio_differences_end(&d, &report->isotropy_median);
     free(sum.square);
     return GONIO_OK;

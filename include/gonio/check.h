@@ -131,8 +131,10 @@ typedef struct gonio_change {
 } gonio_change;
 
 // A new set, which the caller frees; `samples` stay as they are. Means are weighted by inverse variances where the
-// samples carry sigma, and sigma goes on through them. A table's measure is 0 to rounding at delta 1; of scattered
-// samples the partners are interpolated, so what the interpolation errs stays.
+// samples carry sigma, and sigma goes on through them. The measure is 0 to rounding at delta 1. Scattered samples get
+// partners for it, of interpolated values, where RECIPROCITY and ISOTROPY ask for what was not measured; SEPARABLE makes
+// of them the table on which P_s is measured. Of a sheet energy is reflected and transmitted, all else of each half,
+// and reciprocity leaves transmission as it is.
 gonio_status gonio_check_change(const gonio_samples *samples, const gonio_change *change, int threads,
                                 gonio_samples **out, gonio_error *error);
 // A new model, or the same one where it has the property already; takes over `model`, which is freed on failure. A
@@ -140,11 +142,10 @@ gonio_status gonio_check_change(const gonio_samples *samples, const gonio_change
 gonio_status gonio_check_change_model(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
                                       gonio_error *error);
 
-// The same of a samples file that memory need not hold: a text with the header theta_i,phi_i,theta_o,phi_o and one
-// channel, an anisotropic table incidence by incidence, as `gonio convert --plan uniform:STEP,anisotropic=1` writes it.
-// It is read in passes, holding at most about `memory` bytes of it (0: 256 MB) and never less than one ring of
-// incidences. GONIO_E_INPUT with the line where it is no such file. P_s is that of a randomised search; there are no
-// tests, for there is no sigma.
+// The same of a samples file that memory need not hold: an anisotropic table incidence by incidence, as
+// `gonio convert --plan uniform:STEP,anisotropic=1` writes it, with any channels and their sigmas. It is read in passes,
+// holding at most about `memory` bytes of it (0: 256 MB) and never less than one ring of incidences. GONIO_E_INPUT with
+// the line where it is no such file. P_s is that of a randomised search.
 gonio_status gonio_check_stream(const char *path, size_t memory, gonio_check_report *report, gonio_error *error);
 // RECIPROCITY, ENERGY, ISOTROPY or SEPARABLE of such a file to another.
 gonio_status gonio_check_stream_change(const char *path, const gonio_change *change, size_t memory, const char *out,
@@ -155,6 +156,8 @@ typedef struct gonio_physical_report {
     double reciprocity_before, energy_before; // P_r and the largest albedo
     double energy;                            // the largest albedo afterwards
     double least_factor, theta_rad;           // the smallest factor, where; 1: none was needed
+    double least_factor_bound;                // of all factors that do, the least is at most so large: 1 / sqrt(A), A the
+                                              // largest albedo before, for there c(i) int f c(o) is 1 at most
 } gonio_physical_report;
 
 // A model that is reciprocal to rounding and whose albedo is at most 1 for every incidence (by two quadratures,

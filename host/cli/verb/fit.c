@@ -134,10 +134,10 @@ static gonio_status price(const gonio_samples *samples, fit_arguments *a, int th
 
 static json_t *physical_json(const fit_arguments *a) {
     const gonio_physical_report *r = &a->made;
-    return json_pack("{s:b,s:b,s:f,s:f,s:f,s:f,s:f,s:o}", "reciprocal", (int)a->reciprocal, "passive", (int)a->passive,
-                     "reciprocity_before", r->reciprocity_before, "energy_before", r->energy_before, "energy",
-                     r->energy, "least_factor", r->least_factor, "least_factor_theta", gonio_degrees(r->theta_rad),
-                     "held_out", cli_json_errors(&a->physical_held));
+    return json_pack("{s:b,s:b,s:f,s:f,s:f,s:f,s:f,s:f,s:o}", "reciprocal", (int)a->reciprocal, "passive",
+                     (int)a->passive, "reciprocity_before", r->reciprocity_before, "energy_before", r->energy_before,
+                     "energy", r->energy, "least_factor", r->least_factor, "least_factor_bound", r->least_factor_bound,
+                     "least_factor_theta", gonio_degrees(r->theta_rad), "held_out", cli_json_errors(&a->physical_held));
 }
 
 static void print_physical(const fit_arguments *a, const gonio_fit_report *fitted) {
@@ -146,8 +146,10 @@ static void print_physical(const fit_arguments *a, const gonio_fit_report *fitte
         printf("reciprocal: P_r was %.3g /sr^2 and is 0\n", r->reciprocity_before);
     }
     if (a->passive) {
-        printf("passive: the largest albedo was %.5g and is %.5g; the least factor is %.5g, at %g deg\n",
-               r->energy_before, r->energy, r->least_factor, gonio_degrees(r->theta_rad));
+        printf("passive: the largest albedo was %.5g and is %.5g; the least factor is %.5g, at %g deg (no others have "
+               "a least "
+               "one above %.5g)\n",
+               r->energy_before, r->energy, r->least_factor, gonio_degrees(r->theta_rad), r->least_factor_bound);
     }
     cli_print_errors("physical", &a->physical_held);
     if (a->physical_held.samples > 0) {
