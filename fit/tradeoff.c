@@ -56,6 +56,21 @@ static gonio_vec3 random_direction(uint64_t *state) {
     return (gonio_vec3){s * cos(phi), s * sin(phi), z};
 }
 
+// Pairs of all the halves that the model has, by turns.
+static void spread_over_halves(const gonio_model *model, gonio_vec3 *directions) {
+    int halves[GONIO_HALVES], n = 0;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        halves[n] = h;
+        n += gonio_model_half(model, (gonio_half)h) != NULL;
+    }
+    for (size_t i = 0; n > 0 && i < EVALUATIONS; i++) {
+        const int half = halves[i % (size_t)n], back = half & GONIO_REFLECTION_BACK,
+                  through = half & GONIO_TRANSMISSION;
+        directions[i].z *= back != 0 ? -1 : 1;
+        directions[EVALUATIONS + i].z *= (back != 0) != (through != 0) ? -1 : 1;
+    }
+}
+
 // The quicker of three passes: what else the machine does only ever adds.
 static gonio_status time_model(const gonio_model *model, uint64_t seed, gonio_tradeoff_row *row, gonio_error *error) {
     gonio_vec3 *directions = malloc(2 * EVALUATIONS * sizeof *directions);
@@ -69,6 +84,7 @@ static gonio_status time_model(const gonio_model *model, uint64_t seed, gonio_tr
     for (size_t i = 0; i < 2 * EVALUATIONS; i++) {
         directions[i] = random_direction(&state);
     }
+    spread_over_halves(model, directions);
     row->eval_ns = row->batch_ns = INFINITY;
     for (int pass = 0; pass < 3; pass++) {
         const int64_t start = gonio_clock_ns();

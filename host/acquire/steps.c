@@ -21,10 +21,17 @@ void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]) {
     target_rad[GONIO_CAMERA_PHI] = pose->phi_o;
 }
 
-// Some spelling of one arm's direction: whole turns of phi, or theta on the other side. 0 is the plan's own.
+// Some spelling of one arm's direction: whole turns of phi, or theta on the other side; at the pole, which has no
+// azimuth, a few others. 0 is the plan's own.
 static void spell(double theta, double phi, int spelling, double *to_theta, double *to_phi) {
     const bool flipped = spelling >= SPELLINGS / 2;
     const int k = spelling % (SPELLINGS / 2), turns = k % 2 == 0 ? k / 2 : -(k + 1) / 2; // 0, -1, 1, -2, 2
+    if (theta == 0 && flipped) {
+        static const double azimuths[SPELLINGS / 2] = {0, 90, -90, 180, 45};
+        *to_theta = 0;
+        *to_phi = gonio_angle_canonical(gonio_radians(azimuths[k]));
+        return;
+    }
     // The half turn leads toward 0, and in whole degrees, so that an arm without azimuth finds its only one.
     const double half = flipped ? (phi > 0 ? -180 : 180) : 0;
     *to_theta = flipped ? -theta : theta;

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // libhdf5 has had crashes on damaged files for as long as it exists, and a file's own checksums keep out accidents, not
-// intent. So a child reads it and hands the samples on as the CSV that gives the same bits; what kills the child is
-// told.
+// intent. So a child reads it: it hands samples on as the CSV that gives the same bits, or makes the session again;
+// what kills the child is told.
 #include "host/cli/hdf5_input.h"
 
 #include <errno.h>
 #include <hdf5.h>
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -15,32 +16,80 @@
 
 #include "gonio/io.h"
 #include "gonio/session.h"
+#include "host/cli/cli.h"
 
 typedef struct answer {
     gonio_status status;
     gonio_error error;
 } answer;
 
-static gonio_status read_and_write(const char *path, int fd, gonio_error *error) {
-    gonio_samples *samples;
-    gonio_status status = gonio_session_read_hdf5(path, &samples, error);
-    FILE *stream = status == GONIO_OK ? fdopen(fd, "w") : NULL;
-    if (status == GONIO_OK && stream == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the samples of %s", path);
+static void child(cli_hdf5_work *work, void *context, answer *a) {
+    setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
+    H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
+    a->status = work(context, &a->error);
+    fflush(NULL);
+    _exit(0);
+}
+
+// Until the child has ended; what interrupts this program interrupts it too.
+static int wait_for(pid_t pid) {
+    int how = 0;
+    bool told = false;
+    while (waitpid(pid, &how, 0) < 0 && errno == EINTR) {
+        if (cli_interrupted() && !told) {
+            kill(pid, SIGINT);
+            told = true;
+        }
     }
-    status = status == GONIO_OK ? gonio_write_samples_stream(samples, stream, error) : status;
-    if (stream != NULL && (fclose(stream) != 0 || status != GONIO_OK)) {
-        status = status != GONIO_OK ? status : gonio_fail(error, GONIO_E_IO, "cannot hand on the samples of %s", path);
+    return how;
+}
+
+gonio_status cli_hdf5_apart(const char *path, cli_hdf5_work *work, void *context, gonio_error *error) {
+    answer *a = mmap(NULL, sizeof *a, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (a == MAP_FAILED) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
     }
-    gonio_samples_free(samples);
+    *a = (answer){GONIO_E_FAILED, {.line = -1, .byte = -1}};
+    fflush(NULL);
+    const pid_t pid = fork();
+    if (pid == 0) {
+        child(work, context, a);
+    }
+    const int how = pid > 0 ? wait_for(pid) : 0;
+    gonio_status status = a->status;
+    if (pid < 0) {
+        status = gonio_fail(error, GONIO_E_FAILED, "cannot read %s: %s", path, strerror(errno));
+    } else if (!WIFEXITED(how) || WEXITSTATUS(how) != 0) {
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, path, -1, "libhdf5 did not survive reading it (%s): it is damaged",
+                            WIFSIGNALED(how) ? strsignal(WTERMSIG(how)) : "it ended the process");
+    } else if (status != GONIO_OK && error != NULL) {
+        *error = a->error;
+    }
+    munmap(a, sizeof *a);
     return status;
 }
 
-static void child(const char *path, int fd, answer *a) {
-    setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
-    H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
-    a->status = read_and_write(path, fd, &a->error);
-    _exit(0);
+typedef struct hand_on {
+    const char *path;
+    int fd;
+} hand_on;
+
+static gonio_status read_and_write(void *context, gonio_error *error) {
+    const hand_on *h = context;
+    gonio_samples *samples;
+    gonio_status status = gonio_session_read_hdf5(h->path, &samples, error);
+    FILE *stream = status == GONIO_OK ? fdopen(h->fd, "w") : NULL;
+    if (status == GONIO_OK && stream == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the samples of %s", h->path);
+    }
+    status = status == GONIO_OK ? gonio_write_samples_stream(samples, stream, error) : status;
+    if (stream != NULL && (fclose(stream) != 0 || status != GONIO_OK)) {
+        status =
+            status != GONIO_OK ? status : gonio_fail(error, GONIO_E_IO, "cannot hand on the samples of %s", h->path);
+    }
+    gonio_samples_free(samples);
+    return status;
 }
 
 static gonio_status read_csv(int fd, gonio_samples **out, gonio_error *error) {
@@ -52,36 +101,12 @@ static gonio_status read_csv(int fd, gonio_samples **out, gonio_error *error) {
 
 gonio_status cli_hdf5_read(const char *path, gonio_samples **out, gonio_error *error) {
     *out = NULL;
-    answer *a = mmap(NULL, sizeof *a, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    const int fd = memfd_create("samples", MFD_CLOEXEC);
-    if (a == MAP_FAILED || fd < 0) {
+    hand_on h = {path, memfd_create("samples", MFD_CLOEXEC)};
+    if (h.fd < 0) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
     }
-    *a = (answer){GONIO_E_FAILED, {.line = -1, .byte = -1}};
-    fflush(NULL);
-    const pid_t pid = fork();
-    int how = 0;
-    if (pid == 0) {
-        child(path, fd, a);
-    }
-    while (pid > 0 && waitpid(pid, &how, 0) < 0 && errno == EINTR) {
-    }
-    gonio_status status;
-    if (pid < 0) {
-        status = gonio_fail(error, GONIO_E_FAILED, "cannot read %s: %s", path, strerror(errno));
-    } else if (!WIFEXITED(how) || WEXITSTATUS(how) != 0) {
-        status =
-            gonio_fail_line(error, GONIO_E_INPUT, path, -1, "libhdf5 did not survive reading it (%s): it is damaged",
-                            WIFSIGNALED(how) ? strsignal(WTERMSIG(how)) : "it ended the process");
-    } else if (a->status != GONIO_OK) {
-        status = a->status;
-        if (error != NULL) {
-            *error = a->error;
-        }
-    } else {
-        status = read_csv(fd, out, error);
-    }
-    close(fd);
-    munmap(a, sizeof *a);
+    gonio_status status = cli_hdf5_apart(path, read_and_write, &h, error);
+    status = status == GONIO_OK ? read_csv(h.fd, out, error) : status;
+    close(h.fd);
     return status;
 }

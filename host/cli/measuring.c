@@ -94,11 +94,13 @@ void cli_outcome_print(const gonio_outcome *outcome) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
     const gonio_blur *blur = &outcome->blur;
-    printf("blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; bias %.2g %% (at most %.2g "
-           "%%), of "
-           "which %.2g %% (at most %.2g %%) was taken out; nothing at %.0f %% of the samples, whose sigma holds it\n",
-           blur->light_deg, blur->aperture_deg, blur->region_deg, 100 * blur->bias_median, 100 * blur->bias_max,
-           100 * blur->taken_median, 100 * blur->taken_max, 100 * blur->untouched);
+    printf("blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; took %.2g %% of bias out of the "
+           "samples (at most %.2g %%)",
+           blur->light_deg, blur->aperture_deg, blur->region_deg, 100 * blur->taken_median, 100 * blur->taken_max);
+    if (blur->untouched > 0) {
+        printf(", nothing out of %.0f %% of them, where it is not known: their sigma holds it", 100 * blur->untouched);
+    }
+    putchar('\n');
     printf("fit        %s, level %d, %zu bytes, %.3g s\n", outcome->fit.method, outcome->fit.level, outcome->fit.bytes,
            outcome->fit.fit_seconds);
     cli_print_errors("training", &outcome->fit.train);

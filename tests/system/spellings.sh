@@ -30,7 +30,7 @@ for row in 30,-10,40,10 30,0,40,-90 30,0,40,-160 30,160,40,0; do
     check "azimuths beyond the axes: $row" grep -qx -- "$row" out
 done
 printf '[rig]\ndriver = sim\n[axis light_phi]\nmin_deg = 0\nmax_deg = 0\n[axis camera_phi]\nmin_deg = 0\nmax_deg = 0\n[axis camera_theta]\nmin_deg = -85\nmax_deg = 85\n' >flat.ini
-printf '%s\n30,0,20,180\n30,0,40,180\n30,0,40,0\n45,0,-10,0\n30,720,50,-180\n' $header >plan.csv
+printf '%s\n30,0,20,180\n30,0,40,180\n30,0,40,0\n45,0,-10,0\n30,720,50,-180\n0,77,20,0\n30,0,0,123\n' $header >plan.csv
 exits "a goniometer in one plane" 0 "$GONIO" plan plan.csv --check flat.ini --sample lambert:rho=0.5
 exits "it measures forward scatter" 0 "$GONIO" measure --rig flat.ini --sample $spec --plan plan.csv --method mba --level 2 flat.session
 "$GONIO" samples flat.session -o told.csv

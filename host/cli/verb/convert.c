@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio convert: what can be read, a session, a model or an analytic BRDF -> any format that has a writer, or a model
 // file; a whole session -> HDF5 and back.
-#include <hdf5.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -10,6 +9,7 @@
 #include "gonio/session.h"
 #include "host/cli/apart.h"
 #include "host/cli/export.h"
+#include "host/cli/hdf5_input.h"
 #include "host/cli/model_input.h"
 
 #define PLAN_DEFAULT "nusselt:20000"
@@ -113,6 +113,16 @@ static bool on_progress(void *context, double fraction, const char *what, double
     return !cli_interrupted();
 }
 
+typedef struct import {
+    const char *in, *out;
+    cli_progress *progress;
+} import;
+
+static gonio_status import_session(void *context, gonio_error *error) {
+    const import *i = context;
+    return gonio_session_import(i->in, i->out, on_progress, i->progress, error);
+}
+
 static gonio_status whole(const char *in, const char *out, const convert_arguments *a, gonio_error *error) {
     if (a->plan != NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "plan: a session is converted as it is");
@@ -123,11 +133,11 @@ static gonio_status whole(const char *in, const char *out, const convert_argumen
     if (status != GONIO_OK) {
         return status;
     }
-    H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
     cli_catch_interrupts();
     cli_progress_start(&progress, "converting", 1);
     if (gonio_session_is_hdf5(in)) {
-        status = gonio_session_import(in, out, on_progress, &progress, error);
+import i = {in, out, & progress };
+        status = cli_hdf5_apart(in, import_session, &i, error);
     } else if ((status = gonio_session_open(in, false, &session, error)) == GONIO_OK) {
         status = gonio_session_export(session, out, on_progress, &progress, error);
         gonio_session_close(session);
