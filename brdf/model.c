@@ -140,6 +140,10 @@ double gonio_model_wavelength_nm(const gonio_model *model, int channel) {
     return gonio_channel_wavelength_nm(model->channel_names[channel]);
 }
 
+double gonio_model_support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    return model->ops->support != NULL ? model->ops->support(model, wi, wo) : NAN;
+}
+
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma) {
     if (model->ops->sigma == NULL) {
         return false;

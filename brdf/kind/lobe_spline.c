@@ -90,15 +90,22 @@ static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, 
     gonio_lobe_spline_eval_many((const gonio_lobe_spline *)model, n, wi, wo, values);
 }
 
-// sigma_z = dz/dt sigma_t. A sigma_t above 2 (a factor of e^2) says no more than "unknown".
+// A sigma_t of 100 is as good as infinite.
+#define SIGMA_MAX 100.0
+
+// sigma_z = dz/dt sigma_t.
 static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *out) {
     const gonio_lobe_spline *m = (const gonio_lobe_spline *)model;
     gonio_lobe_spline_eval(m, &wi, &wo, 0, (size_t)model->channels, NULL, NULL, out);
     const double shape = gonio_lobe_spline_sigma_shape(m, &wi, &wo);
     for (int c = 0; c < model->channels; c++) {
         const double sigma_t = shape * m->parts.sigma_factor[c];
-        out[c] *= m->parts.kind == GONIO_TRANSFORM_LINEAR ? sigma_t : fmin(sigma_t, 2);
+        out[c] *= m->parts.kind == GONIO_TRANSFORM_LINEAR ? sigma_t : fmin(sigma_t, SIGMA_MAX);
     }
+}
+
+static double support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    return fmin(fmax(gonio_lobe_spline_support((const gonio_lobe_spline *)model, &wi, &wo), 0), 1);
 }
 
 static void release(gonio_model *model) {
@@ -146,6 +153,7 @@ static double pdf(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
     .free = release
 static const gonio_model_ops ops = {OPS};
 static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
+static const gonio_model_ops ops_support = {OPS, .sigma = sigma, .support = support};
 
 static void fill_tables(gonio_lobe_spline *m) {
     const gonio_lobe_spline_parts *p = &m->parts;
@@ -184,7 +192,7 @@ static gonio_status prepare(gonio_lobe_spline *m, gonio_error *error) {
     for (int j = 0; j < p->base.lobes; j++) {
         m->per_alpha2[j] = 1 / (p->base.alpha[j] * p->base.alpha[j]);
     }
-    m->head.ops = p->sigma.points != NULL ? &ops_sigma : &ops;
+    m->head.ops = p->support.points != NULL ? &ops_support : p->sigma.points != NULL ? &ops_sigma : &ops;
     m->head.channels = p->channels;
     m->head.isotropic = p->dims == 3;
     m->head.control_points =
@@ -202,6 +210,7 @@ void gonio_lobe_spline_parts_release(gonio_lobe_spline_parts *parts) {
     free(parts->shares);
     gonio_lattice_release(&parts->lattice);
     gonio_lattice_release(&parts->sigma);
+    gonio_lattice_release(&parts->support);
     gonio_lattice_release(&parts->profile);
     *parts = (gonio_lobe_spline_parts){0};
 }
@@ -229,8 +238,16 @@ gonio_status gonio_lobe_spline_new(gonio_lobe_spline_parts *parts, gonio_model *
     return GONIO_OK;
 }
 
+void gonio_lobe_spline_take(gonio_model *model, gonio_lobe_spline_parts *parts) {
+    gonio_lobe_spline *m = (gonio_lobe_spline *)model;
+    *parts = m->parts;
+    m->parts = (gonio_lobe_spline_parts){0};
+    gonio_model_free(model);
+}
+
 const gonio_lobe_spline_parts *gonio_lobe_spline_about(const gonio_model *model) {
-    return model->ops == &ops || model->ops == &ops_sigma ? &((const gonio_lobe_spline *)model)->parts : NULL;
+    const bool ours = model->ops == &ops || model->ops == &ops_sigma || model->ops == &ops_support;
+    return ours ? &((const gonio_lobe_spline *)model)->parts : NULL;
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
@@ -259,6 +276,6 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
 const gonio_kind gonio_kind_lobe_spline = {
     .name = "lobe-spline",
     .summary = "analytic lobes times what a B-spline says about their error, with an uncertainty; either may be absent",
-    .ops = &ops_sigma,
+    .ops = &ops_support,
     .read = read_model,
 };

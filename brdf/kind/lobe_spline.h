@@ -75,6 +75,8 @@ typedef struct gonio_lobe_spline_parts {
                                      // included, is held (with a grazing factor: the sum)
     gonio_lattice sigma;             // one channel: ln sigma of the transformed value; points NULL: no uncertainty
     double *sigma_factor;            // [channels]
+    gonio_lattice support;           // as sigma's lattice, in half-vector coordinates: the samples' support, held in 0
+                                     // to 1; points NULL: not told
     bool sigma_half_vector;          // sigma's lattice lies in half-vector coordinates, whatever the spline's are
     const char (*channel_names)[32]; // copied
 } gonio_lobe_spline_parts;
@@ -82,6 +84,8 @@ typedef struct gonio_lobe_spline_parts {
 void gonio_lobe_spline_parts_release(gonio_lobe_spline_parts *parts);
 // On success the parts are empty; on failure they are unchanged.
 gonio_status gonio_lobe_spline_new(gonio_lobe_spline_parts *parts, gonio_model **out, gonio_error *error);
+// The parts of a model that gonio_lobe_spline_new made; frees the rest of it.
+void gonio_lobe_spline_take(gonio_model *model, gonio_lobe_spline_parts *parts);
 // Borrowed; NULL for a model of another kind.
 const gonio_lobe_spline_parts *gonio_lobe_spline_about(const gonio_model *model);
 

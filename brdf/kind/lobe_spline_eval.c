@@ -256,26 +256,36 @@ void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gon
     }
 }
 
-// ln sigma is held within 60 of 0.
-GONIO_CLONES static void lobe_spline_sigma(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo,
-                                           double *shape) {
+// A lattice of one channel that lies where sigma's does.
+GONIO_CLONES static void lobe_spline_aside(const gonio_lobe_spline *m, const gonio_lattice *lattice,
+                                           const gonio_vec3 *wi, const gonio_vec3 *wo, double *value) {
     gonio_pairs4 pairs = {.i = {{0}}};
     gonio_halves4 halves;
     gonio_d4 x[4] = {{0}};
     gonio_position position[GONIO_LANES];
-    double ln_sigma;
     gonio_pairs4_set(&pairs, 1, wi, wo);
     gonio_halves4_of(&pairs, &halves);
     gonio_locate4(&m->sigma_locator, &pairs, &halves, true, x, NULL);
     fix(x, position);
-    gonio_lattice_eval_double(&m->parts.sigma, position, 0, 1, &ln_sigma);
+    gonio_lattice_eval_double(lattice, position, 0, 1, value);
+}
+
+// ln sigma is held within 60 of 0.
+GONIO_CLONES static void lobe_spline_sigma(double ln_sigma, double *shape) {
     gonio_d4 e = GONIO_ALL4(fmin(fmax(ln_sigma, -60), 60));
     gonio_exp4(&e);
     *shape = e[0];
 }
 
 double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo) {
-    double shape;
-    lobe_spline_sigma(m, wi, wo, &shape);
+    double ln_sigma, shape;
+    lobe_spline_aside(m, &m->parts.sigma, wi, wo, &ln_sigma);
+    lobe_spline_sigma(ln_sigma, &shape);
     return shape;
+}
+
+double gonio_lobe_spline_support(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo) {
+    double value;
+    lobe_spline_aside(m, &m->parts.support, wi, wo, &value);
+    return value;
 }

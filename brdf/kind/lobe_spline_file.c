@@ -2,7 +2,8 @@
 // The file section of models of kind "lobe-spline".
 //
 // Section: 64 bytes of description, the lobes' shapes, their strengths, the transforms, the control points, the sigma
-// lattice's points and the channels' sigma factors, each part aligned (brdf/model_file.h).
+// lattice's points the channels' sigma factors, the terms and the support's points, each part aligned
+// (brdf/model_file.h).
 #include <math.h>
 #include <string.h>
 
@@ -10,7 +11,8 @@
 
 #define NO_LEVEL UINT32_MAX
 #define HAS_RANGES 1u
-#define HAS_TERMS 2u // a profile or shares: readers that do not know them refuse the file
+#define HAS_TERMS 2u   // a profile or shares: readers that do not know them refuse the file
+#define HAS_SUPPORT 4u // beside sigma, in half-vector coordinates
 #define FILE_POSITIVE 1u
 #define FILE_GRAZING 3u // the positive transform with a grazing factor: older readers refuse it
 #define GRAZING_MAX 2.0F
@@ -47,7 +49,8 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, goni
                                .family = (uint32_t)p->base.family,
                                .cosine_min = p->base.cosine_min,
                                .flags = (p->range != NULL ? HAS_RANGES : 0) |
-                                        (p->profile.points != NULL || p->shares != NULL ? HAS_TERMS : 0),
+                                        (p->profile.points != NULL || p->shares != NULL ? HAS_TERMS : 0) |
+                                        (p->support.points != NULL ? HAS_SUPPORT : 0),
                                .sigma_coordinates = p->sigma_half_vector,
                                .shares = p->shares != NULL,
                                .profile = p->profile.points != NULL ? (uint32_t)p->profile.level + 1 : 0,
@@ -56,7 +59,7 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, goni
     memcpy(shapes, p->base.alpha, sizeof p->base.alpha);
     memcpy(shapes + GONIO_LOBES_MAX, p->base.f0, sizeof p->base.f0);
     const size_t c = (size_t)model->channels;
-    gonio_file_part parts[10] = {{&about, sizeof about}, {p->transforms, c * sizeof *p->transforms}};
+    gonio_file_part parts[11] = {{&about, sizeof about}, {p->transforms, c * sizeof *p->transforms}};
     int n = 2;
     if (p->base.lobes > 0) {
         parts[n++] = (gonio_file_part){shapes, sizeof shapes};
@@ -78,6 +81,9 @@ gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, goni
     if (p->shares != NULL) {
         parts[n++] = (gonio_file_part){p->shares, c * (1 + GONIO_LOBES_MAX) * sizeof(double)};
     }
+    if (p->support.points != NULL) {
+        parts[n++] = (gonio_file_part){p->support.points, p->support.count * sizeof(float)};
+    }
     return gonio_model_file_write(model, stream, parts, n, error);
 }
 
@@ -98,6 +104,10 @@ static bool terms_possible(const description *about) {
     return profile && shares && told == (about->profile > 0 || about->shares > 0);
 }
 
+static bool support_possible(const description *about) {
+    return (about->flags & HAS_SUPPORT) == 0 || (about->sigma_level != NO_LEVEL && about->sigma_coordinates == 1);
+}
+
 static gonio_status check_description(const gonio_mapped *mapped, const description *about, gonio_error *error) {
     if (about == NULL) {
         return gonio_mapped_fail(mapped, 0, "the lobe-spline's description is cut short", error);
@@ -105,8 +115,9 @@ static gonio_status check_description(const gonio_mapped *mapped, const descript
     if (about->dims != (mapped->isotropic ? 3u : 4u) || !level_possible(about->level) ||
         !level_possible(about->sigma_level) || about->coordinates >= GONIO_COORDINATES ||
         about->transform > FILE_GRAZING || about->lobes > GONIO_LOBES_MAX || about->family >= GONIO_LOBE_FAMILIES ||
-        about->flags > (HAS_RANGES | HAS_TERMS) || about->sigma_coordinates > 1 ||
-        !(about->cosine_min >= 0 && about->cosine_min <= 1) || !grazing_possible(about) || !terms_possible(about)) {
+        about->flags > (HAS_RANGES | HAS_TERMS | HAS_SUPPORT) || !support_possible(about) ||
+        about->sigma_coordinates > 1 || !(about->cosine_min >= 0 && about->cosine_min <= 1) ||
+        !grazing_possible(about) || !terms_possible(about)) {
         return gonio_mapped_fail(mapped, 0, "a lobe-spline of impossible dimensions, level, lobes or domain", error);
     }
     return GONIO_OK;
@@ -163,6 +174,9 @@ static bool take_parts(const gonio_mapped *mapped, const description *about, siz
                  &complete);
     if (about->shares == 1) {
         p->shares = take(mapped, &at, c * (1 + GONIO_LOBES_MAX), sizeof *p->shares, &complete);
+    }
+    if ((about->flags & HAS_SUPPORT) != 0) {
+        take_lattice(mapped, &at, about->sigma_level, dims, 1, &p->support, &complete);
     }
     return complete;
 }

@@ -45,6 +45,7 @@ void gonio_lobe_spline_eval_many(const gonio_lobe_spline *m, size_t n, const gon
                                  double *values);
 // The standard uncertainty that the sigma lattice gives to transformed values, for a factor of 1.
 double gonio_lobe_spline_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo);
+double gonio_lobe_spline_support(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo);
 void gonio_lobe_spline_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double out[4]);
 
 gonio_status gonio_lobe_spline_save(const gonio_model *model, FILE *stream, gonio_error *error);

@@ -35,6 +35,8 @@ typedef struct gonio_model_ops {
     void (*gradient)(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
     // Optional: standard uncertainty of every channel. NULL: the model carries none.
     void (*sigma)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+    // Optional: how far the samples support the model there, 0 to 1. NULL: the model does not tell.
+    double (*support)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
     // Optional, both or neither; as eval: draw wo from a density about proportional to f_r cos(theta_o), summed over
     // the channels, and return that density (1/sr); the density at wo. It integrates to 1 over the upper hemisphere and
     // is above 0 wherever f_r cos(theta_o) is. NULL: a cosine and a broad lobe.
@@ -96,6 +98,11 @@ void gonio_model_eval_many(const gonio_model *model, size_t n, const gonio_vec3 
 void gonio_model_gradient(const gonio_model *model, const gonio_pair *pair, int channel, double gradient[4]);
 // Standard uncertainty of every channel; false where the model carries none (sigma untouched).
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma);
+
+// How far the samples that a model was fitted to support it there: 1 beside a sample, 0 where physics alone speaks. It
+// is the part of the variance of an unknown deviation from physics that the samples take away (docs/uncertainty.md).
+// NaN where the model does not tell.
+double gonio_model_support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo);
 
 // Importance sampling: draw wo for light from wi. u: two numbers of [0, 1), uniform for an estimate. Returns the
 // density at wo (1/sr, above 0), with f_r of every channel in values (may be NULL), so that values[c] wo.z / density

@@ -200,6 +200,7 @@ static inline gonio_model *kind_make_lobes(const kind_maker *maker, bool isotrop
         p.sigma = kind_lattice(dims, 1, 1);
         p.sigma_factor = kind_numbers(c, 0.01);
         p.sigma_half_vector = maker->coordinates == GONIO_NUSSELT;
+        p.support = p.sigma_half_vector ? kind_lattice(dims, 1, 1) : p.support;
     }
     p.profile = (has & KIND_PROFILE) != 0 ? kind_lattice(2, 3, channels) : p.profile;
     p.shares = (has & KIND_SHARES) != 0 ? kind_numbers(c * (1 + GONIO_LOBES_MAX), 0.2) : NULL;

@@ -47,7 +47,7 @@ static void set_directions(gonio_vec3 *wi, gonio_vec3 *wo) {
 typedef struct answers {
     double eval[PAIRS][CHANNELS_MAX], channel[PAIRS][CHANNELS_MAX], many[PAIRS * CHANNELS_MAX];
     float narrow[PAIRS][CHANNELS_MAX];
-    double gradient[PAIRS][4], sigma[PAIRS][CHANNELS_MAX];
+    double gradient[PAIRS][4], sigma[PAIRS][CHANNELS_MAX], support[PAIRS];
     bool has_sigma;
 } answers;
 
@@ -69,6 +69,7 @@ static void ask(const gonio_model *model, size_t pairs, int step, answers *a) {
             gonio_model_gradient(model, &pair, (int)i % model->channels, a->gradient[i]);
         }
         a->has_sigma = gonio_model_sigma(model, wi[i], wo[i], a->sigma[i]);
+        a->support[i] = gonio_model_support(model, wi[i], wo[i]);
     }
     gonio_model_eval_many(model, pairs, wi, wo, a->many);
 }
@@ -160,6 +161,7 @@ static void values_agree(const gonio_model *model, const answers *a) {
             assert_agree("eval_f32", i, c, (double)a->narrow[i][c], value, allowed);
             assert_agree("eval_channel", i, c, a->channel[i][c], value, allowed);
             assert_agree("eval_many", i, c, a->many[i * (size_t)model->channels + (size_t)c], value, allowed);
+            assert_true(model->ops->support != NULL ? a->support[i] >= 0 && a->support[i] <= 1 : isnan(a->support[i]));
             assert_true(!a->has_sigma || (isfinite(a->sigma[i][c]) && a->sigma[i][c] >= 0));
         }
     }

@@ -77,15 +77,25 @@ static gonio_status read_directions(const char *path, bool transmission, directi
     return status;
 }
 
-static void put_csv(FILE *stream, const directions *d, const gonio_samples *s, bool sigma) {
+// What is asked for beside the values. model NULL: no support.
+typedef struct columns {
+    bool sigma;
+    const gonio_model *model;
+} columns;
+
+static double support_of(const gonio_model *model, const gonio_pair *p) {
+    return gonio_model_support(model, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o));
+}
+
+static void put_csv(FILE *stream, const directions *d, const gonio_samples *s, columns more) {
     fputs(GONIO_PAIR_HEADER, stream);
     for (int c = 0; c < s->channels; c++) {
         fprintf(stream, ",%s", s->channel_names[c]);
     }
-    for (int c = 0; c < s->channels && sigma; c++) {
+    for (int c = 0; c < s->channels && more.sigma; c++) {
         fprintf(stream, ",sigma_%s", s->channel_names[c]);
     }
-    fputc('\n', stream);
+    fputs(more.model != NULL ? ",support\n" : "\n", stream);
     for (size_t i = 0; i < d->n && !ferror(stream); i++) {
         char text[32];
         fputs(d->lines[i], stream);
@@ -93,15 +103,18 @@ static void put_csv(FILE *stream, const directions *d, const gonio_samples *s, b
             gonio_text_shortest(s->values[i * (size_t)s->channels + (size_t)c], text);
             fprintf(stream, ",%s", text);
         }
-        for (int c = 0; c < s->channels && sigma; c++) {
+        for (int c = 0; c < s->channels && more.sigma; c++) {
             gonio_text_shortest(gonio_samples_sigma(s, i, c), text);
             fprintf(stream, ",%s", text);
+        }
+        if (more.model != NULL) {
+            fprintf(stream, ",%.4f", support_of(more.model, &d->pairs[i]));
         }
         fputc('\n', stream);
     }
 }
 
-static json_t *to_json(const char *model, const gonio_samples *s, bool sigma) {
+static json_t *to_json(const char *model, const gonio_samples *s, columns more) {
     json_t *channels = json_array(), *rows = json_array();
     for (int c = 0; c < s->channels; c++) {
         json_array_append_new(channels, json_string(s->channel_names[c]));
@@ -116,8 +129,11 @@ static json_t *to_json(const char *model, const gonio_samples *s, bool sigma) {
         json_t *row =
             json_pack("{s:f,s:f,s:f,s:f,s:o}", "theta_i", gonio_degrees(p->theta_i), "phi_i", gonio_degrees(p->phi_i),
                       "theta_o", gonio_degrees(p->theta_o), "phi_o", gonio_degrees(p->phi_o), "values", values);
-        if (sigma) {
+        if (more.sigma) {
             json_object_set(row, "sigma", sigmas);
+        }
+        if (more.model != NULL) {
+            json_object_set_new(row, "support", cli_json_real(support_of(more.model, p)));
         }
         json_decref(sigmas);
         json_array_append_new(rows, row);
@@ -125,10 +141,10 @@ static json_t *to_json(const char *model, const gonio_samples *s, bool sigma) {
     return json_pack("{s:s,s:o,s:o}", "model", model, "channels", channels, "rows", rows);
 }
 
-static gonio_status write_csv(const char *path, const directions *d, const gonio_samples *s, bool sigma,
+static gonio_status write_csv(const char *path, const directions *d, const gonio_samples *s, columns more,
                               gonio_error *error) {
     if (path == NULL) {
-        put_csv(stdout, d, s, sigma);
+        put_csv(stdout, d, s, more);
         return GONIO_OK; // main() checks the stream when all is written
     }
     gonio_output *output;
@@ -136,18 +152,20 @@ static gonio_status write_csv(const char *path, const directions *d, const gonio
     if (status != GONIO_OK) {
         return status;
     }
-    put_csv(gonio_output_stream(output), d, s, sigma);
+    put_csv(gonio_output_stream(output), d, s, more);
     return gonio_output_commit(output, error);
 }
 
 static int run(int argc, char **argv) {
     const char *output = NULL, *names[2] = {NULL, "-"};
-    bool sigma = false, transmission = false;
+    bool sigma = false, support = false, transmission = false;
     const cli_option options[] = {
         {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "where to write (standard output)"},
         {"sigma", 0, CLI_FLAG, &sigma, NULL, NULL, "add sigma_<channel>, the standard uncertainty"},
         {"transmission", 0, CLI_FLAG, &transmission, NULL, NULL,
          "directions go behind the sample, to 180 deg; so they do for a model with such halves"},
+        {"support", 0, CLI_FLAG, &support, NULL, NULL,
+         "add support: 1 beside a sample of the fit, 0 where physics alone speaks"},
         {0}};
     extern const cli_verb cmd_eval;
     int count;
@@ -166,15 +184,19 @@ static int run(int argc, char **argv) {
     if (status == GONIO_OK && sigma && model->ops->sigma == NULL) {
         status = gonio_fail(&error, GONIO_E_UNSUPPORTED, "%s carries no uncertainty", names[0]);
     }
+    if (status == GONIO_OK && support && model->ops->support == NULL) {
+        status = gonio_fail(&error, GONIO_E_UNSUPPORTED, "%s does not tell its support", names[0]);
+    }
     transmission = transmission || (status == GONIO_OK && gonio_model_half(model, GONIO_REFLECTION) != model);
     status = status == GONIO_OK ? read_directions(names[1], transmission, &d, &error) : status;
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, d.pairs, d.n, common.threads, &values, &error);
     }
+    const columns more = {sigma, support ? model : NULL};
     if (status == GONIO_OK && common.json && output == NULL) {
-        cli_json(to_json(names[0], values, sigma));
+        cli_json(to_json(names[0], values, more));
     } else if (status == GONIO_OK) {
-        status = write_csv(output, &d, values, sigma, &error);
+        status = write_csv(output, &d, values, more, &error);
         if (status == GONIO_OK && common.json) {
             cli_json(json_pack("{s:s,s:s,s:I}", "model", names[0], "output", output, "rows", (json_int_t)d.n));
         }

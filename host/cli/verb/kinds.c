@@ -20,6 +20,7 @@ static const struct {
     {"gradient", offsetof(gonio_model_ops, gradient)},
     {"sigma", offsetof(gonio_model_ops, sigma)},
     {"sample", offsetof(gonio_model_ops, sample)},
+    {"support", offsetof(gonio_model_ops, support)},
 };
 #define ABILITIES (sizeof abilities / sizeof *abilities)
 
@@ -78,8 +79,8 @@ static void print_kinds(void) {
         printf(" %s |\n", (*k)->summary);
     }
     puts("\nWhere a kind has no function of its own, `eval` stands in; a gradient then comes from differences. "
-         "`sigma`:\n"
-         "models that were fitted with an uncertainty.");
+         "`sigma`\n"
+         "and `support`: models that were fitted with an uncertainty.");
 }
 
 static void print_formula(const gonio_formula *formula) {
