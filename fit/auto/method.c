@@ -7,6 +7,8 @@
 #include "fit/auto/choose.h"
 #include "fit/auto/iterative.h"
 #include "fit/memory.h"
+#include "fit/prior/extend.h"
+#include "fit/prior/report.h"
 #include "fit/sigma/sigma.h"
 
 static bool mirrored(const gonio_samples *samples, const gonio_fit_options *options) {
@@ -19,11 +21,13 @@ static bool needs_swapped(const gonio_fit_options *options) {
     return options->symmetry != GONIO_SYMMETRY_AUTO && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
 }
 
-static gonio_status fit_small(const gonio_dataset *data, const gonio_samples *samples, gonio_deadline *watch,
-                              bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
+static gonio_status fit_small(gonio_dataset *data, gonio_prior *prior, const gonio_samples *samples,
+                              gonio_deadline *watch, bool lobes, gonio_model **out, gonio_fit_report *report,
+                              gonio_error *error) {
     gonio_auto_choice choice;
     gonio_deadline_step(watch, 0.7); // the rest is for the solution and its uncertainty
-    gonio_status status = gonio_auto_choose(data, watch, lobes, true, &choice, error);
+    gonio_status status = lobes ? gonio_prior_extend(prior, data, error) : GONIO_OK;
+    status = status == GONIO_OK ? gonio_auto_choose(data, watch, lobes, true, &choice, error) : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -31,7 +35,8 @@ static gonio_status fit_small(const gonio_dataset *data, const gonio_samples *sa
     gonio_lobe_spline_parts parts = {0};
     const gonio_smooth_base *base = &choice.bases[chosen->base];
     status = gonio_smooth_dense_parts(choice.dense, data, base, choice.lambdas, &parts, error);
-    status = status == GONIO_OK ? gonio_sigma_dense(choice.dense, data, base, choice.lambdas, &parts, error) : status;
+    status =
+        status == GONIO_OK ? gonio_sigma_dense(choice.dense, data, base, choice.lambdas, prior, &parts, error) : status;
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
         status = gonio_lobe_spline_new(&parts, out, error);
@@ -154,7 +159,7 @@ static gonio_status choose_on_part(const gonio_dataset *data, const gonio_deadli
     part.level = GONIO_LEVEL_AUTO;
     part.lambda = -1;
     gonio_dataset thin;
-    gonio_status status = gonio_dataset_thin(data, data->n < THIN ? data->n : THIN, part.seed, &thin, error);
+    gonio_status status = gonio_dataset_thin(data, data->measured < THIN ? data->measured : THIN, part.seed, &thin, error);
     if (status == GONIO_OK) {
         status = gonio_auto_choose(&thin, &own, lobes, false, choice, error);
         gonio_dataset_release(&thin);
@@ -201,8 +206,9 @@ static gonio_status keep_best(const gonio_dataset *data, gonio_deadline *watch, 
     return status;
 }
 
-static gonio_status fit_large(const gonio_dataset *data, const gonio_samples *samples, gonio_deadline *watch,
-                              bool lobes, gonio_model **out, gonio_fit_report *report, gonio_error *error) {
+static gonio_status fit_large(gonio_dataset *data, gonio_prior *prior, const gonio_samples *samples,
+                              gonio_deadline *watch, bool lobes, gonio_model **out, gonio_fit_report *report,
+                              gonio_error *error) {
     const gonio_fit_options *options = watch->options;
     gonio_auto_choice small = {0};
     gonio_iterative_choice choice = {0};
@@ -214,8 +220,8 @@ static gonio_status fit_large(const gonio_dataset *data, const gonio_samples *sa
     const gonio_smooth_form form =
         gonio_smooth_form_default(open ? GONIO_NUSSELT : options->coordinates, 0, data->mirror);
     int n = bare_candidates(&form, grazing, candidates);
-    gonio_status status = GONIO_OK;
-    if (lobes || open) {
+    gonio_status status = lobes ? gonio_prior_extend(prior, data, error) : GONIO_OK;
+    if (status == GONIO_OK && (lobes || open)) {
         status = choose_on_part(data, watch, lobes, &small, error);
         n = status == GONIO_OK ? large_candidates(&small, grazing, candidates) : 0;
     }
@@ -233,7 +239,7 @@ static gonio_status fit_large(const gonio_dataset *data, const gonio_samples *sa
     }
     if (status == GONIO_OK) {
         gonio_deadline_step(watch, 0.97);
-        status = gonio_sigma_large(&choice, data, watch, &parts, error);
+        status = gonio_sigma_large(&choice, data, watch, prior, &parts, error);
     }
     if (status == GONIO_OK) {
         parts.channel_names = (const char(*)[32])samples->channel_names;
@@ -264,8 +270,16 @@ static gonio_status fit_any(const gonio_samples *samples, const gonio_fit_option
         return status;
     }
     report->domain = data.kind == GONIO_TRANSFORM_LINEAR ? GONIO_LINEAR : GONIO_LOG;
-    status = is_small(&data, options) ? fit_small(&data, samples, &watch, lobes, out, report, error)
-                                      : fit_large(&data, samples, &watch, lobes, out, report, error);
+    gonio_prior prior = {0};
+    status = gonio_prior_init(&prior, &data, error);
+    if (status == GONIO_OK) {
+        status = (is_small(&data, options) ? fit_small : fit_large)(&data, &prior, samples, &watch, lobes, out, report,
+                                                                    error);
+    }
+    if (status == GONIO_OK) {
+        gonio_prior_report(&prior, *out, report);
+    }
+    gonio_prior_release(&prior);
     gonio_dataset_release(&data);
     return status;
 }

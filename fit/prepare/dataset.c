@@ -107,7 +107,7 @@ static double relative_variance(const gonio_samples *samples, const gonio_datase
 
 static gonio_status allocate(gonio_dataset *data, size_t n, gonio_error *error) {
     const size_t c = (size_t)data->channels;
-    data->n = n;
+    data->n = data->measured = n;
     data->pairs = malloc(n * sizeof *data->pairs);
     data->values = calloc(n * c, sizeof *data->values);
     data->targets = malloc(n * c * sizeof *data->targets);
@@ -374,6 +374,7 @@ gonio_status gonio_dataset_select(const gonio_dataset *data, const bool *keep, g
     memcpy(out->noise, data->noise, c * sizeof *out->noise);
     size_t at = 0;
     for (size_t i = 0; i < data->n; i++) {
+        out->measured -= keep[i] && i >= data->measured;
         if (keep[i]) {
             out->pairs[at] = data->pairs[i];
             out->weights[at] = data->weights[i];
@@ -385,6 +386,30 @@ gonio_status gonio_dataset_select(const gonio_dataset *data, const bool *keep, g
     return GONIO_OK;
 }
 
+// realloc; the old block stays where there is no memory.
+static bool grow(void *block, size_t size) {
+    void **at = block, *larger = realloc(*at, size);
+    *at = larger != NULL ? larger : *at;
+    return larger != NULL;
+}
+
+gonio_status gonio_dataset_append(gonio_dataset *data, size_t count, const gonio_pair *pairs, const double *values,
+                                  const double *weights, gonio_error *error) {
+    const size_t n = data->n + count, c = (size_t)data->channels;
+    if (!grow(&data->pairs, n * sizeof *data->pairs) || !grow(&data->values, n * c * sizeof *data->values) ||
+        !grow(&data->targets, n * c * sizeof *data->targets) || !grow(&data->weights, n * sizeof *data->weights)) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu geometries more", count);
+    }
+    memcpy(data->pairs + data->n, pairs, count * sizeof *pairs);
+    memcpy(data->weights + data->n, weights, count * sizeof *weights);
+    memcpy(data->values + data->n * c, values, count * c * sizeof *values);
+    for (size_t k = 0; k < count * c; k++) {
+        data->targets[data->n * c + k] = gonio_transform_apply(data->kind, &data->transforms[k % c], values[k]);
+    }
+    data->n = n;
+    return GONIO_OK;
+}
+
 gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which, int count, gonio_dataset *out,
                                     gonio_error *error) {
     *out = (gonio_dataset){.dims = data->dims, .channels = count, .mirror = data->mirror, .kind = data->kind};
@@ -392,6 +417,7 @@ gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which,
     if (status != GONIO_OK) {
         return status;
     }
+    out->measured = data->measured;
     memcpy(out->pairs, data->pairs, data->n * sizeof *out->pairs);
     memcpy(out->weights, data->weights, data->n * sizeof *out->weights);
     for (size_t k = 0; k < (size_t)count; k++) {
@@ -413,9 +439,11 @@ gonio_status gonio_dataset_thin(const gonio_dataset *data, size_t count, uint64_
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to thin %zu samples", data->n);
     }
     // One of every n/count neighbours in the order of geometry: stratified, not merely random.
-    memset(keep, 0, data->n * sizeof *keep);
+    for (size_t i = 0; i < data->n; i++) {
+        keep[i] = i >= data->measured;
+    }
     for (size_t s = 0; s < count; s++) {
-        const size_t first = s * data->n / count, end = (s + 1) * data->n / count;
+        const size_t first = s * data->measured / count, end = (s + 1) * data->measured / count;
         if (end > first) {
             keep[first + gonio_random(seed ^ gonio_random(s)) % (end - first)] = true;
         }

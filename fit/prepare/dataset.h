@@ -7,7 +7,8 @@
 #include "gonio/fit.h"
 
 typedef struct gonio_dataset {
-    size_t n; // unique geometries
+    size_t n;        // unique geometries
+    size_t measured; // of them; the others, which stand last, are what physics says (fit/prior/extend.h)
     int dims, channels;
     bool mirror; // geometries are folded onto one side of the plane of incidence: f(phi) = f(-phi)
     gonio_pair *pairs;
@@ -30,7 +31,7 @@ typedef struct gonio_dataset_options {
 gonio_status gonio_dataset_init(gonio_dataset *data, const gonio_samples *samples, const gonio_dataset_options *options,
                                 gonio_error *error);
 void gonio_dataset_release(gonio_dataset *data);
-// About `count` geometries spread evenly over the set, as a set of its own.
+// About `count` measured geometries spread evenly over the set, and all others, as a set of its own.
 gonio_status gonio_dataset_thin(const gonio_dataset *data, size_t count, uint64_t seed, gonio_dataset *out,
                                 gonio_error *error);
 // The geometries with keep[i], as a set of its own.
@@ -38,6 +39,9 @@ gonio_status gonio_dataset_select(const gonio_dataset *data, const bool *keep, g
 // Only the channels which[0..count-1], as a set of its own.
 gonio_status gonio_dataset_channels(const gonio_dataset *data, const int *which, int count, gonio_dataset *out,
                                     gonio_error *error);
+// Add what was not measured: pairs[count], f_r values[count x channels], weights[count] beside a mean of 1.
+gonio_status gonio_dataset_append(gonio_dataset *data, size_t count, const gonio_pair *pairs, const double *values,
+                                  const double *weights, gonio_error *error);
 // x[n x dims] in [0, 1].
 void gonio_dataset_locate(const gonio_dataset *data, gonio_coordinates coordinates, double *x);
 

@@ -31,6 +31,7 @@ static gonio_status split(const gonio_dataset *some, const bool *given, gonio_ho
     // Geometries are in order, so a draw from each five neighbours holds out a stratified fifth.
     for (size_t i = 0; i < some->n; i++) {
         keep[i] = given != NULL ? given[i] : gonio_random(i / FOLDS) % FOLDS != i % FOLDS;
+        keep[i] = keep[i] || i >= some->measured; // what physics says is no judge
     }
     gonio_status status = gonio_dataset_select(some, keep, &in->train, error);
     for (size_t i = 0; i < some->n; i++) {

@@ -249,7 +249,7 @@ static double distance2(const blocks *b, size_t i, size_t j) {
 
 // Samples with all their neighbours, the nearest 4, 16, 64, 256 of them.
 static gonio_status leave_neighbourhoods(const blocks *b, ranked *order, gonio_error *error) {
-    const size_t n = b->f->n, step = 1 + n / CENTRES;
+    const size_t n = b->f->data->measured, step = 1 + n / CENTRES;
     gonio_status status = GONIO_OK;
     for (size_t at = 0; at < n && status == GONIO_OK; at += step) {
         for (size_t i = 0; i < n; i++) {
@@ -354,12 +354,14 @@ static gonio_status leave_beyond(const blocks *b, bool outgoing, size_t size, ra
     if (work == NULL || keep == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     } else {
-        for (size_t i = 0; i < n; i++) {
+        const size_t measured = b->f->data->measured;
+        memset(keep, true, n * sizeof *keep);
+        for (size_t i = 0; i < measured; i++) {
             const gonio_pair *p = &b->f->data->pairs[i];
             order[i] = (ranked){-(outgoing ? p->theta_o : p->theta_i), i};
         }
-        qsort(order, n, sizeof *order, by_key);
-        for (size_t i = 0; i < n; i++) {
+        qsort(order, measured, sizeof *order, by_key);
+        for (size_t i = 0; i < measured; i++) {
             keep[order[i].sample] = i >= size;
             b->member[i < size ? i : size - 1] = i < size ? order[i].sample : b->member[size - 1];
         }
@@ -373,7 +375,7 @@ static gonio_status leave_beyond(const blocks *b, bool outgoing, size_t size, ra
 }
 
 static gonio_status leave_all(const blocks *b, gonio_error *error) {
-    const size_t n = b->f->n;
+    const size_t n = b->f->data->measured;
     ranked *order = malloc(n * sizeof *order);
     if (order == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");

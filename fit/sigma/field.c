@@ -6,8 +6,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/random.h"
 #include "base/statistics.h"
+#include "fit/prior/places.h"
+#include "fit/sigma/beyond.h"
 #include "fit/smooth/cg.h"
 
 #define SIGMA_LEVEL_3D 4
@@ -66,25 +67,6 @@ double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *h
     return sum;
 }
 
-// Places where the law is asked: half spread over all pairs of directions, half about the mirror direction, where the
-// lobe is.
-static gonio_pair probe_pair(uint64_t *state, bool isotropic, bool mirror) {
-    const double phi_i = isotropic ? 0 : 2 * GONIO_PI * gonio_random_next(state);
-    const gonio_pair p = {acos(gonio_random_next(state)), phi_i, acos(gonio_random_next(state)),
-                          2 * GONIO_PI * gonio_random_next(state)};
-    if (!mirror) {
-        return p;
-    }
-    // The half vector's tan(theta_h) = sinh(r)/10, as half-vector coordinates see it, but denser toward the peak: there
-    // sigma changes over less than a cell of theirs.
-    const double u = gonio_random_next(state), tilt = atan(0.1 * sinh(4 * u * sqrt(u)));
-    const gonio_vec3 i = gonio_direction(p.theta_i, p.phi_i),
-                     h = gonio_direction(tilt, 2 * GONIO_PI * gonio_random_next(state));
-    const double twice = 2 * (i.x * h.x + i.y * h.y + i.z * h.z);
-    const gonio_vec3 o = {twice * h.x - i.x, twice * h.y - i.y, twice * h.z - i.z};
-    return o.z > 0 ? gonio_pair_from_vectors(i, o) : p;
-}
-
 gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data, gonio_error *error) {
     gonio_samples *samples;
     gonio_status status = gonio_samples_new(1, false, &samples, error);
@@ -92,10 +74,9 @@ gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data
         return status;
     }
     samples->isotropic = data->dims == 3;
-    uint64_t state = 1;
     const double none = 1;
     for (size_t i = 0; i < PROBES && status == GONIO_OK; i++) {
-        const gonio_pair pair = probe_pair(&state, samples->isotropic, i % 2 == 1);
+        const gonio_pair pair = gonio_prior_place(i, samples->isotropic, GONIO_PI / 2);
         status = gonio_samples_add(samples, &pair, &none, NULL, NULL, error);
     }
     if (status == GONIO_OK) {
@@ -106,38 +87,55 @@ gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data
     return status;
 }
 
-gonio_status gonio_sigma_attach(gonio_dataset *probes, double *factor, gonio_lobe_spline_parts *parts,
+// A lattice through the probes' targets.
+static gonio_status fit_lattice(const gonio_dataset *probes, const double *targets, gonio_lattice *lattice,
                                 gonio_error *error) {
-    gonio_smooth_form form = gonio_smooth_form_default(
+    const gonio_smooth_form form = gonio_smooth_form_default(
         GONIO_HALF_VECTOR, probes->dims == 3 ? SIGMA_LEVEL_3D : SIGMA_LEVEL_4D, probes->mirror);
-    double mean = 0, least = 0;
-    for (int k = 0; k < parts->channels; k++) {
-        least += GONIO_SIGMA_EXACT * GONIO_SIGMA_EXACT / (factor[k] * factor[k]) / parts->channels;
-    }
-    for (size_t i = 0; i < probes->n; i++) {
-        probes->targets[i] = 0.5 * log(fmax(probes->targets[i], least));
-        mean += probes->targets[i] / (double)probes->n;
-    }
-    for (size_t i = 0; i < probes->n; i++) {
-        probes->targets[i] -= mean;
-    }
     gonio_smooth_cg *cg = NULL;
     gonio_smooth_cg_report unused;
-    gonio_status status = gonio_lattice_init(&parts->sigma, probes->dims, form.level, 1, error);
+    gonio_status status = gonio_lattice_init(lattice, probes->dims, form.level, 1, error);
     if (status != GONIO_OK) {
         return status;
     }
-    double *points = malloc(parts->sigma.count * sizeof *points);
+    double mean = 0, *points = malloc((lattice->count + probes->n) * sizeof *points);
     status = points != NULL ? gonio_smooth_cg_new(probes, &form, 1, &cg, error)
                             : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK) {
-        status = gonio_smooth_cg_cascade(cg, probes->targets, 1, SIGMA_LAMBDA, 200, 1e-3, points, &unused, error);
+        double *rest = points + lattice->count;
+        for (size_t i = 0; i < probes->n; i++) {
+            mean += targets[i] / (double)probes->n;
+        }
+        for (size_t i = 0; i < probes->n; i++) {
+            rest[i] = targets[i] - mean;
+        }
+        status = gonio_smooth_cg_cascade(cg, rest, 1, SIGMA_LAMBDA, 200, 1e-3, points, &unused, error);
     }
-    for (size_t i = 0; i < parts->sigma.count && status == GONIO_OK; i++) {
-        parts->sigma.points[i] = (float)(points[i] + mean);
+    for (size_t i = 0; i < lattice->count && status == GONIO_OK; i++) {
+        lattice->points[i] = (float)(points[i] + mean);
     }
     gonio_smooth_cg_free(cg);
     free(points);
+    if (status != GONIO_OK) {
+        gonio_lattice_release(lattice);
+    }
+    return status;
+}
+
+gonio_status gonio_sigma_attach(gonio_dataset *probes, gonio_prior *prior, double *factor,
+                                gonio_lobe_spline_parts *parts, gonio_error *error) {
+    double least = 0, *support = malloc(probes->n * sizeof *support);
+    for (int k = 0; k < parts->channels; k++) {
+        least += GONIO_SIGMA_EXACT * GONIO_SIGMA_EXACT / (factor[k] * factor[k]) / parts->channels;
+    }
+    gonio_status status = support != NULL ? gonio_sigma_beyond(prior, parts, factor, probes, support, error)
+                                          : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    for (size_t i = 0; i < probes->n && status == GONIO_OK; i++) {
+        probes->targets[i] = 0.5 * log(fmax(probes->targets[i], least));
+    }
+    status = status == GONIO_OK ? fit_lattice(probes, probes->targets, &parts->sigma, error) : status;
+    status = status == GONIO_OK ? fit_lattice(probes, support, &parts->support, error) : status;
+    free(support);
     if (status == GONIO_OK) {
         parts->sigma_factor = factor;
         parts->sigma_half_vector = true;

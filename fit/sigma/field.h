@@ -4,7 +4,7 @@
 #define GONIO_FIT_SIGMA_FIELD_H
 
 #include "brdf/kind/lobe_spline.h"
-#include "fit/prepare/dataset.h"
+#include "fit/prior/prior.h"
 
 // Of the transform's unit: no sigma is smaller, as no instrument's is; exact data fitted exactly leave rounding alone.
 #define GONIO_SIGMA_EXACT 1e-4
@@ -18,8 +18,9 @@ double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *h
                              const gonio_pair *pair);
 // Places where to ask, spread over all pairs and about the lobe. Release with gonio_dataset_release.
 gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data, gonio_error *error);
-// Give the model its sigma: probes->targets are variances in the factors' units. Takes factor[channels] over.
-gonio_status gonio_sigma_attach(gonio_dataset *probes, double *factor, gonio_lobe_spline_parts *parts,
-                                gonio_error *error);
+// Give the model its sigma and support: probes->targets are variances in the factors' units. Takes factor[channels]
+// over.
+gonio_status gonio_sigma_attach(gonio_dataset *probes, gonio_prior *prior, double *factor,
+                                gonio_lobe_spline_parts *parts, gonio_error *error);
 
 #endif

@@ -74,22 +74,24 @@ static int by_gap(const void *left, const void *right) {
 }
 
 static void mark_beyond(const gonio_dataset *data, bool outgoing, char *why, double *work) {
-    for (size_t i = 0; i < data->n; i++) {
+    for (size_t i = 0; i < data->measured; i++) {
         work[i] = outgoing ? data->pairs[i].theta_o : data->pairs[i].theta_i;
     }
-    const double limit = gonio_order_statistic(work, data->n, data->n - 1 - data->n / BEYOND);
-    for (size_t i = 0; i < data->n; i++) {
+    const double limit = gonio_order_statistic(work, data->measured, data->measured - 1 - data->measured / BEYOND);
+    for (size_t i = 0; i < data->measured; i++) {
         why[i] = (outgoing ? data->pairs[i].theta_o : data->pairs[i].theta_i) > limit ? AT_EDGE : why[i];
     }
 }
 
+// Only what was measured is left out.
 static void mark(const gonio_dataset *data, const places *p, char *why, double *work) {
-    for (size_t i = 0; i < data->n; i++) {
+    memset(why, KEPT, data->n);
+    for (size_t i = 0; i < data->measured; i++) {
         why[i] = gonio_random(i) % SCATTERED == 0 ? ALONE : KEPT;
     }
     for (size_t h = 0; h < HOLES; h++) {
-        const size_t centre = gonio_random(h) % data->n;
-        for (size_t i = 0; i < data->n; i++) {
+        const size_t centre = gonio_random(h) % data->measured;
+        for (size_t i = 0; i < data->measured; i++) {
             if (distance2(p, i, p->x + centre * p->d) < radii[h % 3] * radii[h % 3]) {
                 why[i] = IN_HOLE;
             }
@@ -98,11 +100,11 @@ static void mark(const gonio_dataset *data, const places *p, char *why, double *
     mark_beyond(data, true, why, work);
     mark_beyond(data, false, why, work);
     size_t kept = 0;
-    for (size_t i = 0; i < data->n; i++) {
+    for (size_t i = 0; i < data->measured; i++) {
         kept += why[i] == KEPT;
     }
     // All in a few places: gaps of that size would leave nothing.
-    for (size_t i = 0; i < data->n && 2 * kept < data->n; i++) {
+    for (size_t i = 0; i < data->measured && 2 * kept < data->measured; i++) {
         why[i] = i % 5 == 4 ? ALONE : KEPT;
     }
 }
@@ -380,7 +382,7 @@ static gonio_status fill_probes(const evidence *e, const gonio_sigma_law *law, c
 }
 
 gonio_status gonio_sigma_large(const gonio_iterative_choice *choice, const gonio_dataset *data, gonio_deadline *watch,
-                               gonio_lobe_spline_parts *parts, gonio_error *error) {
+                               gonio_prior *prior, gonio_lobe_spline_parts *parts, gonio_error *error) {
     const size_t c = (size_t)data->channels;
     if (data->n < FEWEST) {
         return GONIO_OK;
@@ -403,10 +405,10 @@ gonio_status gonio_sigma_large(const gonio_iterative_choice *choice, const gonio
         }
         status = learn(&e, choice->lobes, some, &records, &law, work, error);
     }
-    status = status == GONIO_OK ? gonio_sigma_probes(&probes, data, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_probes(&probes, &prior->data, error) : status;
     status = status == GONIO_OK ? probe_corrections(parts, factor, &probes, probes.targets, error) : status;
     status = status == GONIO_OK ? fill_probes(&e, &law, data, choice, parts, factor, &probes, error) : status;
-    status = status == GONIO_OK ? gonio_sigma_attach(&probes, factor, parts, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_attach(&probes, prior, factor, parts, error) : status;
     if (status != GONIO_OK) {
         free(factor);
     }

@@ -70,8 +70,8 @@ static gonio_status fill_probes(const gonio_influence *f, const gonio_sigma_law 
 }
 
 gonio_status gonio_sigma_dense(const gonio_smooth_dense *dense, const gonio_dataset *data,
-                               const gonio_smooth_base *base, const double *lambdas, gonio_lobe_spline_parts *parts,
-                               gonio_error *error) {
+                               const gonio_smooth_base *base, const double *lambdas, gonio_prior *prior,
+                               gonio_lobe_spline_parts *parts, gonio_error *error) {
     const size_t n = data->n, c = (size_t)data->channels;
     double *residuals = calloc(n * c, sizeof *residuals), *work = malloc((n + c) * sizeof *work);
     double *factor = malloc(c * sizeof *factor);
@@ -83,16 +83,16 @@ gonio_status gonio_sigma_dense(const gonio_smooth_dense *dense, const gonio_data
                               ? leave_one_out(dense, data, base, lambdas, residuals, error)
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK) {
-        gonio_sigma_factors(n, c, residuals, factor, work);
+        gonio_sigma_factors(data->measured, c, residuals, factor, work);
         status = gonio_influence_init(&f, dense, data, base, middle_of(lambdas, c, work), factor[c / 2], error);
     }
     status = status == GONIO_OK ? gonio_influence_records(&f, factor, &records, error) : status;
     if (status == GONIO_OK) {
         status = gonio_sigma_law_fit(&records, gonio_sample_noise_variance(data, factor), &law, error);
     }
-    status = status == GONIO_OK ? gonio_sigma_probes(&probes, data, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_probes(&probes, &prior->data, error) : status;
     status = status == GONIO_OK ? fill_probes(&f, &law, factor, &probes, error) : status;
-    status = status == GONIO_OK ? gonio_sigma_attach(&probes, factor, parts, error) : status;
+    status = status == GONIO_OK ? gonio_sigma_attach(&probes, prior, factor, parts, error) : status;
     if (status != GONIO_OK) {
         free(factor);
     }

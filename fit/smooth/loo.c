@@ -82,8 +82,9 @@ gonio_status gonio_smooth_base_init(gonio_smooth_base *base, const gonio_dataset
 // A typical error of 0.2 % is below any instrument's: once there, only the worst still counts.
 #define MEDIAN_FLOOR 2e-3
 
+// Only what was measured judges.
 static double channel_score(const gonio_dataset *data, const double *residuals, size_t channel, double *work) {
-    const size_t c = (size_t)data->channels, n = data->n;
+    const size_t c = (size_t)data->channels, n = data->measured;
     double squares = 0;
     for (size_t i = 0; i < n; i++) {
         work[i] = fabs(residuals[i * c + channel]);
@@ -99,13 +100,13 @@ static double channel_score(const gonio_dataset *data, const double *residuals, 
 static double channel_square_error(const gonio_dataset *data, const double *residuals, size_t channel) {
     const size_t c = (size_t)data->channels;
     double sum = 0;
-    for (size_t i = 0; i < data->n; i++) {
+    for (size_t i = 0; i < data->measured; i++) {
         const double t = data->targets[i * c + channel] - residuals[i * c + channel];
         const double d =
             gonio_transform_invert(data->kind, &data->transforms[channel], t) - data->values[i * c + channel];
         sum += d * d;
     }
-    return sum / (double)data->n;
+    return sum / (double)data->measured;
 }
 
 gonio_smooth_score gonio_smooth_score_of(const gonio_dataset *data, const double *residuals, double *work) {
