@@ -20,52 +20,62 @@
 typedef struct additions {
     gonio_pair pairs[PLACES];
     double weights[PLACES];
-    double *values; // PLACES x channels
+    double *values; // n x channels
     size_t n;
 } additions;
 
-static double variance_about(const double *sorted, double middle) {
+static double variance_about(const double *ln, double middle) {
     const size_t rank = (size_t)(QUANTILE * GONIO_PRIOR_MATERIALS);
     double off[GONIO_PRIOR_MATERIALS];
     for (size_t k = 0; k < GONIO_PRIOR_MATERIALS; k++) {
-        off[k] = fabs(expm1(fmin(sorted[k] - middle, BEYOND_MAX)));
+        off[k] = fabs(expm1(fmin(ln[k] - middle, BEYOND_MAX)));
     }
     const double most = gonio_order_statistic(off, GONIO_PRIOR_MATERIALS, rank);
     return most * most / 4;
 }
 
-static void add_place(gonio_prior *p, const double *factor, const gonio_pair *pair, additions *a) {
-    double out[GONIO_PRIOR_MATERIALS], colour[GONIO_CHANNELS_MAX];
-    if (gonio_prior_support(p, pair) >= GONIO_PRIOR_SUPPORTED) {
-        return;
+static void find_places(gonio_prior *p, additions *a) {
+    for (size_t i = 0; i < PLACES; i++) {
+        const gonio_pair pair = gonio_prior_place(i, p->data.dims == 3, THETA_MAX);
+        if (gonio_prior_support(p, &pair) < GONIO_PRIOR_SUPPORTED) {
+            a->pairs[a->n++] = pair;
+        }
     }
+}
+
+static void fill_place(gonio_prior *p, const double *factor, additions *a, size_t i) {
+    const gonio_pair *pair = &a->pairs[i];
+    double out[GONIO_PRIOR_MATERIALS], colour[GONIO_CHANNELS_MAX];
     gonio_prior_at(p, pair, out, colour);
-    const double middle = out[GONIO_PRIOR_MATERIALS / 2], variance = variance_about(out, middle);
+    const double middle = gonio_order_statistic(out, GONIO_PRIOR_MATERIALS, GONIO_PRIOR_MATERIALS / 2);
+    const double variance = variance_about(out, middle);
     const double passive = gonio_passive_factor(factor, pair);
     for (int c = 0; c < p->data.channels; c++) {
-        a->values[a->n * (size_t)p->data.channels + (size_t)c] =
+        a->values[i * (size_t)p->data.channels + (size_t)c] =
             p->data.transforms[c].scale * exp(middle + colour[c]) * passive;
     }
-    a->weights[a->n] = CERTAIN * CERTAIN / (CERTAIN * CERTAIN + variance);
-    a->pairs[a->n++] = *pair;
+    a->weights[i] = CERTAIN * CERTAIN / (CERTAIN * CERTAIN + variance);
 }
 
 gonio_status gonio_prior_extend(gonio_prior *p, gonio_dataset *data, gonio_error *error) {
     if (p->materials_n == 0 || data->measured < FEWEST_SAMPLES) {
         return GONIO_OK;
     }
-    additions a = {.values = malloc(PLACES * (size_t)data->channels * sizeof(double))};
+    additions a = {.n = 0};
+    find_places(p, &a);
+    if (a.n < FEWEST_PLACES) {
+        return GONIO_OK;
+    }
+    a.values = malloc(a.n * (size_t)data->channels * sizeof *a.values);
     if (a.values == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for what the samples leave open");
     }
     double factor[GONIO_PASSIVE_INCIDENCES];
     gonio_passive_factors(p, GONIO_PRIOR_SUPPORTED, factor);
-    for (size_t i = 0; i < PLACES; i++) {
-        const gonio_pair pair = gonio_prior_place(i, data->dims == 3, THETA_MAX);
-        add_place(p, factor, &pair, &a);
+    for (size_t i = 0; i < a.n; i++) {
+        fill_place(p, factor, &a, i);
     }
-    const gonio_status status =
-        a.n >= FEWEST_PLACES ? gonio_dataset_append(data, a.n, a.pairs, a.values, a.weights, error) : GONIO_OK;
+    const gonio_status status = gonio_dataset_append(data, a.n, a.pairs, a.values, a.weights, error);
     free(a.values);
     return status;
 }

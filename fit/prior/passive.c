@@ -6,6 +6,8 @@
 
 #include <math.h>
 
+#include "base/order_statistic.h"
+
 #define RAYS_PRIOR 192
 #define RAYS_MODEL 768
 
@@ -48,9 +50,9 @@ void gonio_passive_factors(gonio_prior *p, double supported, double factor[GONIO
             if (wo.z > 0) {
                 const gonio_pair pair = gonio_pair_from_vectors(wi, wo);
                 double *part = gonio_prior_at(p, &pair, out, colour) >= supported ? told : open;
+                const double middle = gonio_order_statistic(out, GONIO_PRIOR_MATERIALS, GONIO_PRIOR_MATERIALS / 2);
                 for (int c = 0; c < p->data.channels; c++) {
-                    part[c] += p->data.transforms[c].scale * exp(out[GONIO_PRIOR_MATERIALS / 2] + colour[c]) * wo.z /
-                               density / RAYS_PRIOR;
+                    part[c] += p->data.transforms[c].scale * exp(middle + colour[c]) * wo.z / density / RAYS_PRIOR;
                 }
             }
         }

@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "base/random.h"
-#include "base/statistics.h"
 #include "fit/prepare/holdout.h"
 #include "fit/smooth/matrix.h"
 
@@ -236,7 +235,6 @@ double gonio_prior_at(gonio_prior *p, const gonio_pair *pair, double out[GONIO_P
         const double carried = gonio_dot(p->data.n, p->weights, p->misfit + (size_t)k * p->data.n);
         out[k] = p->offset[k] + gonio_material_ln(&p->materials[k], &g) + carried + p->scale[k] * open * p->draw[k];
     }
-    gonio_sort(out, (size_t)p->materials_n);
     if (colour != NULL) {
         colour_at(p, colour);
     }

@@ -34,7 +34,7 @@ gonio_status gonio_prior_init(gonio_prior *prior, const gonio_dataset *data, gon
 void gonio_prior_release(gonio_prior *prior);
 // The samples' support of a pair.
 double gonio_prior_support(gonio_prior *prior, const gonio_pair *pair);
-// ln of the value (mean over channels) that each material has there, sorted; returns the support. colour[channels] (may
+// ln of the value (mean over channels) that each material has there; returns the support. colour[channels] (may
 // be NULL): what each channel is above that.
 double gonio_prior_at(gonio_prior *prior, const gonio_pair *pair, double out[GONIO_PRIOR_MATERIALS], double *colour);
 

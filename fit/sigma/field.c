@@ -14,7 +14,7 @@
 #define SIGMA_LEVEL_3D 4
 #define SIGMA_LEVEL_4D 2
 #define SIGMA_LAMBDA 1e-4 // smooths what one probe says against its neighbours
-#define PROBES 2500
+#define PROBES 1600
 #define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
 #define HELD_BACK 1.75
 
@@ -87,21 +87,18 @@ gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data
     return status;
 }
 
-// A lattice through the probes' targets.
-static gonio_status fit_lattice(const gonio_dataset *probes, const double *targets, gonio_lattice *lattice,
-                                gonio_error *error) {
-    const gonio_smooth_form form = gonio_smooth_form_default(
-        GONIO_HALF_VECTOR, probes->dims == 3 ? SIGMA_LEVEL_3D : SIGMA_LEVEL_4D, probes->mirror);
-    gonio_smooth_cg *cg = NULL;
+// A lattice through targets at the solver's probes.
+static gonio_status fit_lattice(gonio_smooth_cg *cg, const gonio_dataset *probes, const double *targets, int level,
+                                double tolerance, gonio_lattice *lattice, gonio_error *error) {
     gonio_smooth_cg_report unused;
-    gonio_status status = gonio_lattice_init(lattice, probes->dims, form.level, 1, error);
+    gonio_status status = gonio_lattice_init(lattice, probes->dims, level, 1, error);
     if (status != GONIO_OK) {
         return status;
     }
     double mean = 0, *points = malloc((lattice->count + probes->n) * sizeof *points);
-    status = points != NULL ? gonio_smooth_cg_new(probes, &form, 1, &cg, error)
-                            : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
-    if (status == GONIO_OK) {
+    if (points == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    } else {
         double *rest = points + lattice->count;
         for (size_t i = 0; i < probes->n; i++) {
             mean += targets[i] / (double)probes->n;
@@ -109,16 +106,33 @@ static gonio_status fit_lattice(const gonio_dataset *probes, const double *targe
         for (size_t i = 0; i < probes->n; i++) {
             rest[i] = targets[i] - mean;
         }
-        status = gonio_smooth_cg_cascade(cg, rest, 1, SIGMA_LAMBDA, 200, 1e-3, points, &unused, error);
+        status = gonio_smooth_cg_cascade(cg, rest, 1, SIGMA_LAMBDA, 200, tolerance, points, &unused, error);
     }
     for (size_t i = 0; i < lattice->count && status == GONIO_OK; i++) {
         lattice->points[i] = (float)(points[i] + mean);
     }
-    gonio_smooth_cg_free(cg);
     free(points);
     if (status != GONIO_OK) {
         gonio_lattice_release(lattice);
     }
+    return status;
+}
+
+static gonio_status fit_lattices(const gonio_dataset *probes, const double *support, gonio_lobe_spline_parts *parts,
+                                 gonio_error *error) {
+    const gonio_smooth_form form = gonio_smooth_form_default(
+        GONIO_HALF_VECTOR, probes->dims == 3 ? SIGMA_LEVEL_3D : SIGMA_LEVEL_4D, probes->mirror);
+    gonio_smooth_cg *cg;
+    gonio_status status = gonio_smooth_cg_new(probes, &form, 1, &cg, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = fit_lattice(cg, probes, probes->targets, form.level, 1e-3, &parts->sigma, error);
+    status = status == GONIO_OK ? fit_lattice(cg, probes, support, form.level, 1e-2, &parts->support, error) : status;
+    if (status != GONIO_OK) {
+        gonio_lattice_release(&parts->sigma);
+    }
+    gonio_smooth_cg_free(cg);
     return status;
 }
 
@@ -133,14 +147,11 @@ gonio_status gonio_sigma_attach(gonio_dataset *probes, gonio_prior *prior, doubl
     for (size_t i = 0; i < probes->n && status == GONIO_OK; i++) {
         probes->targets[i] = 0.5 * log(fmax(probes->targets[i], least));
     }
-    status = status == GONIO_OK ? fit_lattice(probes, probes->targets, &parts->sigma, error) : status;
-    status = status == GONIO_OK ? fit_lattice(probes, support, &parts->support, error) : status;
+    status = status == GONIO_OK ? fit_lattices(probes, support, parts, error) : status;
     free(support);
     if (status == GONIO_OK) {
         parts->sigma_factor = factor;
         parts->sigma_half_vector = true;
-    } else {
-        gonio_lattice_release(&parts->sigma);
     }
     return status;
 }

@@ -43,7 +43,7 @@ typedef struct places {
 // In half-vector coordinates: projections shrink the angles near the horizon, where BRDFs change most.
 static gonio_status places_init(places *p, const gonio_dataset *data, const gonio_smooth_form *form,
                                 gonio_error *error) {
-    *p = (places){.n = data->n, .d = (size_t)data->dims, .stride = 1 + data->n / SEARCHED};
+    *p = (places){.n = data->measured, .d = (size_t)data->dims, .stride = 1 + data->n / SEARCHED};
     p->mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(GONIO_HALF_VECTOR, data->dims) : 0;
     p->x = malloc(data->n * p->d * sizeof *p->x);
     if (p->x == NULL) {
