@@ -141,7 +141,7 @@ double gonio_model_wavelength_nm(const gonio_model *model, int channel) {
 }
 
 double gonio_model_support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
-    return model->ops->support != NULL ? model->ops->support(model, wi, wo) : NAN;
+    return model->ops->support != NULL && !nothing_at(model, wi, wo) ? model->ops->support(model, wi, wo) : NAN;
 }
 
 bool gonio_model_sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma) {

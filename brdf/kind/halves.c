@@ -8,6 +8,7 @@
 #include "brdf/kind.h"
 #include "brdf/lobe_sampling.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -96,6 +97,11 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
     if (part == NULL || !gonio_model_sigma(part, wi, wo, values)) {
         memset(values, 0, (size_t)model->channels * sizeof *values);
     }
+}
+
+static double support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    const gonio_model *part = part_of(model, &wi, &wo);
+    return part != NULL ? gonio_model_support(part, wi, wo) : NAN;
 }
 
 // Drawing is by the front reflection; where there is none, or its kind cannot draw, by what stands in for that.
@@ -196,22 +202,34 @@ static gonio_status read_halves(gonio_mapped *mapped, gonio_model **out, gonio_e
 
 // ---- making one ----
 
-#define OPS(sigma_or_none)                                                                                             \
+#define OPS(sigma_or_none, support_or_none)                                                                            \
     {                                                                                                                  \
         .kind = "halves", .save = save, .eval = eval, .eval_f32 = eval_f32, .eval_channel = eval_channel,              \
-        .eval_many = eval_many, .gradient = gradient, .sigma = sigma_or_none, .sample = draw, .pdf = density,          \
-        .free = release, .both_sides = true                                                                            \
+        .eval_many = eval_many, .gradient = gradient, .sigma = sigma_or_none, .support = support_or_none,              \
+        .sample = draw, .pdf = density, .free = release, .both_sides = true                                            \
     }
-static const gonio_model_ops ops = OPS(sigma), ops_without = OPS(NULL);
+static const gonio_model_ops ops = OPS(sigma, support), ops_sigma = OPS(sigma, NULL), ops_plain = OPS(NULL, NULL);
 
-static bool is_halves(const gonio_model *model) { return model->ops == &ops || model->ops == &ops_without; }
+static bool is_halves(const gonio_model *model) {
+    return model->ops == &ops || model->ops == &ops_sigma || model->ops == &ops_plain;
+}
+
+// What one of the halves does not tell, the model does not.
+static const gonio_model_ops *ops_of(gonio_model *const halves[GONIO_HALVES]) {
+    bool has_sigma = true, has_support = true;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        has_sigma = has_sigma && (halves[h] == NULL || halves[h]->ops->sigma != NULL);
+        has_support = has_support && (halves[h] == NULL || halves[h]->ops->support != NULL);
+    }
+    return !has_sigma ? &ops_plain : has_support ? &ops : &ops_sigma;
+}
 
 static gonio_status build(gonio_model *const halves[GONIO_HALVES], gonio_model **out, gonio_error *error) {
     halves_model *m = calloc(1, sizeof *m);
     if (m == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of halves");
     }
-    m->head = (gonio_model){.ops = &ops, .isotropic = true};
+    m->head = (gonio_model){.ops = ops_of(halves), .isotropic = true};
     for (int h = 0; h < GONIO_HALVES; h++) {
         const gonio_model *part = m->part[h] = halves[h];
         if (part == NULL) {
@@ -221,7 +239,6 @@ static gonio_status build(gonio_model *const halves[GONIO_HALVES], gonio_model *
             m->head.channels = part->channels;
             m->head.channel_names = part->channel_names;
         }
-        m->head.ops = part->ops->sigma != NULL ? m->head.ops : &ops_without;
         m->head.isotropic = m->head.isotropic && part->isotropic;
         m->head.bytes += part->bytes;
         m->head.control_points += part->control_points;

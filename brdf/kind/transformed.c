@@ -148,6 +148,11 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
     }
 }
 
+// The change is the same for all materials: what the samples say of the inner model they say of this one.
+static double support(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo) {
+    return gonio_model_support(((const transformed *)model)->inner, wi, wo);
+}
+
 // ---- the model file's section: the description, factors, tables, then the inner model's own file ----
 
 static size_t table_count(const gonio_transformed_parts *p, size_t channels) {
@@ -260,9 +265,10 @@ void gonio_transformed_abandon(gonio_model *model) {
     gonio_model_free(model);
 }
 
-static const gonio_model_ops ops_sigma = {
-    .kind = "transformed", .eval = eval, .sigma = sigma, .save = save, .free = release};
-static const gonio_model_ops ops_plain = {.kind = "transformed", .eval = eval, .save = save, .free = release};
+#define OPS .kind = "transformed", .eval = eval, .save = save, .free = release
+static const gonio_model_ops ops_support = {OPS, .sigma = sigma, .support = support};
+static const gonio_model_ops ops_sigma = {OPS, .sigma = sigma};
+static const gonio_model_ops ops_plain = {OPS};
 
 static double *copied(const double *from, size_t n) {
     double *to = malloc((n + 1) * sizeof *to);
@@ -301,7 +307,7 @@ gonio_status gonio_transformed_new(gonio_model *inner, const gonio_transformed_p
     m->head = *inner;
     m->head.sampler = NULL;
     m->head.about = NULL; // of the inner one; whoever makes this one says what it is made of
-    m->head.ops = inner->ops->sigma != NULL ? &ops_sigma : &ops_plain;
+    m->head.ops = inner->ops->support != NULL ? &ops_support : inner->ops->sigma != NULL ? &ops_sigma : &ops_plain;
     m->head.channel_names = (const char(*)[32])m->names;
     m->head.isotropic = (inner->isotropic && parts->what != GONIO_MADE_SEPARABLE) ||
                         (parts->what == GONIO_MADE_ISOTROPIC && parts->delta == 1);
@@ -313,6 +319,6 @@ gonio_status gonio_transformed_new(gonio_model *inner, const gonio_transformed_p
 const gonio_kind gonio_kind_transformed = {
     .name = "transformed",
     .summary = "another model brought nearer to reciprocity, isotropy, energy conservation or separability",
-    .ops = &ops_sigma,
+    .ops = &ops_support,
     .read = read_model,
 };
