@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/order_statistic.h"
 #include "fit/prior/passive.h"
@@ -24,14 +25,21 @@ typedef struct additions {
     size_t n;
 } additions;
 
-static double variance_about(const double *ln, double middle) {
+double gonio_prior_variance(double off[GONIO_PRIOR_MATERIALS]) {
     const size_t rank = (size_t)(QUANTILE * GONIO_PRIOR_MATERIALS);
-    double off[GONIO_PRIOR_MATERIALS];
     for (size_t k = 0; k < GONIO_PRIOR_MATERIALS; k++) {
-        off[k] = fabs(expm1(fmin(ln[k] - middle, BEYOND_MAX)));
+        off[k] = fabs(off[k]);
     }
     const double most = gonio_order_statistic(off, GONIO_PRIOR_MATERIALS, rank);
     return most * most / 4;
+}
+
+static double variance_about(const double *ln, double middle) {
+    double off[GONIO_PRIOR_MATERIALS];
+    for (size_t k = 0; k < GONIO_PRIOR_MATERIALS; k++) {
+        off[k] = expm1(fmin(ln[k] - middle, BEYOND_MAX));
+    }
+    return gonio_prior_variance(off);
 }
 
 static void find_places(gonio_prior *p, additions *a) {
@@ -78,6 +86,22 @@ gonio_status gonio_prior_extend(gonio_prior *p, gonio_dataset *data, gonio_error
     const gonio_status status = gonio_dataset_append(data, a.n, a.pairs, a.values, a.weights, error);
     free(a.values);
     return status;
+}
+
+void gonio_prior_errors(gonio_prior *p, const gonio_dataset *data, double *errors) {
+    const size_t places = data->n - data->measured, c = (size_t)data->channels, channel = c / 2;
+    const gonio_transform *t = &data->transforms[channel];
+    for (size_t i = 0; i < places; i++) {
+        const size_t at = (data->measured + i) * c + channel;
+        double out[GONIO_PRIOR_MATERIALS], ordered[GONIO_PRIOR_MATERIALS];
+        gonio_prior_at(p, &data->pairs[data->measured + i], out, NULL);
+        memcpy(ordered, out, sizeof ordered);
+        const double middle = gonio_order_statistic(ordered, GONIO_PRIOR_MATERIALS, GONIO_PRIOR_MATERIALS / 2);
+        for (size_t k = 0; k < GONIO_PRIOR_MATERIALS; k++) {
+            const double value = data->values[at] * exp(fmin(out[k] - middle, BEYOND_MAX));
+            errors[k * places + i] = gonio_transform_apply(data->kind, t, value) - data->targets[at];
+        }
+    }
 }
 
 double gonio_prior_spread(gonio_prior *p, const gonio_pair *pair, const double *value) {

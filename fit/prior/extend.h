@@ -13,6 +13,13 @@
 // in, unless the samples say so.
 gonio_status gonio_prior_extend(gonio_prior *prior, gonio_dataset *data, gonio_error *error);
 
+// What each material is off the values that were added to the data, as transformed values of the middle channel:
+// errors[added x materials], place fastest.
+void gonio_prior_errors(gonio_prior *prior, const gonio_dataset *data, double *errors);
+
+// The square of half of what 95 % of the materials are off at most; off[] is reordered.
+double gonio_prior_variance(double off[GONIO_PRIOR_MATERIALS]);
+
 // Variance of the relative error of value[channels] at a pair, as the prior has it.
 double gonio_prior_spread(gonio_prior *prior, const gonio_pair *pair, const double *value);
 

@@ -17,6 +17,7 @@
 
 #include "fit/lobes/fit.h"
 #include "fit/prepare/scatter.h"
+#include "fit/prior/extend.h"
 #include "fit/smooth/matrix.h"
 
 #define PARAMETERS_MAX (1 + 3 * GONIO_LOBES_MAX) // diffuse; each lobe's strength, width and f0
@@ -31,6 +32,7 @@ void gonio_influence_release(gonio_influence *f) {
     free(f->slopes);
     free(f->pulled);
     free(f->inverse);
+    free(f->errors);
     *f = (gonio_influence){0};
 }
 
@@ -117,6 +119,22 @@ static gonio_status fill_residual(gonio_influence *f, gonio_error *error) {
     return GONIO_OK;
 }
 
+static gonio_status fill_errors(gonio_influence *f, gonio_prior *prior, gonio_error *error) {
+    const size_t measured = f->data->measured, places = f->n - measured;
+    if (places == 0) {
+        return GONIO_OK;
+    }
+    f->errors = malloc(places * GONIO_PRIOR_MATERIALS * sizeof *f->errors);
+    if (f->errors == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    gonio_prior_errors(prior, f->data, f->errors);
+    for (size_t i = 0; i < places * GONIO_PRIOR_MATERIALS; i++) {
+        f->errors[i] *= gonio_smooth_dense_roots(f->dense)[measured + i % places];
+    }
+    return GONIO_OK;
+}
+
 static bool allocate(gonio_influence *f) {
     const size_t n = f->n, p = f->p > 0 ? f->p : 1;
     f->map = malloc(n * n * sizeof *f->map);
@@ -130,7 +148,8 @@ static bool allocate(gonio_influence *f) {
 }
 
 gonio_status gonio_influence_init(gonio_influence *f, const gonio_smooth_dense *dense, const gonio_dataset *data,
-                                  const gonio_smooth_base *base, double lambda, double doubt, gonio_error *error) {
+                                  const gonio_smooth_base *base, double lambda, double doubt, gonio_prior *prior,
+                                  gonio_error *error) {
     *f = (gonio_influence){.dense = dense, .data = data, .base = base, .lambda = lambda, .n = data->n};
     f->p = parameters(base);
     gonio_status status = allocate(f) ? gonio_smooth_dense_influence(dense, lambda, f->map, error)
@@ -149,6 +168,7 @@ gonio_status gonio_influence_init(gonio_influence *f, const gonio_smooth_dense *
         gonio_matrix_mirror(square);
         status = fill_residual(f, error);
     }
+    status = status == GONIO_OK ? fill_errors(f, prior, error) : status;
     if (status != GONIO_OK) {
         gonio_influence_release(f);
     }
@@ -483,10 +503,33 @@ static gonio_status square_spline(const gonio_influence *f, const double *factor
     return GONIO_OK;
 }
 
+// What the added places may be wrong by is alike at all of them, so each material's errors are passed on by themselves.
+static gonio_status pass_on(const gonio_influence *f, double factor, size_t m, const double *weights, double *passed,
+                            gonio_error *error) {
+    const size_t places = f->n - f->data->measured;
+    memset(passed, 0, m * sizeof *passed);
+    if (places == 0) {
+        return GONIO_OK;
+    }
+    double *off = malloc(m * GONIO_PRIOR_MATERIALS * sizeof *off);
+    if (off == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
+    }
+    const gonio_matrix of_places =
+        gonio_matrix_part(gonio_matrix_of(weights, f->n, m), f->data->measured, 0, places, m);
+    gonio_multiply(1 / factor, gonio_matrix_transposed(gonio_matrix_of(f->errors, places, GONIO_PRIOR_MATERIALS)),
+                   of_places, 0, gonio_matrix_of(off, GONIO_PRIOR_MATERIALS, m));
+    for (size_t i = 0; i < m; i++) {
+        passed[i] = gonio_prior_variance(off + i * GONIO_PRIOR_MATERIALS);
+    }
+    free(off);
+    return GONIO_OK;
+}
+
 static double squared_length(const double *weights, size_t n) { return gonio_dot(n, weights, weights); }
 
 gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, size_t m, const gonio_pair *pairs,
-                                const double *x, double *noise, double *signs, gonio_error *error) {
+                                const double *x, double *noise, double *signs, double *passed, gonio_error *error) {
     double *weights = malloc(f->n * m * sizeof *weights);
     if (weights == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
@@ -499,6 +542,7 @@ gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, 
     }
     status = status == GONIO_OK ? square_spline(f, factor, m, weights, signs, error) : status;
     status = status == GONIO_OK && f->p > 0 ? add_base(f, m, pairs, weights, signs, error) : status;
+    status = status == GONIO_OK ? pass_on(f, factor[f->data->channels / 2], m, weights, passed, error) : status;
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
         noise[i] = squared_length(weights + i * f->n, f->n);
     }

@@ -12,10 +12,11 @@
 
 #include <cmocka.h>
 
+#include "fit/prior/extend.h"
 #include "fit/sigma/blocks.h"
 #include "fit/sigma/law.h"
 #include "gonio/fit.h"
-#include "tests/sigma_regions.h"
+#include "tests/sparse_sets.h"
 #include "tests/unit/near.h"
 
 #define WARD "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
@@ -43,7 +44,7 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
     gonio_sigma_records records;
     assert_int_equal(gonio_smooth_base_init(&base, &data, NULL, NULL), GONIO_OK);
     assert_int_equal(gonio_smooth_dense_new(&data, &form, &dense, NULL), GONIO_OK);
-    assert_int_equal(gonio_influence_init(&f, dense, &data, &base, lambda, 0.1, NULL), GONIO_OK);
+    assert_int_equal(gonio_influence_init(&f, dense, &data, &base, lambda, 0.1, NULL, NULL), GONIO_OK);
     assert_int_equal(gonio_influence_records(&f, &factor, &records, NULL), GONIO_OK);
     assert_true(records.near == data.n && records.n > data.n + 50);
     // All beyond an angle: the eighth of the samples with the largest theta_o comes right after the neighbourhoods.
@@ -88,6 +89,71 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
     gonio_smooth_dense_free(dense);
     gonio_smooth_base_release(&base);
     gonio_dataset_release(&data);
+}
+
+// What the materials leave open at the places that physics adds to one plane's samples stands in the model's variance
+// as far as a fit to each material's values there says.
+static void test_added_places_pass_their_errors_on(void **state) {
+    (void)state;
+    enum { PROBES = 20 };
+    const double lambda = 1e-3, factor = 0.5;
+    uint64_t stream = 3;
+    gonio_model *truth = simulate_truth(WARD);
+    gonio_samples *samples = sparse_samples(truth, SPARSE_PLANE, 6, 0, &stream);
+    const gonio_dataset_options how = {.mirror = true, .domain = GONIO_LOG};
+    const gonio_smooth_form form = gonio_smooth_form_default(GONIO_NUSSELT, 2, true);
+    gonio_dataset data;
+    gonio_prior prior;
+    gonio_smooth_dense *dense;
+    gonio_smooth_base base;
+    gonio_influence f;
+    assert_int_equal(gonio_dataset_init(&data, samples, &how, NULL), GONIO_OK);
+    assert_int_equal(gonio_prior_init(&prior, &data, NULL), GONIO_OK);
+    assert_int_equal(gonio_prior_extend(&prior, &data, NULL), GONIO_OK);
+    const size_t places = data.n - data.measured;
+    assert_true(places > 20);
+    assert_int_equal(gonio_smooth_base_init(&base, &data, NULL, NULL), GONIO_OK);
+    assert_int_equal(gonio_smooth_dense_new(&data, &form, &dense, NULL), GONIO_OK);
+    assert_int_equal(gonio_influence_init(&f, dense, &data, &base, lambda, 0.1, &prior, NULL), GONIO_OK);
+    gonio_pair pairs[PROBES];
+    double at[3 * PROBES], noise[PROBES], signs[GONIO_SIGMA_SIGNS * PROBES], passed[PROBES], plain[PROBES];
+    double off[PROBES][GONIO_PRIOR_MATERIALS];
+    for (size_t i = 0; i < PROBES; i++) {
+        pairs[i] = simulate_pair(&stream, true);
+        gonio_coordinates_isotropic(GONIO_NUSSELT, gonio_direction(pairs[i].theta_i, pairs[i].phi_i),
+                                    gonio_direction(pairs[i].theta_o, pairs[i].phi_o), at + 3 * i);
+    }
+    assert_int_equal(gonio_influence_at(&f, &factor, PROBES, pairs, at, noise, signs, passed, NULL), GONIO_OK);
+    double *errors = malloc(places * GONIO_PRIOR_MATERIALS * sizeof *errors), *rest = malloc(data.n * sizeof *rest);
+    gonio_prior_errors(&prior, &data, errors);
+    for (int k = -1; k < GONIO_PRIOR_MATERIALS; k++) {
+        gonio_lattice lattice;
+        memcpy(rest, base.rest, data.n * sizeof *rest);
+        for (size_t i = 0; i < places && k >= 0; i++) {
+            rest[data.measured + i] += errors[(size_t)k * places + i];
+        }
+        assert_int_equal(gonio_smooth_dense_solve(dense, rest, 1, &lambda, &lattice, NULL), GONIO_OK);
+        for (size_t i = 0; i < PROBES; i++) {
+            double value;
+            gonio_lattice_eval(&lattice, at + 3 * i, &value);
+            plain[i] = k < 0 ? value : plain[i];
+            off[i][k < 0 ? 0 : k] = (value - plain[i]) / factor;
+        }
+        gonio_lattice_release(&lattice);
+    }
+    for (size_t i = 0; i < PROBES; i++) {
+        assert_true(passed[i] > 0);
+        assert_near(sqrt(passed[i]), sqrt(gonio_prior_variance(off[i])), 1e-4);
+    }
+    free(errors);
+    free(rest);
+    gonio_influence_release(&f);
+    gonio_smooth_dense_free(dense);
+    gonio_smooth_base_release(&base);
+    gonio_prior_release(&prior);
+    gonio_dataset_release(&data);
+    gonio_samples_free(samples);
+    gonio_model_free(truth);
 }
 
 // Residuals drawn from a law whose roughness differs by a factor of 5 over the domain, and that grows with what the
@@ -251,6 +317,7 @@ static void test_sigma_scales_and_repeats(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_left_out_blocks_are_what_they_say),
+        cmocka_unit_test(test_added_places_pass_their_errors_on),
         cmocka_unit_test(test_the_law_is_found),
         cmocka_unit_test(test_sigma_is_neither_too_small_nor_too_large),
         cmocka_unit_test(test_sigma_without_noise),
