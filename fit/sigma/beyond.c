@@ -3,7 +3,8 @@
 //
 // A law learnt from left-out samples knows gaps as wide as those among the samples. Samples of one plane say nothing
 // of other planes, nor do five samples of anything. There the error is what the materials that could have given these
-// samples differ from the model: a quantile of theirs (fit/prior/extend.h).
+// samples differ from the model: a quantile of theirs (fit/prior/extend.h). Beside the samples it is what the fit
+// passes on of the errors at the places that physics added, but no more than those materials differ there.
 #include "fit/sigma/beyond.h"
 
 #include <math.h>
@@ -54,10 +55,10 @@ static void mix(gonio_prior *prior, const gonio_model *model, const gonio_lobe_s
         support[i] = gonio_prior_support(prior, pair);
         const double law = trust(support[i], prior->data.n);
         probes->targets[i] = fmin(probes->targets[i], most);
-        if (law < 1) {
-            const double variance =
-                prior->materials_n > 0 ? prior_variance(prior, model, parts, pair) : unknown * (1 - support[i]);
-            probes->targets[i] = law * probes->targets[i] + (1 - law) * variance * unit;
+        if (law < 1 || probes->values[i] > 0) {
+            const double variance = unit * (prior->materials_n > 0 ? prior_variance(prior, model, parts, pair)
+                                                                   : unknown * (1 - support[i]));
+            probes->targets[i] = law * (probes->targets[i] + fmin(probes->values[i], variance)) + (1 - law) * variance;
         }
     }
 }

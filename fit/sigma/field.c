@@ -5,6 +5,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/statistics.h"
 #include "fit/prior/places.h"
@@ -82,6 +83,9 @@ gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data
     if (status == GONIO_OK) {
         const gonio_dataset_options how = {.mirror = data->mirror, .domain = GONIO_LINEAR};
         status = gonio_dataset_init(probes, samples, &how, error);
+    }
+    if (status == GONIO_OK) {
+        memset(probes->values, 0, probes->n * sizeof *probes->values);
     }
     gonio_samples_free(samples);
     return status;

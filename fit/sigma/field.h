@@ -16,10 +16,11 @@ double gonio_sample_noise_variance(const gonio_dataset *data, const double *fact
 // What to add to the variance where a model's lobes (NULL: none) are held beyond the samples' angles.
 double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *held, const double *factor,
                              const gonio_pair *pair);
-// Places where to ask, spread over all pairs and about the lobe. Release with gonio_dataset_release.
+// Places where to ask, spread over all pairs and about the lobe; their values are 0. Release with
+// gonio_dataset_release.
 gonio_status gonio_sigma_probes(gonio_dataset *probes, const gonio_dataset *data, gonio_error *error);
-// Give the model its sigma and support: probes->targets are variances in the factors' units. Takes factor[channels]
-// over.
+// Give the model its sigma and support: probes->targets are variances in the factors' units, probes->values what the
+// places that physics added leave open beside them. Takes factor[channels] over.
 gonio_status gonio_sigma_attach(gonio_dataset *probes, gonio_prior *prior, double *factor,
                                 gonio_lobe_spline_parts *parts, gonio_error *error);
 

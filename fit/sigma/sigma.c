@@ -45,24 +45,23 @@ static double middle_of(const double *values, size_t n, double *work) {
     return gonio_upper_median(work, n);
 }
 
-// The variance that the law gives the probes, in the channels' factors.
+// The variance that the law gives the probes, and what the added places pass on to them, in the channels' factors.
 static gonio_status fill_probes(const gonio_influence *f, const gonio_sigma_law *law, const double *factor,
                                 gonio_dataset *probes, gonio_error *error) {
     const size_t m = probes->n, d = (size_t)probes->dims;
-    double *noise = malloc((2 + GONIO_SIGMA_SIGNS + d) * m * sizeof *noise),
+    double *noise = malloc((1 + GONIO_SIGMA_SIGNS + d) * m * sizeof *noise),
            *work = malloc(4 * (law->records->n + 1) * sizeof *work);
     gonio_status status =
         noise != NULL && work != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK) {
-        double *passed = noise + m, *signs = passed + m, *x = signs + GONIO_SIGMA_SIGNS * m;
+        double *signs = noise + m, *x = signs + GONIO_SIGMA_SIGNS * m;
         gonio_dataset_locate(probes, gonio_smooth_dense_form(f->dense)->coordinates, x);
-        status = gonio_influence_at(f, factor, m, probes->pairs, x, noise, signs, passed, error);
+        status = gonio_influence_at(f, factor, m, probes->pairs, x, noise, signs, probes->values, error);
         for (size_t i = 0; i < m && status == GONIO_OK; i++) {
             double place[2];
             gonio_sigma_place(&probes->pairs[i], place);
             const double learnt = gonio_sigma_law_variance(law, place, noise[i], signs + GONIO_SIGMA_SIGNS * i, work);
-            probes->targets[i] =
-                learnt + passed[i] + gonio_sigma_held_back(f->data, &f->base->lobes, factor, &probes->pairs[i]);
+            probes->targets[i] = learnt + gonio_sigma_held_back(f->data, &f->base->lobes, factor, &probes->pairs[i]);
         }
     }
     free(noise);

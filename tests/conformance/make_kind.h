@@ -51,7 +51,6 @@ static const kind_maker kind_forms[] = {
     {"lobe-spline", "lobes and shares", .domain = GONIO_LOG, .coordinates = GONIO_REFLECTED, .lobes = 2,
      .parts = KIND_SPLINE | KIND_RANGE | KIND_SIGMA | KIND_SHARES},
     {"transformed", "reciprocal", .parts = GONIO_MADE_RECIPROCAL},
-    {"transformed", "reciprocal, with sigma", .lobes = 1, .parts = GONIO_MADE_RECIPROCAL},
     {"transformed", "isotropic", true, .parts = GONIO_MADE_ISOTROPIC},
     {"transformed", "scaled", .parts = GONIO_MADE_SCALED},
     {"transformed", "passive", .parts = GONIO_MADE_PASSIVE},
@@ -282,13 +281,10 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     return model;
 }
 
-// A Ward lobe or a lobe-spline with sigma, half of the way to the maker's property.
+// A Ward lobe, half of the way to the maker's property.
 static inline gonio_model *kind_make_transformed(const kind_maker *maker, bool isotropic, int channels) {
     const kind_maker ward = {"analytic", "ward", .formula = gonio_formula_find("ward")};
-    const kind_maker spline = {"lobe-spline", "spline", .lobes = maker->lobes, .parts = KIND_SPLINE | KIND_SIGMA};
-    gonio_model *inner = maker->lobes > 0 ? kind_make_lobes(&spline, isotropic, channels)
-                                          : kind_make_analytic(&ward, isotropic, channels);
-    gonio_model *model = NULL;
+    gonio_model *inner = kind_make_analytic(&ward, isotropic, channels), *model = NULL;
     gonio_transformed_parts p = {.what = (gonio_transformation)maker->parts, .delta = 0.5};
     gonio_error error = {0};
     double *numbers = kind_numbers(2 * 2 * (size_t)channels * 2 * 8, 0.5);

@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "brdf/kind/transformed.h"
 #include "fit/prior/kernel.h"
 #include "fit/prior/passive.h"
 #include "gonio/check.h"
@@ -122,6 +123,29 @@ static void test_every_small_set_tells_its_support(void **state) {
             gonio_samples_free(samples);
         }
     }
+}
+
+// A model that another stands in, changed or as one half of a sheet, tells the same; the half that is not there tells
+// nothing.
+static void test_models_in_models_tell_their_support(void **state) {
+    (void)state;
+    gonio_samples *samples = simulate_samples("ward:rho_d=0.3,rho_s=0.2,alpha=0.3", 7, 1, 11);
+    gonio_model *model = fitted(samples, "auto", NULL), *changed, *copy = fitted(samples, "auto", NULL), *sheet;
+    const gonio_transformed_parts how = {.what = GONIO_MADE_RECIPROCAL, .delta = 1};
+    gonio_model *const halves[GONIO_HALVES] = {[GONIO_TRANSMISSION] = copy};
+    assert_int_equal(gonio_transformed_new(model, &how, &changed, NULL), GONIO_OK);
+    assert_int_equal(gonio_model_of_halves(halves, &sheet, NULL), GONIO_OK);
+    for (size_t i = 0; i < samples->n; i++) {
+        const gonio_pair p = samples->pairs[i], through = gonio_pair_lowered(p, GONIO_TRANSMISSION);
+        const double support = support_at(model, &p);
+        assert_true(support > 0.9);
+        assert_true(support_at(changed, &p) == support);
+        assert_true(support_at(sheet, &through) == support);
+        assert_true(isnan(support_at(sheet, &p)) && isnan(support_at(model, &through)));
+    }
+    gonio_model_free(changed);
+    gonio_model_free(sheet);
+    gonio_samples_free(samples);
 }
 
 // ---- sigma ----
@@ -246,6 +270,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_support_is_that_of_the_samples),
         cmocka_unit_test(test_every_small_set_tells_its_support),
+        cmocka_unit_test(test_models_in_models_tell_their_support),
         cmocka_unit_test(test_sigma_holds_where_nothing_was_measured),
         cmocka_unit_test(test_no_more_light_than_falls_in),
         cmocka_unit_test(test_albedos),
