@@ -231,7 +231,29 @@ static void level_eps(gonio_dataset *data, double *work) {
     }
 }
 
-static gonio_status choose_links(gonio_dataset *data, const gonio_samples *samples, gonio_error *error) {
+#define NEGATIVES 10       // below as many, where they lie is chance
+#define TOGETHER_LEAST 0.4 // noise about zero: 0.29 of independent normals; a smooth quantity: above 0.6
+
+// Do negative values lie together, as those of a signed quantity do, or is it noise about zero? By how much of each its
+// nearest neighbour has as well.
+static bool negatives_together(const gonio_dataset *data, size_t step, size_t probes, const size_t *near) {
+    const size_t c = (size_t)data->channels;
+    double negative = 0, shared = 0;
+    size_t n = 0;
+    for (size_t i = 0; i < probes * c; i++) {
+        const double value = -data->values[i / c * step * c + i % c];
+        if (value > 0) {
+            negative += value;
+            shared += fmin(value, fmax(-data->values[near[i / c] * c + i % c], 0));
+            n++;
+        }
+    }
+    return n < NEGATIVES || shared >= TOGETHER_LEAST * negative;
+}
+
+// together: see negatives_together.
+static gonio_status choose_links(gonio_dataset *data, const gonio_samples *samples, bool *together,
+                                 gonio_error *error) {
     const size_t c = (size_t)data->channels, step = 1 + (data->n - 1) / PROBES;
     const size_t probes = (data->n + step - 1) / step;
     size_t *near = malloc(probes * sizeof *near);
@@ -248,13 +270,14 @@ static gonio_status choose_links(gonio_dataset *data, const gonio_samples *sampl
             median_sigmas(samples, data, work);
         }
         level_eps(data, work);
+        *together = negatives_together(data, step, probes, near);
     }
     free(near);
     free(work);
     return status;
 }
 
-// A signed quantity (a Mueller element, say), not a reflectance with noise about zero.
+// A signed quantity (a Mueller element, say), where the negative values lie together.
 static bool is_signed(const gonio_dataset *data) {
     double negative = 0, all = 0;
     for (size_t i = 0; i < data->n * (size_t)data->channels; i++) {
@@ -339,14 +362,15 @@ gonio_status gonio_dataset_init(gonio_dataset *data, const gonio_samples *sample
     for (size_t i = 0; i < n; i++) {
         unique += i == 0 || !same_geometry(&entries[i - 1], &entries[i]);
     }
+    bool together = true;
     status = allocate(data, unique, error);
     if (status == GONIO_OK) {
         merge(data, samples, entries, n);
-        status = choose_links(data, samples, error);
+        status = choose_links(data, samples, &together, error);
     }
     if (status == GONIO_OK) {
         data->kind = options->domain == GONIO_LINEAR ? GONIO_TRANSFORM_LINEAR
-                     : is_signed(data)               ? GONIO_TRANSFORM_ASINH
+                     : together && is_signed(data)   ? GONIO_TRANSFORM_ASINH
                                                      : GONIO_TRANSFORM_POSITIVE;
         fill_weights(data, samples, entries, n);
         fill_targets(data);
