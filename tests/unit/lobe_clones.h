@@ -24,12 +24,15 @@
 #define gonio_lobe_spline_eval clone_eval
 #define gonio_lobe_spline_eval_many clone_eval_many
 #define gonio_lobe_spline_sigma_shape clone_sigma_shape
+#define gonio_lobe_spline_support clone_support
 void clone_lattice_eval_double(const gonio_lattice *lattice, const gonio_position *position, size_t first, size_t count,
                                double *values);
 void clone_eval(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo, size_t first, size_t count,
                 double *values, float *narrow, double *slopes);
 void clone_eval_many(const gonio_lobe_spline *m, size_t n, const gonio_vec3 *wi, const gonio_vec3 *wo, double *values);
 double clone_sigma_shape(const gonio_lobe_spline *m, const gonio_vec3 *wi, const gonio_vec3 *wo);
+double clone_support(const gonio_lobe_spline *m, const gonio_vec3 *wi,
+                     const gonio_vec3 *wo); // by the same lattice walk
 
 // GCC expands no macros in a written #pragma.
 #define PRAGMA_OF(text) _Pragma(#text)
@@ -50,6 +53,7 @@ TARGET_PRAGMA(GCC target(GONIO_TEST_TARGET))
 #undef gonio_lobe_spline_eval
 #undef gonio_lobe_spline_eval_many
 #undef gonio_lobe_spline_sigma_shape
+#undef gonio_lobe_spline_support
 
 #define PAIRS 37
 
