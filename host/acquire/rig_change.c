@@ -136,8 +136,22 @@ static gonio_status compare(change *c, const char *text, const char *path, gonio
                : gonio_fail_line(error, GONIO_E_INPUT, path, line, "expected [section], key = value, or a comment");
 }
 
-gonio_status gonio_rig_change(const char *text, const char *settings, const char *path, char **lines, bool *whole,
-                              gonio_error *error) {
+static void forget(change *c, bool *whole) {
+    *whole = true;
+    for (size_t i = 0; i < c->n; i++) {
+        const entry *e = &c->known[i];
+        *whole = *whole && (e->told || is_of_host(e->section));
+        free(e->section);
+        free(e->key);
+        free(e->values[false]);
+        free(e->values[true]);
+    }
+    free(c->known);
+}
+
+// *lines: what the file changes; the caller frees it.
+static gonio_status find_changes(const char *text, const char *settings, const char *path, char **lines, bool *whole,
+                                 gonio_error *error) {
     change c = {.why = {.line = -1, .byte = -1}};
     size_t size;
     char *file = NULL;
@@ -148,19 +162,39 @@ gonio_status gonio_rig_change(const char *text, const char *settings, const char
     status = status == GONIO_OK ? gonio_rig_text_read(path, &file, error) : status;
     status = status == GONIO_OK ? gonio_rig_text_check(file, path, error) : status;
     status = status == GONIO_OK ? compare(&c, file, path, error) : status;
-    *whole = true;
-    for (size_t i = 0; i < c.n; i++) {
-        const entry *e = &c.known[i];
-        *whole = *whole && (e->told || is_of_host(e->section));
-        free(e->section);
-        free(e->key);
-        free(e->values[false]);
-        free(e->values[true]);
-    }
-    free(c.known);
+    forget(&c, whole);
     free(file);
     if (c.out != NULL) {
         fclose(c.out);
     }
+    return status;
+}
+
+gonio_status gonio_rig_journalled(gonio_session *session, char **text, char **settings, gonio_error *error) {
+    *settings = NULL;
+    gonio_status status = gonio_session_get(session, "rig.ini", text, error);
+    status = status == GONIO_OK ? gonio_session_find(session, "rig.settings", settings, error) : status;
+    if (status == GONIO_OK && *settings == NULL) {
+        *settings = strdup("");
+        status = *settings != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    return status == GONIO_OK ? gonio_rig_text_check(*text, "the journalled rig file", error) : status;
+}
+
+gonio_status gonio_rig_change(gonio_session *session, const char *path, char **extra, bool *whole, gonio_error *error) {
+    char *text = NULL, *settings = NULL, *lines = NULL, *both = NULL;
+    gonio_status status = gonio_rig_journalled(session, &text, &settings, error);
+    status = status == GONIO_OK ? find_changes(text, settings, path, &lines, whole, error) : status;
+    if (status == GONIO_OK && asprintf(&both, "%s%s", lines, *extra) < 0) {
+        both = NULL;
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
+    }
+    if (status == GONIO_OK) {
+        free(*extra);
+        *extra = both;
+    }
+    free(text);
+    free(settings);
+    free(lines);
     return status;
 }

@@ -5,13 +5,15 @@
 
 #include <stdbool.h>
 
-#include "gonio/status.h"
+#include "gonio/session.h"
 
-// text, settings: the journalled rig file and the lines of section.key=value over it. *lines: those keys of the file
-// that say where a device is reached and are others now, a line of section.key=value each; the caller frees it. *whole:
-// the file has every key of a device that the session has, so it is the file that names what is opened. GONIO_E_INPUT with the
-// file's line where any other key differs: its samples would be others'.
-gonio_status gonio_rig_change(const char *text, const char *settings, const char *path, char **lines, bool *whole,
-                              gonio_error *error);
+// The rig file and the settings over it, a line of section.key=value each, as journalled; earlier releases had them in
+// one text. The caller frees both.
+gonio_status gonio_rig_journalled(gonio_session *session, char **text, char **settings, gonio_error *error);
+// Put before *extra, lines of section.key=value that the caller frees, those keys of the file `path` that say where a
+// device is reached and are others than the session's. *whole: the file has every key of a device that the session has,
+// so it is the file that names what is opened. GONIO_E_INPUT with the file's line where any other key differs: its
+// samples would be others'.
+gonio_status gonio_rig_change(gonio_session *session, const char *path, char **extra, bool *whole, gonio_error *error);
 
 #endif

@@ -420,18 +420,6 @@ static gonio_status apply_sim_settings(gonio_sim *sim, char *text, gonio_error *
     return status;
 }
 
-// The rig file and the settings over it, as journalled; earlier releases had them in one text.
-static gonio_status read_journalled(gonio_session *session, char **text, char **settings, gonio_error *error) {
-    *settings = NULL;
-    gonio_status status = gonio_session_get(session, "rig.ini", text, error);
-    status = status == GONIO_OK ? gonio_session_find(session, "rig.settings", settings, error) : status;
-    if (status == GONIO_OK && *settings == NULL) {
-        *settings = strdup("");
-        status = *settings != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
-    }
-    return status == GONIO_OK ? gonio_rig_text_check(*text, "the journalled rig file", error) : status;
-}
-
 // A session may come from elsewhere, and would have this machine talk to any device or host that it names.
 static gonio_status ask_trust(const gonio_rig_file_options *options, const gonio_rig_file *rig, gonio_error *error) {
     char devices[400];
@@ -451,7 +439,7 @@ static gonio_status reopen_hardware(gonio_session *session, const char *extra, g
     builder b = {.sim = rig->sim};
     gonio_rig_keys_default(&b.keys);
     gonio_status status = new_hardware(&b, rig, error);
-    status = status == GONIO_OK ? read_journalled(session, &text, &settings, error) : status;
+    status = status == GONIO_OK ? gonio_rig_journalled(session, &text, &settings, error) : status;
     b.file_lines = gonio_rig_text_lines(text);
     for (int pass = 0; pass < 4 && status == GONIO_OK; pass++) {
         b.driver_pass = pass % 2 == 0;
@@ -490,7 +478,7 @@ static gonio_status reopen_sim(gonio_session *session, const char *extra, const 
 static gonio_status reopen_file(gonio_session *session, const char *extra, const gonio_rig_file_options *options,
                                 gonio_rig_file *rig, gonio_error *error) {
     char *settings = NULL;
-    gonio_status status = read_journalled(session, &rig->text, &settings, error);
+    gonio_status status = gonio_rig_journalled(session, &rig->text, &settings, error);
     builder b = {.file_lines = gonio_rig_text_lines(rig->text)};
     if (status == GONIO_OK && asprintf(&rig->settings, "%s%s", settings, extra) < 0) {
         rig->settings = NULL;
@@ -538,35 +526,7 @@ static gonio_status tell_changes(gonio_session *session, const char *lines, goni
 }
 
 // The caller's own file names what is opened, so he has allowed it.
-static bool allowed(void *context, const char *devices) {
-    (void)context, (void)devices;
-    return true;
-}
-
-// What a rig file that was edited since changes, before the settings that are given besides.
-static gonio_status take_changes(gonio_session *session, gonio_rig_file_options *options, char **extra,
-                                 gonio_error *error) {
-    char *text = NULL, *settings = NULL, *lines = NULL, *both = NULL;
-    bool whole = false;
-    if (options->path == NULL || strcmp(options->path, "sim") == 0) {
-        return GONIO_OK;
-    }
-    gonio_status status = read_journalled(session, &text, &settings, error);
-    status = status == GONIO_OK ? gonio_rig_change(text, settings, options->path, &lines, &whole, error) : status;
-    if (status == GONIO_OK && asprintf(&both, "%s%s", lines, *extra) < 0) {
-        both = NULL;
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for settings");
-    }
-    if (status == GONIO_OK) {
-        free(*extra);
-        *extra = both;
-        options->trust = whole ? allowed : options->trust;
-    }
-    free(text);
-    free(settings);
-    free(lines);
-    return status;
-}
+static bool allowed(void *context, const char *devices) { return (void)context, (void)devices, true; }
 
 gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_options *given, gonio_rig_file *rig,
                                    gonio_error *error) {
@@ -576,7 +536,11 @@ gonio_status gonio_rig_file_refill(gonio_session *session, const gonio_rig_file_
     gonio_setup setup;
     gonio_status status = gonio_rig_text_settings(&options, &extra, error);
     status = status == GONIO_OK ? read_setup(session, &setup, error) : status;
-    status = status == GONIO_OK ? take_changes(session, &options, &extra, error) : status;
+    bool whole = false;
+    if (status == GONIO_OK && options.path != NULL && strcmp(options.path, "sim") != 0) {
+        status = gonio_rig_change(session, options.path, &extra, &whole, error);
+        options.trust = whole ? allowed : options.trust;
+    }
     status = status == GONIO_OK ? gonio_session_get(session, "rig.driver", &driver, error) : status;
     if (status == GONIO_OK) {
         gonio_session_get(session, "rig.path", &rig->path, NULL); // where there is none, it stays NULL
