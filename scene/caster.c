@@ -142,20 +142,21 @@ static gonio_vec3 tangent_of(gonio_vec3 normal, gonio_vec3 wish) {
     return tangent;
 }
 
-static void shade_frame(const scene_caster *caster, const struct RTCHit *hit, gonio_vec3 toward_eye, scene_hit *out) {
+// Sets the frame at triangle, u and v.
+static void shade_frame(const scene_caster *caster, gonio_vec3 toward_eye, scene_hit *out) {
     const gonio_vec3 up = {0, 1, 0};
     gonio_vec3 wish = {0, 0, 0};
     out->normal = out->facet;
     if (caster->mesh != NULL) {
         const scene_mesh *mesh = caster->mesh;
-        const unsigned *corner = mesh->indices + 3 * (size_t)hit->primID;
-        gonio_vec3 normal = blended(mesh->normals, corner, (double)hit->u, (double)hit->v);
+        const unsigned *corner = mesh->indices + 3 * out->triangle;
+        gonio_vec3 normal = blended(mesh->normals, corner, out->u, out->v);
         out->normal = unit(&normal) ? normal : out->facet;
         if (dot(out->normal, out->facet) < 0) {
             out->normal = scaled(out->normal, -1);
         }
         if (mesh->tangents != NULL) {
-            wish = blended(mesh->tangents, corner, (double)hit->u, (double)hit->v);
+            wish = blended(mesh->tangents, corner, out->u, out->v);
         }
     }
     // A blended normal may turn away from the eye at a silhouette; bent to graze it, it leaves no black rim.
@@ -191,8 +192,54 @@ bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio
     if (dot(hit->facet, toward_eye) < 0) {
         hit->facet = scaled(hit->facet, -1);
     }
-    shade_frame(caster, &ray.hit, toward_eye, hit);
+    shade_frame(caster, toward_eye, hit);
     return true;
+}
+
+void gonio_scene_caster_surface(const scene_caster *caster, size_t triangle, double u, double v, gonio_vec3 toward_eye,
+                                scene_hit *hit) {
+    const unsigned *corner = caster->mesh->indices + 3 * triangle;
+    const float *p = caster->mesh->positions;
+    const gonio_vec3 a = blended(p, corner, 0, 0), b = blended(p, corner, 1, 0), c = blended(p, corner, 0, 1);
+    *hit = (scene_hit){.triangle = triangle, .u = u, .v = v, .point = blended(p, corner, u, v)};
+    hit->facet = cross(difference(b, a), difference(c, a));
+    if (!unit(&hit->facet)) {
+        hit->facet = toward_eye;
+    }
+    if (dot(hit->facet, toward_eye) < 0) {
+        hit->facet = scaled(hit->facet, -1);
+    }
+    shade_frame(caster, toward_eye, hit);
+}
+
+unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gonio_vec3 *origins,
+                                    const gonio_vec3 *directions) {
+    _Alignas(64) struct RTCRay16 ray;
+    _Alignas(64) int valid[SCENE_CASTER_PACKET];
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    for (int k = 0; k < SCENE_CASTER_PACKET; k++) {
+        const int from = k < n ? k : 0;
+        valid[k] = k < n ? -1 : 0;
+        ray.org_x[k] = (float)origins[from].x;
+        ray.org_y[k] = (float)origins[from].y;
+        ray.org_z[k] = (float)origins[from].z;
+        ray.dir_x[k] = (float)directions[from].x;
+        ray.dir_y[k] = (float)directions[from].y;
+        ray.dir_z[k] = (float)directions[from].z;
+        ray.tnear[k] = 0;
+        ray.tfar[k] = INFINITY;
+        ray.time[k] = 0;
+        ray.mask[k] = ~0u;
+        ray.id[k] = (unsigned)k;
+        ray.flags[k] = 0;
+    }
+    rtcOccluded16(valid, caster->scene, &context, &ray);
+    unsigned stopped = 0;
+    for (int k = 0; k < n; k++) {
+        stopped |= (unsigned)(ray.tfar[k] < 0) << k;
+    }
+    return stopped;
 }
 
 gonio_vec3 gonio_scene_caster_leave(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet,

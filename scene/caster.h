@@ -32,6 +32,13 @@ bool gonio_scene_caster_blocked(const scene_caster *caster, gonio_vec3 point, go
 // Where a ray that leaves a surface starts.
 gonio_vec3 gonio_scene_caster_leave(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet,
                                     gonio_vec3 direction);
+// A place of a mesh as a ray from that side would find it.
+void gonio_scene_caster_surface(const scene_caster *caster, size_t triangle, double u, double v, gonio_vec3 toward_eye,
+                                scene_hit *hit);
+#define SCENE_CASTER_PACKET 16
+// Of up to SCENE_CASTER_PACKET rays the bits of those that something stops; origins have left their surfaces.
+unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gonio_vec3 *origins,
+                                    const gonio_vec3 *directions);
 bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light);
 
 #endif

@@ -6,7 +6,9 @@
 #include <string.h>
 #include <strings.h>
 
-#include "gonio/scene.h"
+#include "gonio/cpm.h"
+
+#define MAP_SAMPLES 4 // rays a pixel by a map
 
 typedef struct outcome {
     gonio_scene_facts facts;
@@ -15,6 +17,17 @@ typedef struct outcome {
     gonio_picture_error apart;
     double scale;
 } outcome;
+
+bool cli_parse_size(const char *text, int *width, int *height) {
+    int used = 0;
+    if (sscanf(text, "%6dx%6d%n", width, height, &used) == 2 && text[used] == 0) {
+        return true;
+    }
+    used = 0;
+    const bool one = sscanf(text, "%6d%n", width, &used) == 1 && text[used] == 0;
+    *height = *width;
+    return one;
+}
 
 bool cli_is_scene(const char *name) {
     const char *dot = strrchr(name, '.');
@@ -26,6 +39,26 @@ static bool on_progress(void *context, double fraction, double paths_per_s) {
     snprintf(detail, sizeof detail, "  %.3g Mpaths/s", paths_per_s / 1e6);
     cli_progress_update(context, fraction, detail, NAN);
     return !cli_interrupted();
+}
+
+static gonio_status trace_by_map(const scene_request *r, const gonio_scene *scene, outcome *o, gonio_picture **picture,
+                                 gonio_error *error) {
+    gonio_cpm *cpm;
+    gonio_cpm_render_options how;
+    gonio_cpm_render_report report;
+    gonio_status status = gonio_cpm_open(r->map, scene, &cpm, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    gonio_cpm_render_options_default(&how);
+    how.show = strcmp(r->show, "levels") == 0    ? GONIO_CPM_LEVELS
+               : strcmp(r->show, "density") == 0 ? GONIO_CPM_DENSITY
+                                                 : GONIO_CPM_LIGHT;
+    o->options.samples = r->samples != 0 ? r->samples : MAP_SAMPLES;
+    status = gonio_cpm_render(cpm, &o->options, &how, picture, &report, error);
+    o->report = (gonio_scene_report){.paths = report.rays, .rays = report.rays, .seconds = report.seconds};
+    gonio_cpm_free(cpm);
+    return status;
 }
 
 static gonio_status trace(const scene_request *r, const cli_common *common, outcome *o, gonio_picture **picture,
@@ -49,7 +82,8 @@ static gonio_status trace(const scene_request *r, const cli_common *common, outc
     s->progress = on_progress;
     s->progress_context = &progress;
     cli_progress_start(&progress, "render", 1);
-    status = gonio_scene_render(scene, s, picture, &o->report, error);
+    status = r->map != NULL ? trace_by_map(r, scene, o, picture, error)
+                            : gonio_scene_render(scene, s, picture, &o->report, error);
     cli_progress_end(&progress);
     gonio_scene_free(scene);
     return status;

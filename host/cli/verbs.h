@@ -26,4 +26,5 @@
     X(calibrate)                                                                                                       \
     X(virtual)                                                                                                         \
     X(render)                                                                                                          \
+    X(cpm)                                                                                                             \
     X(kinds)

@@ -17,6 +17,7 @@
 #include "gonio/characterise.h"
 #include "gonio/check.h"
 #include "gonio/coverage.h"
+#include "gonio/cpm.h"
 #include "gonio/direction.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"

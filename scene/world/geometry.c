@@ -36,6 +36,25 @@ static void place_mesh(scene_mesh *mesh, const scene_mesh_settings *s) {
     }
 }
 
+// Every corner's normal becomes its facet's; corners of different faces are different vertices (mesh.c).
+static void flatten(scene_mesh *mesh) {
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        gonio_vec3 p[3];
+        for (size_t k = 0; k < 3; k++) {
+            const float *at = mesh->positions + 3 * (size_t)mesh->indices[3 * t + k];
+            p[k] = (gonio_vec3){(double)at[0], (double)at[1], (double)at[2]};
+        }
+        const gonio_vec3 normal = cross(difference(p[1], p[0]), difference(p[2], p[0]));
+        const double length = sqrt(dot(normal, normal)), scale = length > 0 ? 1 / length : 0;
+        for (size_t k = 0; k < 3; k++) {
+            float *at = mesh->normals + 3 * (size_t)mesh->indices[3 * t + k];
+            at[0] = (float)(scale * normal.x);
+            at[1] = (float)(scale * normal.y);
+            at[2] = (float)(scale * normal.z);
+        }
+    }
+}
+
 // ---- materials of faces ----
 
 int gonio_world_material_find(const scene_settings *settings, const char *name, size_t length) {
@@ -173,6 +192,9 @@ static gonio_status add(const char *path, gonio_scene *scene, joining *j, int nu
                       .vertices = one->vertices,
                       .has_uv = one->uvs != NULL};
     place_mesh(one, s);
+    if (!s->smooth) {
+        flatten(one);
+    }
     if (s->material_map[0] != 0 && !m->has_uv) {
         status = gonio_fail_line(error, GONIO_E_INPUT, s->file, -1,
                                  "it has no texture coordinates, which material_map (%s, line %lld) needs", path,

@@ -45,6 +45,7 @@ static const gonio_key mesh_keys[] = {
     {ROW(mesh, scale, REAL), .low = 1e-9, .high = 1e9, .standard = "1"},
     {ROW(mesh, rotate, REALS), .low = -360, .high = 360, .standard = "0"},
     {ROW(mesh, move, REALS), .low = -LIMIT, .high = LIMIT, .standard = "0"},
+    {ROW(mesh, smooth, BOOLEAN), .standard = "1"},
     {0},
 };
 static const gonio_key light_keys[] = {

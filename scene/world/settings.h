@@ -43,6 +43,7 @@ typedef struct scene_mesh_settings {
     char material_map[SCENE_TEXT_MAX];
     int up; // scene_up: the axis of the file that is the scene's y
     double scale, rotate[3], move[3];
+    bool smooth; // normals of the file, or smoothed ones; else facets are flat
 } scene_mesh_settings;
 
 typedef struct scene_light_settings {

@@ -14,25 +14,13 @@ typedef struct request {
     scene_request scene;
 } request;
 
-// "N" or "WIDTHxHEIGHT".
-static bool parse_size(const char *text, int *width, int *height) {
-    int used = 0;
-    if (sscanf(text, "%6dx%6d%n", width, height, &used) == 2 && text[used] == 0) {
-        return true;
-    }
-    used = 0;
-    const bool one = sscanf(text, "%6d%n", width, &used) == 1 && text[used] == 0;
-    *height = *width;
-    return one;
-}
-
 static bool complete(request *r, const cli_common *common) {
     r->options.threads = common->threads;
     if (r->image == NULL) {
         cli_usage(common, "render: -o IMAGE.png is missing");
         return false;
     }
-    if (r->size != NULL && !parse_size(r->size, &r->options.width, &r->options.height)) {
+    if (r->size != NULL && !cli_parse_size(r->size, &r->options.width, &r->options.height)) {
         cli_usage(common, "render: --size: expected N or WIDTHxHEIGHT, found '%s'", r->size);
         return false;
     }
@@ -81,13 +69,14 @@ static int render(const request *r, const cli_common *common) {
 // Options that only one kind of picture has, by what was given of them; NULL: none is wrong.
 static const char *misplaced(const bool *given_of_models, const bool *given_of_scenes, bool is_scene) {
     static const char *const of_models[] = {"mesh", "up", "light-theta", "light-phi"};
-    static const char *const of_scenes[] = {"samples", "camera", "interreflection", "compare", "difference"};
+    static const char *const of_scenes[] = {"samples", "camera", "interreflection", "compare", "difference",
+                                            "cpm",     "show"};
     for (int k = 0; k < 4 && is_scene; k++) {
         if (given_of_models[k]) {
             return of_models[k];
         }
     }
-    for (int k = 0; k < 5 && !is_scene; k++) {
+    for (int k = 0; k < 7 && !is_scene; k++) {
         if (given_of_scenes[k]) {
             return of_scenes[k];
         }
@@ -104,7 +93,7 @@ static int render_scene(request *r, const cli_common *common) {
     if (r->count > 1) {
         return cli_usage(common, "render: one scene at a time, found '%s' as well", r->models[1]);
     }
-    if (r->size != NULL && !parse_size(r->size, &s->width, &s->height)) {
+    if (r->size != NULL && !cli_parse_size(r->size, &s->width, &s->height)) {
         return cli_usage(common, "render: --size: expected N or WIDTHxHEIGHT, found '%s'", r->size);
     }
     if (r->image == NULL && s->reference == NULL) {
@@ -113,12 +102,15 @@ static int render_scene(request *r, const cli_common *common) {
     if (s->difference != NULL && s->reference == NULL) {
         return cli_usage(common, "render: --difference needs --compare REFERENCE");
     }
+    if (strcmp(s->show, "light") != 0 && strcmp(s->show, "levels") != 0 && strcmp(s->show, "density") != 0) {
+        return cli_usage(common, "render: --show: expected light, levels or density, found '%s'", s->show);
+    }
     return cli_scene_render(s, common);
 }
 
 static int run(int argc, char **argv) {
-    request r = {.up = "y"};
-    bool ev_given = false, models[4] = {false}, scenes[5] = {false};
+    request r = {.up = "y", .scene.show = "light"};
+    bool ev_given = false, models[4] = {false}, scenes[7] = {false};
     gonio_render_options_default(&r.options);
     const cli_option options[] = {
         {"output", 'o', CLI_OUTPUT, &r.image, NULL, "IMAGE",
@@ -136,6 +128,10 @@ static int run(int argc, char **argv) {
          "light that meets a scene more than once"},
         {"compare", 0, CLI_TEXT, &r.scene.reference, &scenes[3], "REF", "picture that a scene's is held against"},
         {"difference", 0, CLI_OUTPUT, &r.scene.difference, &scenes[4], "IMAGE", "... and where their difference goes"},
+        {"cpm", 0, CLI_TEXT, &r.scene.map, &scenes[5], "DIR",
+         "by a characteristic point map of the scene (4 rays a pixel)"},
+        {"show", 0, CLI_TEXT, &r.scene.show, &scenes[6], "light|levels|density",
+         "of the map: light, levels, density of points"},
         {0}};
     cli_common common;
     if (!cli_parse(&cmd_render, options, argc, argv, r.models, 1, GONIO_RENDER_MODELS_MAX, &r.count, &common)) {

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "scene/cpm/points.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/random.h"
+#include "base/sobol.h"
+#include "base/thread_pool.h"
+#include "base/vector.h"
+
+#define CHUNK 4096
+
+uint32_t gonio_cpm_morton(uint32_t x, uint32_t y) {
+    uint32_t code = 0;
+    for (int bit = 0; bit < 16; bit++) {
+        code |= (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1);
+    }
+    return code;
+}
+
+static double area_of(const scene_mesh *mesh, size_t t) {
+    gonio_vec3 p[3];
+    for (size_t k = 0; k < 3; k++) {
+        const float *at = mesh->positions + 3 * (size_t)mesh->indices[3 * t + k];
+        p[k] = (gonio_vec3){(double)at[0], (double)at[1], (double)at[2]};
+    }
+    const gonio_vec3 n = cross(difference(p[1], p[0]), difference(p[2], p[0]));
+    return sqrt(dot(n, n)) / 2;
+}
+
+// Uniform over the triangle of two uniform numbers.
+static void barycentric(double a, double b, cpm_point *p) {
+    const double root = sqrt(a);
+    p->u = (float)(root * (1 - b));
+    p->v = (float)(root * b);
+}
+
+// The points lie evenly spaced along the triangles' areas, laid end to end; those of one triangle at Sobol's places.
+static void scatter(const scene_mesh *mesh, uint64_t seed, double total, cpm_points *points) {
+    double before = 0;
+    size_t k = 0;
+    for (size_t t = 0; t < mesh->triangles; t++) {
+        before += area_of(mesh, t);
+        const uint64_t own = gonio_random(seed + t);
+        for (uint32_t i = 0; k < points->n && ((double)k + 0.5) / (double)points->n * total < before; i++, k++) {
+            points->points[k].triangle = (uint32_t)t;
+            barycentric(gonio_sobol(i, 0, own), gonio_sobol(i, 1, own), &points->points[k]);
+        }
+    }
+    points->n = k;
+}
+
+typedef struct finding {
+    const gonio_scene *scene;
+    const cpm_surface *surface;
+    cpm_points *points;
+    int resolution;
+} finding;
+
+static uint32_t cell(double at, int resolution) {
+    const double i = floor(at * resolution);
+    return (uint32_t)fmax(0, fmin(i, resolution - 1));
+}
+
+static void find_texels(void *context, size_t item) {
+    const finding *f = context;
+    for (size_t k = item * CHUNK; k < f->points->n && k < (item + 1) * CHUNK; k++) {
+        cpm_point *p = &f->points->points[k];
+        scene_hit hit;
+        cpm_spot spot;
+        gonio_scene_caster_surface(f->scene->caster, p->triangle, (double)p->u, (double)p->v, (gonio_vec3){0, 0, 1},
+                                   &hit);
+        gonio_cpm_surface_nearest(f->surface, hit.point, &spot);
+        p->texel = gonio_cpm_morton(cell(spot.s, f->resolution), cell(spot.t, f->resolution));
+    }
+}
+
+// Within a texel in the order of the surface.
+static int by_texel(const void *left, const void *right) {
+    const cpm_point *a = left, *b = right;
+    if (a->texel != b->texel) {
+        return a->texel > b->texel ? 1 : -1;
+    }
+    if (a->triangle != b->triangle) {
+        return a->triangle > b->triangle ? 1 : -1;
+    }
+    return a->u != b->u ? (a->u > b->u) - (a->u < b->u) : (a->v > b->v) - (a->v < b->v);
+}
+
+gonio_status gonio_cpm_points_new(const gonio_scene *scene, const cpm_surface *surface, size_t n, int resolution,
+                                  int threads, uint64_t seed, cpm_points *points, gonio_error *error) {
+    double total = 0;
+    for (size_t t = 0; t < scene->mesh->triangles; t++) {
+        total += area_of(scene->mesh, t);
+    }
+    *points = (cpm_points){.n = n, .points = malloc(n * sizeof *points->points), .area = total / (double)n};
+    if (points->points == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu points", n);
+    }
+    finding f = {scene, surface, points, resolution};
+    scatter(scene->mesh, seed, total, points);
+    gonio_pool_for(threads, (points->n + CHUNK - 1) / CHUNK, find_texels, &f);
+    qsort(points->points, points->n, sizeof *points->points, by_texel);
+    return GONIO_OK;
+}
+
+void gonio_cpm_points_free(cpm_points *points) {
+    free(points->points);
+    points->points = NULL;
+}
+
+// The first point whose texel is not below this one.
+static size_t lower(const cpm_points *points, uint64_t texel) {
+    size_t low = 0, high = points->n;
+    while (low < high) {
+        const size_t middle = (low + high) / 2;
+        if (points->points[middle].texel < texel) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+void gonio_cpm_points_of(const cpm_points *points, int level, uint32_t texel, size_t *first, size_t *n) {
+    *first = lower(points, (uint64_t)texel << (2 * level));
+    *n = lower(points, (uint64_t)(texel + 1) << (2 * level)) - *first;
+}

@@ -1,0 +1,490 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A picture by the map. Rays meet the original mesh, so silhouettes are its own; each takes the light of the texels
+// around its nearest place on M_1, at the level where a texel is as large as the pixel's print on M_1 (annex C.1). A
+// texel's light toward the eye is found once (eq. 12), whichever rays need it: first all rays are followed and texels
+// marked, then those are evaluated, then pixels are mixed from them.
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/random.h"
+#include "base/sobol.h"
+#include "base/thread_pool.h"
+#include "base/vector.h"
+#include "scene/cpm/map.h"
+#include "scene/image.h"
+#include "scene/world/camera.h"
+#include "scene/world/path.h"
+
+#define SAMPLES_MAX 4096
+#define EDGE_TEXELS 4
+#define GRAZING 0.5 // cosine below which a pixel's print on the surface grows no further
+
+typedef enum fate { MISSES, MAPPED, ORIGINAL } fate;
+typedef struct ray {
+    float s, t, level;
+    unsigned char fate;
+} ray;
+
+typedef struct frame {
+    const gonio_cpm *cpm;
+    const gonio_scene_options *options;
+    const gonio_cpm_render_options *how;
+    world_camera camera;
+    gonio_picture *picture;
+    int samples, resolution, levels;
+    unsigned char *edges;  // [pixels]: what is known of it
+    unsigned char *beside; // [pixels]: an edge is near
+    atomic_uchar *marks;   // [texels of all levels]
+    float (*light)[3];     // the same
+    uint32_t *wanted;      // texels that are marked
+    size_t wanted_count;
+    atomic_bool stopped, damaged;
+    atomic_size_t finished, original;
+    size_t steps; // of progress
+    double started_s;
+} frame;
+
+void gonio_cpm_render_options_default(gonio_cpm_render_options *options) {
+    *options = (gonio_cpm_render_options){.bias = -1, .fallback = 4, .edge = 64, .sky = 64, .near = 8};
+}
+
+static bool is_stopped(frame *f) {
+    const gonio_scene_options *o = f->options;
+    const double done = (double)atomic_fetch_add(&f->finished, 1) / (double)f->steps;
+    if (o->progress != NULL && !f->stopped &&
+        !o->progress(o->progress_context, fmin(done, 1), 1 / fmax(gonio_clock_s() - f->started_s, 1e-9))) {
+        f->stopped = true;
+    }
+    return f->stopped;
+}
+
+// ---- where a ray ends ----
+
+// Texture per length, along and across: of a pixel's two sides laid onto M_1.
+static double print_of(const frame *f, const cpm_spot *spot, gonio_vec3 direction, double distance) {
+    const cpm_surface *surface = f->cpm->store.surface;
+    const gonio_vec3 n = gonio_cpm_surface_normal(surface, spot->triangle);
+    const double cosine = dot(n, direction), bounded = copysign(fmax(fabs(cosine), GRAZING), cosine);
+    const gonio_vec3 sides[2] = {f->camera.right, f->camera.up};
+    double largest = 0;
+    for (int k = 0; k < 2; k++) {
+        const gonio_vec3 side = scaled(sides[k], distance * f->camera.tangent);
+        double ds, dt;
+        gonio_cpm_surface_gradient(surface, spot, difference(side, scaled(direction, dot(side, n) / bounded)), &ds,
+                                   &dt);
+        largest = fmax(largest, ds * ds + dt * dt);
+    }
+    return sqrt(largest) * f->resolution;
+}
+
+// Texels a length of space, at the finest level.
+static double density_of(const frame *f, const cpm_spot *spot) {
+    const cpm_surface *surface = f->cpm->store.surface;
+    const gonio_vec3 n = gonio_cpm_surface_normal(surface, spot->triangle);
+    const gonio_vec3 axis = fabs(n.x) < 0.9 ? (gonio_vec3){1, 0, 0} : (gonio_vec3){0, 1, 0};
+    const gonio_vec3 a = normalised(cross(n, axis)), b = cross(n, a);
+    double s[2], t[2];
+    gonio_cpm_surface_gradient(surface, spot, a, &s[0], &t[0]);
+    gonio_cpm_surface_gradient(surface, spot, b, &s[1], &t[1]);
+    return f->resolution * sqrt(fabs(s[0] * t[1] - s[1] * t[0]));
+}
+
+// The coarsest level at which every point light is still far away, in texels.
+static double level_of_lights(const frame *f, const cpm_spot *spot) {
+    const scene_settings *s = f->cpm->scene->settings;
+    double most = f->levels;
+    for (int i = 0; i < s->lights; i++) {
+        if (s->light[i].kind == SCENE_LIGHT_POINT) {
+            const double *p = s->light[i].position;
+            const gonio_vec3 way = difference((gonio_vec3){p[0], p[1], p[2]}, spot->point);
+            most = fmin(most, log2(sqrt(dot(way, way)) / f->how->near * density_of(f, spot)));
+        }
+    }
+    return most;
+}
+
+static void follow_ray(const frame *f, int pixel, int k, ray *r) {
+    const gonio_scene *scene = f->cpm->scene;
+    world_path path = {.index = (uint32_t)k, .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
+    double u[2];
+    scene_hit hit;
+    cpm_spot spot;
+    gonio_world_path_random(&path, 0, u);
+    const gonio_vec3 direction =
+        gonio_world_camera_ray(&f->camera, pixel % f->options->width + u[0], pixel / f->options->width + u[1]);
+    r->fate = MISSES;
+    if (!gonio_scene_caster_hit(scene->caster, f->camera.eye, direction, &hit)) {
+        return;
+    }
+    gonio_cpm_surface_nearest(f->cpm->store.surface, hit.point, &spot);
+    const double level = log2(fmax(print_of(f, &spot, direction, hit.distance), 1e-9)) + f->how->bias;
+    const double bounded = fmin(fmin(level, level_of_lights(f, &spot)), f->levels - 1);
+    *r = (ray){(float)spot.s, (float)spot.t, (float)fmax(bounded, 0), bounded < -0.5 ? ORIGINAL : MAPPED};
+}
+
+// ---- mixing texels ----
+
+typedef struct tap {
+    uint32_t texel; // of all levels
+    int level;
+    double weight;
+} tap;
+
+// The four texels around a place of one level that have points.
+static int taps_of(const frame *f, const ray *r, int level, double weight, tap *taps) {
+    const int side = f->resolution >> level;
+    const double x = (double)r->s * side - 0.5, y = (double)r->t * side - 0.5;
+    const int i = (int)floor(x), j = (int)floor(y);
+    const size_t start = gonio_cpm_level_start(f->resolution, level);
+    int n = 0;
+    double total = 0;
+    for (int k = 0; k < 4; k++) {
+        const int column = i + (k & 1), row = j + (k >> 1);
+        if (column < 0 || row < 0 || column >= side || row >= side) {
+            continue;
+        }
+        const double w = ((k & 1) != 0 ? x - i : 1 - x + i) * ((k >> 1) != 0 ? y - j : 1 - y + j);
+        const size_t texel = start + gonio_cpm_morton((uint32_t)column, (uint32_t)row);
+        if (w > 0 && f->cpm->store.entries[texel].offset != 0) {
+            taps[n++] = (tap){(uint32_t)texel, level, w};
+            total += w;
+        }
+    }
+    for (int k = 0; k < n; k++) {
+        taps[k].weight *= weight / total;
+    }
+    return n;
+}
+
+static int all_taps(const frame *f, const ray *r, tap taps[8]) {
+    const int level = (int)floorf(r->level);
+    const double part = (double)r->level - level;
+    int n = taps_of(f, r, level, 1 - part, taps);
+    if (part > 0 && level + 1 < f->levels) {
+        n += taps_of(f, r, level + 1, part, taps + n);
+    }
+    return n;
+}
+
+// Where its rays end on the map; those that find no texel with points near go to the original.
+static int land(const frame *f, int pixel, int k, ray *r, tap taps[8]) {
+    follow_ray(f, pixel, k, r);
+    const int n = r->fate == MAPPED ? all_taps(f, r, taps) : 0;
+    r->fate = r->fate == MAPPED && n == 0 ? ORIGINAL : r->fate;
+    return n;
+}
+
+// Do two rays of a pixel show different things: the object and what is behind it, or places far from each other on it?
+static bool are_apart(const frame *f, const ray *a, const ray *b) {
+    const float texels = (float)f->resolution * exp2f(-fmaxf(a->level, b->level));
+    return (a->fate == MISSES) != (b->fate == MISSES) ||
+           (a->fate != MISSES && fmaxf(fabsf(a->s - b->s), fabsf(a->t - b->t)) * texels > EDGE_TEXELS);
+}
+
+// What is known of a pixel.
+enum { EDGE = 1, HITS = 2, MISSES_TOO = 4 };
+
+static int rays_of(const frame *f, int pixel) {
+    return (f->edges[pixel] & EDGE) != 0 && f->how->edge > f->samples ? f->how->edge : f->samples;
+}
+
+static void follow_pixel(frame *f, int pixel) {
+    ray first, r;
+    for (int k = 0; k < rays_of(f, pixel); k++) {
+        tap taps[8];
+        const int n = land(f, pixel, k, &r, taps);
+        for (int i = 0; i < n; i++) {
+            atomic_store_explicit(&f->marks[taps[i].texel], 1, memory_order_relaxed);
+        }
+        first = k == 0 ? r : first;
+        f->edges[pixel] |=
+            (unsigned char)((are_apart(f, &first, &r) ? EDGE : 0) | (r.fate == MISSES ? MISSES_TOO : HITS));
+    }
+}
+
+// A pixel whose few rays all missed, or all hit, beside one where some did the other: the edge may lie within it too.
+static bool is_beside_edge(const frame *f, int pixel) {
+    const int width = f->options->width, height = f->options->height, x = pixel % width, y = pixel / width;
+    const unsigned char other = (f->edges[pixel] & HITS) != 0 ? MISSES_TOO : HITS;
+    for (int j = y > 0 ? y - 1 : 0; j <= y + 1 && j < height; j++) {
+        for (int i = x > 0 ? x - 1 : 0; i <= x + 1 && i < width; i++) {
+            if ((f->edges[j * width + i] & other) != 0) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+// After all rows are followed; `beside` is set from what they found, so the order of pixels changes nothing.
+static void look_beside_row(void *context, size_t y) {
+    frame *f = context;
+    const int width = f->options->width;
+    for (int pixel = (int)y * width; pixel < (int)(y + 1) * width; pixel++) {
+        f->beside[pixel] = (f->edges[pixel] & EDGE) == 0 && is_beside_edge(f, pixel);
+    }
+}
+
+static void follow_beside_row(void *context, size_t y) {
+    frame *f = context;
+    const int width = f->options->width;
+    for (int pixel = (int)y * width; pixel < (int)(y + 1) * width; pixel++) {
+        if (f->beside[pixel] != 0) {
+            f->edges[pixel] |= EDGE;
+            follow_pixel(f, pixel);
+        }
+    }
+}
+
+static void follow_row(void *context, size_t y) {
+    frame *f = context;
+    const int width = f->options->width;
+    for (int x = 0; x < width && (x > 0 || !is_stopped(f)); x++) {
+        follow_pixel(f, (int)y * width + x);
+    }
+}
+
+// ---- a texel's light ----
+
+static void evaluate(void *context, size_t item) {
+    frame *f = context;
+    const uint32_t texel = f->wanted[item];
+    bool damaged;
+    if ((item % 16 == 0 && is_stopped(f)) || f->stopped) {
+        return;
+    }
+    int level = 0;
+    while (gonio_cpm_level_start(f->resolution, level + 1) <= texel) {
+        level++;
+    }
+    const uint32_t own = texel - (uint32_t)gonio_cpm_level_start(f->resolution, level);
+    const cpm_record *record = gonio_cpm_store_record(&f->cpm->store, level, own, &damaged);
+    if (record == NULL) {
+        f->damaged = true;
+        return;
+    }
+    double rgb[3];
+    bool seen = true;
+    if (f->how->show == GONIO_CPM_DENSITY) {
+        rgb[0] = rgb[1] = rgb[2] = record->points / (double)f->cpm->most_points;
+    } else {
+        const uint64_t seed = gonio_random(f->options->seed + texel);
+        seen = gonio_cpm_texel_light(f->cpm, record, f->camera.eye, f->how->sky, seed, rgb);
+    }
+    for (int c = 0; c < 3; c++) {
+        f->light[texel][c] = seen ? (float)rgb[c] : NAN; // it then counts for no ray
+    }
+}
+
+static bool list_marked(frame *f) {
+    const size_t texels = gonio_cpm_level_start(f->resolution, f->levels);
+    f->wanted = malloc((texels + 1) * sizeof *f->wanted);
+    for (size_t t = 0; t < texels && f->wanted != NULL; t++) {
+        if (f->marks[t] != 0) {
+            f->wanted[f->wanted_count++] = (uint32_t)t;
+        }
+    }
+    return f->wanted != NULL;
+}
+
+// ---- pixels ----
+
+static void colour_of_level(double level, int levels, double rgb[3]) {
+    const double hue = 5 * level / levels; // from red over yellow and green to blue
+    rgb[0] = fmin(1, fmax(0, fabs(hue - 3) - 1));
+    rgb[1] = fmin(1, fmax(0, 2 - fabs(hue - 2)));
+    rgb[2] = fmin(1, fmax(0, 2 - fabs(hue - 4)));
+}
+
+// What the original shows there: the mean of some paths of the pixel that meet it, of which the ray's own is one.
+// (Those that miss count where they are rays themselves.)
+static void trace_original(frame *f, int pixel, int k, double rgb[3]) {
+    const int width = f->options->width, rays = rays_of(f, pixel);
+    const int paths = rays > f->samples ? 1 : f->how->fallback; // many rays are many paths
+    world_path path = {.scene = f->cpm->scene,
+                       .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel)),
+                       .pixel = pixel,
+                       .scale = 1};
+    double total[3] = {0};
+    int met = 0;
+    for (int i = 0; i < paths; i++) {
+        double u[2], one[3];
+        bool hit;
+        path.index = (uint32_t)(i == 0 ? k : rays + k * paths + i);
+        gonio_world_path_random(&path, 0, u);
+        gonio_world_path_trace(&path, f->camera.eye,
+                               gonio_world_camera_ray(&f->camera, pixel % width + u[0], pixel / width + u[1]), one,
+                               &hit);
+        met += hit;
+        for (int c = 0; c < 3 && hit; c++) {
+            total[c] += one[c];
+        }
+    }
+    for (int c = 0; c < 3 && met > 0; c++) {
+        rgb[c] = total[c] / met;
+    }
+    atomic_fetch_add(&f->original, 1);
+}
+
+// false: none of the texels around is seen.
+static bool mix_taps(const frame *f, const tap *taps, int n, double rgb[3]) {
+    double total = 0;
+    for (int i = 0; i < n; i++) {
+        const float *light = f->light[taps[i].texel];
+        for (int c = 0; c < 3 && !isnan(light[0]); c++) {
+            rgb[c] += taps[i].weight * (double)light[c];
+        }
+        total += isnan(light[0]) ? 0 : taps[i].weight;
+    }
+    for (int c = 0; c < 3 && total > 0; c++) {
+        rgb[c] /= total;
+    }
+    return total > 0;
+}
+
+// What is behind the object.
+static void see_background(const frame *f, int pixel, int k, double rgb[3]) {
+    const world_environment *environment = f->cpm->scene->environment;
+    if (environment != NULL && gonio_world_environment_visible(environment)) {
+        double u[2];
+        const world_path path = {.index = (uint32_t)k,
+                                 .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
+        const int width = f->options->width;
+        gonio_world_path_random(&path, 0, u);
+        gonio_world_environment_radiance(
+            environment, gonio_world_camera_ray(&f->camera, pixel % width + u[0], pixel / width + u[1]), rgb);
+    }
+}
+
+static void add_ray(frame *f, int pixel, int k, double rgb[3]) {
+    double one[3] = {0};
+    ray r;
+    tap taps[8];
+    const int n = land(f, pixel, k, &r, taps);
+    if (r.fate == MISSES) {
+        see_background(f, pixel, k, one);
+    } else if (f->how->show == GONIO_CPM_LEVELS) {
+        if (r.fate == MAPPED) {
+            colour_of_level((double)r.level, f->levels, one);
+        }
+    } else if (r.fate == ORIGINAL || !mix_taps(f, taps, n, one)) {
+        if (f->how->show == GONIO_CPM_LIGHT) {
+            trace_original(f, pixel, k, one);
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        rgb[c] += one[c] / rays_of(f, pixel);
+    }
+}
+
+static void mix_row(void *context, size_t y) {
+    frame *f = context;
+    const int width = f->options->width;
+    if (is_stopped(f)) {
+        return;
+    }
+    for (int x = 0; x < width; x++) {
+        const int pixel = (int)y * width + x;
+        double rgb[3] = {0};
+        for (int k = 0; k < rays_of(f, pixel); k++) {
+            add_ray(f, pixel, k, rgb);
+        }
+        for (int c = 0; c < 3; c++) {
+            f->picture->rgb[3 * (size_t)pixel + (size_t)c] = (float)rgb[c];
+        }
+    }
+}
+
+// ---- all ----
+
+static gonio_status allocate(frame *f, gonio_error *error) {
+    const size_t pixels = (size_t)f->options->width * (size_t)f->options->height;
+    const size_t texels = gonio_cpm_level_start(f->resolution, f->levels);
+    gonio_status status = gonio_scene_picture_new(f->options->width, f->options->height, &f->picture, error);
+    if (status == GONIO_OK) {
+        f->edges = calloc(pixels, sizeof *f->edges);
+        f->beside = calloc(pixels, sizeof *f->beside);
+        f->marks = calloc(texels, sizeof *f->marks);
+        f->light = calloc(texels, sizeof *f->light);
+        if (f->edges == NULL || f->beside == NULL || f->marks == NULL || f->light == NULL) {
+            status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu pixels and %zu texels", pixels, texels);
+        }
+    }
+    return status;
+}
+
+static gonio_status run(frame *f, gonio_error *error) {
+    const size_t rows = (size_t)f->options->height;
+    gonio_pool *pool = gonio_pool_new(f->options->threads);
+    f->steps = 3 * rows;
+    gonio_pool_run(pool, rows, follow_row, f);
+    gonio_pool_run(pool, rows, look_beside_row, f);
+    gonio_pool_run(pool, rows, follow_beside_row, f);
+    gonio_status status = list_marked(f) ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the texels");
+    if (status == GONIO_OK && f->how->show != GONIO_CPM_LEVELS) {
+        f->steps = 2 * rows + f->wanted_count / 16;
+        gonio_pool_run(pool, f->wanted_count, evaluate, f);
+    }
+    if (status == GONIO_OK) {
+        gonio_pool_run(pool, rows, mix_row, f);
+    }
+    gonio_pool_free(pool);
+    if (status == GONIO_OK && f->damaged) {
+        status = gonio_fail(error, GONIO_E_INPUT, "a texel of the map is damaged");
+    }
+    if (status == GONIO_OK && f->stopped) {
+        status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped before the picture was whole");
+    }
+    return status;
+}
+
+static gonio_status check(const gonio_scene_options *o, const gonio_cpm_render_options *how, gonio_error *error) {
+    if (o->samples < 1 || o->samples > SAMPLES_MAX || how->fallback < 1 || how->sky < 1 || !(how->near > 0) ||
+        !isfinite(how->bias)) {
+        return gonio_fail(error, GONIO_E_RANGE,
+                          "%d rays a pixel, %d paths in place of one, %d directions of the sky; at "
+                          "least 1, rays up to %d",
+                          o->samples, how->fallback, how->sky, SAMPLES_MAX);
+    }
+    return o->interreflection ? gonio_fail(error, GONIO_E_UNSUPPORTED, "a map holds direct light only") : GONIO_OK;
+}
+
+gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *options,
+                              const gonio_cpm_render_options *how, gonio_picture **out, gonio_cpm_render_report *report,
+                              gonio_error *error) {
+    *out = NULL;
+    frame f = {.cpm = cpm,
+               .options = options,
+               .how = how,
+               .samples = options->samples,
+               .resolution = (int)cpm->store.head.resolution,
+               .levels = (int)cpm->store.head.levels,
+               .started_s = gonio_clock_s()};
+    gonio_status status = check(options, how, error);
+    status = status == GONIO_OK
+                 ? gonio_world_camera(cpm->scene, options->camera, options->width, options->height, &f.camera, error)
+                 : status;
+    status = status == GONIO_OK ? allocate(&f, error) : status;
+    status = status == GONIO_OK ? run(&f, error) : status;
+    if (report != NULL) {
+        *report = (gonio_cpm_render_report){.texels = f.wanted_count,
+                                            .rays = (uint64_t)options->width * (uint64_t)options->height *
+                                                    (uint64_t)options->samples,
+                                            .original = f.original,
+                                            .seconds = gonio_clock_s() - f.started_s};
+    }
+    free(f.edges);
+    free(f.beside);
+    free(f.marks);
+    free(f.light);
+    free(f.wanted);
+    if (status != GONIO_OK) {
+        gonio_picture_free(f.picture);
+        return status;
+    }
+    *out = f.picture;
+    return GONIO_OK;
+}

@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scenes with microgeometry, made by rule: OBJ meshes with texture coordinates and the INI files that light them.
+
+usage: tools/scenes.py cylinder|bolt|wall FOLDER [SIZE]
+
+cylinder: ridges along the axis, whose two sides are yellow and blue in turn (Wu, Dorsey and Rushmeier 2009, fig. 1); SIZE ridges (96)
+bolt:     a shaft with diamond-shaped bumps under a hexagonal head; SIZE bumps around (24)
+wall:     bricks of uneven height and depth in mortar; SIZE bricks across (12)
+"""
+import math
+import os
+import random
+import sys
+
+
+def write_obj(path, faces):
+    """faces: (material, corners), each corner (x, y, z, u, v)."""
+    with open(path, "w", encoding="ascii") as out:
+        number, last = 0, None
+        for material, corners in faces:
+            if material != last:
+                out.write(f"usemtl {material}\n")
+                last = material
+            for x, y, z, u, v in corners:
+                out.write(f"v {x:.7g} {y:.7g} {z:.7g}\nvt {u:.7g} {v:.7g}\n")
+            out.write("f " + " ".join(f"{number + k + 1}/{number + k + 1}" for k in range(len(corners))) + "\n")
+            number += len(corners)
+
+
+def write_ini(path, mesh, materials, camera, lights):
+    with open(path, "w", encoding="ascii") as out:
+        out.write("[image]\nwidth = 512\nheight = 512\nsamples = 256\n" + camera)
+        for name, model in materials:
+            out.write(f"[material {name}]\nmodel = {model}\n")
+        out.write(f"[mesh object]\nfile = {mesh}\nsmooth = 0\n" + lights)
+
+
+# Ridges seen from +z: of each, the side toward -x is blue, the other one yellow, as the light comes from -x.
+def cylinder(folder, ridges=96, rows=16, depth=0.045):
+    ring = []
+    for k in range(2 * ridges):
+        angle = 2 * math.pi * k / (2 * ridges)
+        radius = 1 if k % 2 else 1 - depth
+        ring.append((radius * math.sin(angle), radius * math.cos(angle)))
+    ring.append(ring[0])
+    faces = []
+    for k in range(2 * ridges):
+        (x0, z0), (x1, z1) = ring[k], ring[k + 1]
+        u0, u1 = k / (2 * ridges), (k + 1) / (2 * ridges)
+        for j in range(rows):
+            y0, y1 = 2 * j / rows - 1, 2 * (j + 1) / rows - 1
+            v0, v1 = j / rows / math.pi, (j + 1) / rows / math.pi  # texels as tall as they are wide
+            faces.append(("blue" if k % 2 == 0 else "yellow",
+                          [(x0, y0, z0, u0, v0), (x1, y0, z1, u1, v0), (x1, y1, z1, u1, v1), (x0, y1, z0, u0, v1)]))
+    write_obj(os.path.join(folder, "cylinder.obj"), faces)
+    write_ini(os.path.join(folder, "cylinder.ini"), "cylinder.obj",
+              [("blue", "lambert:rho=0.08/0.12/0.8"), ("yellow", "lambert:rho=0.8/0.7/0.05")],
+              "[camera near]\neye = 0/0/7\nfov = 24\n[camera far]\neye = 0/0/28\nfov = 24\n",
+              "[light lamp]\ntoward = -0.8/0.2/0.6\nintensity = 3\n")
+
+
+def bolt(folder, bumps=24, rows=40, depth=0.07):
+    def at(k, j, radius):
+        angle = 2 * math.pi * k / (4 * bumps)
+        return (radius * math.sin(angle), 2.4 * j / (2 * rows) - 1.2, radius * math.cos(angle))
+    faces, n, height = [], 4 * bumps, 0.76  # 2.4 of a girth of pi
+    for j in range(2 * rows):
+        for k in range(n):
+            corners = []
+            for dk, dj in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                # Diamonds: the height falls with the distance from the centres of a quincunx.
+                a, b = (k + dk) / 4, (j + dj) / 4
+                near = min(abs(a - round(a)) + abs(b - round(b)), abs(a - math.floor(a) - 0.5) + abs(b - math.floor(b) - 0.5))
+                x, y, z = at(k + dk, j + dj, 0.5 + depth * max(0, 1 - 2.4 * near))
+                corners.append((x, y, z, (k + dk) / n, height * (j + dj) / (2 * rows)))
+            faces.append(("metal", corners))
+    for k in range(6):  # the head: its sides and its top
+        a, b = math.pi * k / 3, math.pi * (k + 1) / 3
+        p, q = (math.sin(a), math.cos(a)), (math.sin(b), math.cos(b))
+        u, w = k / 6, (k + 1) / 6
+        faces.append(("metal", [(p[0], 1.2, p[1], u, 0.86), (q[0], 1.2, q[1], w, 0.86), (q[0], 1.7, q[1], w, 0.92), (p[0], 1.7, p[1], u, 0.92)]))
+        for y, v, order in ((1.7, 0.93, 1), (1.2, 0.97, -1)):
+            top = [(0, y, 0, u, v + 0.03), (p[0], y, p[1], u, v), (q[0], y, q[1], w, v)]
+            faces.append(("metal", top[::order]))
+    write_obj(os.path.join(folder, "bolt.obj"), faces)
+    write_ini(os.path.join(folder, "bolt.ini"), "bolt.obj", [("metal", "ggx:rho_d=0.05,rho_s=0.5,alpha=0.25")],
+              "[camera near]\neye = 0/0.5/9\ntarget = 0/0.2/0\nfov = 24\n[camera far]\neye = 0/2/36\ntarget = 0/0.2/0\nfov = 24\n",
+              "[light lamp]\ntoward = -0.6/0.4/0.7\nintensity = 3\n[light sky]\nkind = environment\nintensity = 0.2\nvisible = 0\n")
+
+
+def wall(folder, across=12, pixels=16):
+    rng = random.Random(1)
+    n = across * pixels
+    rows = across * 2
+    tall = n // rows
+    bricks = [[rng.uniform(0.6, 1) for _ in range(across + 1)] for _ in range(rows)]
+    rough = [[rng.uniform(-0.15, 0.15) for _ in range(n + 1)] for _ in range(n + 1)]
+
+    def height(i, j):
+        row = min(j // tall, rows - 1)
+        shift = (pixels // 2) * (row % 2)
+        column = (i + shift) // pixels
+        mortar = (i + shift) % pixels < 2 or j % tall < 2
+        return 0.03 * (0 if mortar else bricks[row][column] + rough[j][i])
+
+    faces = []
+    for j in range(n):
+        for i in range(n):
+            corners = [((i + a) * 2 / n - 1, (j + b) * 2 / n - 1, height(i + a, j + b), (i + a) / n, (j + b) / n)
+                       for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            faces.append(("brick" if corners[0][2] > 0 else "mortar", corners))
+    write_obj(os.path.join(folder, "wall.obj"), faces)
+    write_ini(os.path.join(folder, "wall.ini"), "wall.obj",
+              [("brick", "lambert:rho=0.5/0.2/0.12"), ("mortar", "lambert:rho=0.55/0.52/0.48")],
+              "[camera near]\neye = 1.5/-0.5/5\nfov = 26\n[camera far]\neye = 6/-2/20\nfov = 26\n",
+              "[light lamp]\ntoward = -0.9/0.4/0.35\nintensity = 3\n[light sky]\nkind = environment\nintensity = 0.3\nvisible = 0\n")
+
+
+def main():
+    makers = {"cylinder": cylinder, "bolt": bolt, "wall": wall}
+    if len(sys.argv) not in (3, 4) or sys.argv[1] not in makers:
+        sys.exit(__doc__)
+    os.makedirs(sys.argv[2], exist_ok=True)
+    makers[sys.argv[1]](sys.argv[2], *([int(sys.argv[3])] if len(sys.argv) == 4 else []))
+
+
+main()
