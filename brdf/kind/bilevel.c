@@ -2,7 +2,8 @@
 // Models of kind "cbmba": evaluation and file section.
 //
 // Section: 64 bytes of description, the transforms, the diffuse control points; then with bricks the table, the bricks,
-// and (bytes) their scales; with the hash the keys, the values and libcmph's packed block. Each part aligned.
+// and (bytes) their scales; with a hash the keys, the values and libcmph's packed block or Jenkins' moves. Each part
+// aligned.
 #include "brdf/kind/bilevel.h"
 
 #include <stdlib.h>
@@ -19,19 +20,27 @@ typedef struct bilevel_model {
 } bilevel_model;
 
 typedef struct description {
-    uint32_t diffuse_level, specular_level, coordinates, kind, storage, reserved;
-    uint64_t bricks, keys, packed, kept;
-    uint32_t more[2];
+    uint32_t diffuse_level, specular_level, coordinates, kind, storage, key_bytes; // key_bytes 0: 4
+    uint64_t bricks, keys, packed, kept;                                           // bricks: of Jenkins' slots
+    uint32_t salt, more;
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
+static inline void locate(const bilevel_model *m, gonio_vec3 wi, gonio_vec3 wo, gonio_position *position) {
+    double x[4] = {0};
+    if (m->diffuse.dims == 4) {
+        gonio_coordinates_anisotropic(m->parts.coordinates, wi, wo, x);
+    } else {
+        gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
+    }
+    gonio_position_set(position, x[0], x[1], x[2], x[3]);
+}
+
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
     const bilevel_model *m = (const bilevel_model *)model;
-    double x[3];
     float v[model->channels];
     gonio_position position;
-    gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
-    gonio_position_set(&position, x[0], x[1], x[2], 0);
+    locate(m, wi, wo, &position);
     gonio_lattice_eval_positions(&m->diffuse, 1, &position, v);
     gonio_sparse_add(&m->parts.sparse, &position, v);
     for (int c = 0; c < model->channels; c++) {
@@ -41,10 +50,8 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
 
 static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, float *values) {
     const bilevel_model *m = (const bilevel_model *)model;
-    double x[3];
     gonio_position position;
-    gonio_locate_isotropic(m->parts.coordinates, wi, wo, x);
-    gonio_position_set(&position, x[0], x[1], x[2], 0);
+    locate(m, wi, wo, &position);
     gonio_lattice_eval_positions(&m->diffuse, 1, &position, values);
     gonio_sparse_add(&m->parts.sparse, &position, values);
     for (int c = 0; c < model->channels; c++) {
@@ -74,8 +81,8 @@ static void release(gonio_model *model) {
     gonio_channels_free(&m->channels);
 }
 
-static size_t diffuse_bytes(int level, int channels) {
-    return gonio_lattice_count(3, level) * (size_t)channels * sizeof(float);
+static size_t diffuse_bytes(int dims, int level, int channels) {
+    return gonio_lattice_count(dims, level) * (size_t)channels * sizeof(float);
 }
 
 static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *error) {
@@ -87,18 +94,20 @@ static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *er
                                .coordinates = (uint32_t)m->parts.coordinates,
                                .kind = (uint32_t)m->parts.kind,
                                .storage = (uint32_t)s->storage,
-                               .bricks = s->bricks,
+                               .bricks = s->storage == GONIO_STORAGE_JENKINS ? s->slots : s->bricks,
+                               .key_bytes = gonio_sparse_hashed(s->storage) ? (uint32_t)s->key_bytes : 0,
+                               .salt = s->jenkins.salt,
                                .keys = s->keys,
                                .packed = s->packed_length,
                                .kept = m->parts.kept};
     gonio_file_part parts[6] = {
         {&about, sizeof about},
         {m->channels.transforms, c * sizeof *m->channels.transforms},
-        {m->parts.diffuse, diffuse_bytes(m->parts.diffuse_level, model->channels)},
+        {m->parts.diffuse, diffuse_bytes(s->dims, m->parts.diffuse_level, model->channels)},
     };
-    if (s->storage == GONIO_STORAGE_HASH) {
-        parts[3] = (gonio_file_part){s->key, s->keys * sizeof *s->key};
-        parts[4] = (gonio_file_part){s->values, s->keys * c * sizeof *s->values};
+    if (gonio_sparse_hashed(s->storage)) {
+        parts[3] = (gonio_file_part){s->key, gonio_sparse_key_array(s->key_bytes, s->slots)};
+        parts[4] = (gonio_file_part){s->values, s->slots * c * sizeof *s->values};
         parts[5] = (gonio_file_part){s->packed, s->packed_length};
         return gonio_model_file_write(model, stream, parts, 6, error);
     }
@@ -127,15 +136,15 @@ static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_tran
         return status;
     }
     const int level = parts->diffuse_level;
-    const size_t diffuse = gonio_lattice_count(3, level);
+    const size_t diffuse = gonio_lattice_count(s->dims, level);
     bilevel_model *m = *out = model;
     m->parts = *parts;
-    m->diffuse = (gonio_lattice){3, level, s->channels, gonio_bspline_size(level), diffuse, parts->diffuse};
+    m->diffuse = (gonio_lattice){s->dims, level, s->channels, gonio_bspline_size(level), diffuse, parts->diffuse};
     gonio_model *head = &m->channels.head;
     head->ops = &bilevel_ops;
-    head->isotropic = true;
+    head->isotropic = s->dims == 3;
     head->control_points = diffuse + parts->kept;
-    head->bytes = diffuse_bytes(level, s->channels) + gonio_sparse_bytes(s);
+    head->bytes = diffuse_bytes(s->dims, level, s->channels) + gonio_sparse_bytes(s);
     return GONIO_OK;
 }
 
@@ -177,16 +186,24 @@ static gonio_status read_bricks(gonio_mapped *mapped, size_t *at, gonio_sparse *
 
 static gonio_status read_hash(gonio_mapped *mapped, size_t *at, gonio_sparse *s, gonio_error *error) {
     const size_t keys_at = *at, c = (size_t)s->channels;
-    if (s->keys > gonio_lattice_count(3, s->level)) {
-        return gonio_mapped_fail(mapped, 0, "more keys than control points", error);
+    const int kb = s->key_bytes;
+    const bool jenkins = s->storage == GONIO_STORAGE_JENKINS;
+    if (s->keys > gonio_lattice_count(s->dims, s->level) || s->slots < s->keys || s->slots > UINT32_MAX / 8 ||
+        (jenkins && (s->slots == 0 || s->slots > GONIO_JENKINS_SLOTS_MAX)) || (kb != 3 && kb != 4) ||
+        (jenkins && (s->packed_length == 0 || s->packed_length > UINT32_MAX / 8))) {
+        return gonio_mapped_fail(mapped, 0, "more keys than control points, or of an impossible width", error);
     }
-    s->key = gonio_mapped_take(mapped, at, s->keys * sizeof *s->key);
-    s->values = s->key != NULL ? gonio_mapped_take(mapped, at, s->keys * c * sizeof *s->values) : NULL;
+    s->key = gonio_mapped_take(mapped, at, gonio_sparse_key_array(s->key_bytes, s->slots));
+    s->values = s->key != NULL ? gonio_mapped_take(mapped, at, s->slots * c * sizeof *s->values) : NULL;
     s->packed = s->values != NULL ? gonio_mapped_take(mapped, at, s->packed_length) : NULL;
     if (s->packed == NULL) {
         return gonio_mapped_fail(mapped, keys_at, "fewer hashed control points than its head says", error);
     }
-    if (s->keys > 0 && !gonio_perfect_hash_unpack(s->packed, s->packed_length, &s->hash)) {
+    if (jenkins) {
+        s->jenkins.slots = (uint32_t)s->slots;
+        s->jenkins.buckets = (uint32_t)s->packed_length;
+        s->jenkins.moves = s->packed;
+    } else if (s->keys > 0 && !gonio_perfect_hash_unpack(s->packed, s->packed_length, &s->hash)) {
         return gonio_mapped_fail(mapped, keys_at, "its perfect hash is not sound", error);
     }
     return GONIO_OK;
@@ -196,8 +213,8 @@ static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts,
                                gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
-    if (about == NULL || !mapped->isotropic || about->diffuse_level > 9 || about->specular_level > 9 ||
-        about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
+    if (about == NULL || (!mapped->isotropic && about->storage < GONIO_STORAGE_HASH) || about->diffuse_level > 9 ||
+        about->specular_level > 9 || about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
         about->storage >= GONIO_STORAGES) {
         return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
     }
@@ -207,17 +224,23 @@ static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts,
                                    .diffuse_level = (int)about->diffuse_level,
                                    .kept = about->kept};
     gonio_sparse *s = &parts->sparse;
-    *s = (gonio_sparse){.level = (int)about->specular_level,
+    const bool jenkins = about->storage == GONIO_STORAGE_JENKINS;
+    *s = (gonio_sparse){.dims = mapped->isotropic ? 3 : 4,
+                        .level = (int)about->specular_level,
                         .channels = mapped->channels,
                         .storage = (gonio_storage)about->storage,
                         .side = gonio_sparse_side((int)about->specular_level),
-                        .bricks = about->bricks,
+                        .bricks = jenkins ? 0 : about->bricks,
                         .keys = about->keys,
+                        .slots = jenkins ? about->bricks : about->keys,
+                        .key_bytes = about->key_bytes != 0 ? (int)(about->key_bytes & 7) : 4,
+                        .jenkins = {.salt = about->salt},
                         .packed_length = about->packed};
     *transforms = gonio_mapped_take(mapped, &at, c * sizeof **transforms);
-    const void *diffuse = *transforms != NULL
-                              ? gonio_mapped_take(mapped, &at, diffuse_bytes(parts->diffuse_level, mapped->channels))
-                              : NULL;
+    const void *diffuse =
+        *transforms != NULL
+            ? gonio_mapped_take(mapped, &at, diffuse_bytes(s->dims, parts->diffuse_level, mapped->channels))
+            : NULL;
     if (diffuse == NULL) {
         return gonio_mapped_fail(mapped, 0, "fewer diffuse control points than its level and channels need", error);
     }
@@ -225,7 +248,7 @@ static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts,
         return gonio_mapped_fail(mapped, sizeof *about, "a channel's scale or eps that no fit makes", error);
     }
     parts->diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
-    return s->storage == GONIO_STORAGE_HASH ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    return gonio_sparse_hashed(s->storage) ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {
@@ -243,7 +266,7 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
 
 const gonio_kind gonio_kind_cbmba = {
     .name = "cbmba",
-    .summary = "a coarse B-spline for the diffuse part and a sparse fine one for the lobes; isotropic",
+    .summary = "a coarse B-spline for the diffuse part and a sparse fine one for the lobes",
     .ops = &bilevel_ops,
     .read = read_model,
 };

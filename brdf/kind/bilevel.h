@@ -12,7 +12,7 @@ typedef struct gonio_bilevel_parts {
     gonio_coordinates coordinates;
     gonio_transform_kind kind;
     int diffuse_level;
-    float *diffuse; // (2^D + 3)^3 x channels
+    float *diffuse; // (2^D + 3)^dims x channels; sparse has the dimensions
     gonio_sparse sparse;
     size_t kept; // specular control points kept
 } gonio_bilevel_parts;

@@ -24,8 +24,8 @@ size_t gonio_sparse_element(gonio_storage storage) {
 
 size_t gonio_sparse_bytes(const gonio_sparse *s) {
     const size_t c = (size_t)s->channels;
-    if (s->storage == GONIO_STORAGE_HASH) {
-        return s->keys * (sizeof *s->key + c * sizeof *s->values) + s->packed_length;
+    if (gonio_sparse_hashed(s->storage)) {
+        return s->slots * ((size_t)s->key_bytes + c * sizeof *s->values) + s->packed_length;
     }
     const size_t scales = s->storage == GONIO_STORAGE_BYTE ? s->bricks * c * sizeof *s->scales : 0;
     return s->side * s->side * s->side * sizeof *s->table + scales +
@@ -188,20 +188,92 @@ GONIO_CLONES static void add_byte(const gonio_sparse *s, const gonio_position *p
     add_bricks(s, position, values, GONIO_STORAGE_BYTE);
 }
 
+// Of the least significant byte first.
+static inline uint32_t key_at(const gonio_sparse *s, size_t slot) {
+    uint32_t key;
+    memcpy(&key, s->key + slot * (size_t)s->key_bytes, sizeof key);
+    return s->key_bytes == 3 ? key & 0xffffff : key;
+}
+
+uint32_t gonio_sparse_key(const gonio_sparse *s, size_t slot) { return key_at(s, slot); }
+
+// The control points of a cell: their keys, and the weights of its rows along the last axis.
+typedef struct probes {
+    uint32_t rows, key[64]; // of each row's first point
+    double weight[64];
+    gonio_place place;
+} probes;
+
+static void set_probes(const gonio_sparse *s, const gonio_position *position, probes *p) {
+    const uint32_t size = (uint32_t)gonio_bspline_size(s->level);
+    const int dims = s->dims;
+    if (dims == 4) {
+        gonio_rows_locate(position->x, s->level, size, 4, &p->place);
+    } else {
+        gonio_rows_locate(position->x, s->level, size, 3, &p->place);
+    }
+    p->rows = dims == 4 ? 64 : 16;
+    for (uint32_t r = 0; r < p->rows; r++) {
+        const uint32_t i = r / 16, j = r / 4 % 4, k = r % 4;
+        const uint32_t outer = dims == 4 ? (i * size + j) * size : j * size;
+        p->key[r] = (uint32_t)p->place.first + (outer + k) * size;
+        const double inner = p->place.basis[j][dims - 3] * p->place.basis[k][dims - 2];
+        p->weight[r] = dims == 4 ? p->place.basis[i][0] * inner : inner;
+    }
+}
+
+static void add_entry(const gonio_sparse *s, size_t entry, double weight, float *values) {
+    for (size_t c = 0; c < (size_t)s->channels; c++) {
+        values[c] += (float)weight * s->values[entry * (size_t)s->channels + c];
+    }
+}
+
 // Kameya 2002, chapter 6: the hash names an entry for any key; only the key stored there tells whether it is the one.
 static void add_hash(const gonio_sparse *s, const gonio_position *position, float *values) {
-    const uint32_t size = (uint32_t)gonio_bspline_size(s->level);
-    gonio_place place;
-    gonio_rows_locate(position->x, s->level, size, 3, &place);
-    for (uint32_t p = 0; p < 64 && s->keys > 0; p++) {
-        const uint32_t key = (uint32_t)place.first + ((p / 16) * size + p / 4 % 4) * size + p % 4;
-        const uint32_t entry = gonio_perfect_hash_search(&s->hash, key);
-        if (entry < s->keys && s->key[entry] == key) {
-            const double w = place.basis[p / 16][0] * place.basis[p / 4 % 4][1] * place.basis[p % 4][2];
-            for (size_t c = 0; c < (size_t)s->channels; c++) {
-                values[c] += (float)w * s->values[(size_t)entry * (size_t)s->channels + c];
+    probes p;
+    set_probes(s, position, &p);
+    for (uint32_t n = 0; n < 4 * p.rows && s->keys > 0; n++) {
+        const uint32_t key = p.key[n / 4] + n % 4, entry = gonio_perfect_hash_search(&s->hash, key);
+        if (entry < s->keys && key_at(s, entry) == key) {
+            add_entry(s, entry, p.weight[n / 4] * p.place.basis[n % 4][s->dims - 1], values);
+        }
+    }
+}
+
+// All slots first, so that no look-up waits for another one.
+GONIO_INLINE void probe_jenkins(const gonio_sparse *s, const probes *p, const uint32_t rows, float *values) {
+    const gonio_jenkins_hash hash = s->jenkins;
+    uint32_t slots[256];
+    for (uint32_t r = 0; r < rows; r++) {
+        GONIO_UNROLL
+        for (uint32_t k = 0; k < 4; k++) {
+            slots[4 * r + k] = gonio_jenkins_search(&hash, p->key[r] + k);
+        }
+    }
+    const uint32_t mask = s->key_bytes == 3 ? 0xffffff : 0xffffffff;
+    const size_t bytes = (size_t)s->key_bytes;
+    for (uint32_t r = 0; r < rows; r++) {
+        GONIO_UNROLL
+        for (uint32_t k = 0; k < 4; k++) {
+            uint32_t key;
+            memcpy(&key, s->key + slots[4 * r + k] * bytes, sizeof key);
+            if (((key ^ (p->key[r] + k)) & mask) == 0) {
+                add_entry(s, slots[4 * r + k], p->weight[r] * p->place.basis[k][s->dims - 1], values);
             }
         }
+    }
+}
+
+GONIO_CLONES static void add_jenkins(const gonio_sparse *s, const gonio_position *position, float *values) {
+    probes p;
+    set_probes(s, position, &p);
+    if (s->keys == 0) {
+        return;
+    }
+    if (s->dims == 4) {
+        probe_jenkins(s, &p, 64, values);
+    } else {
+        probe_jenkins(s, &p, 16, values);
     }
 }
 
@@ -218,6 +290,9 @@ void gonio_sparse_add(const gonio_sparse *sparse, const gonio_position *position
         break;
     case GONIO_STORAGE_HASH:
         add_hash(sparse, position, values);
+        break;
+    case GONIO_STORAGE_JENKINS:
+        add_jenkins(sparse, position, values);
         break;
     }
 }

@@ -29,7 +29,7 @@ static void subtract(const gonio_scatter *s, const gonio_lattice *lattice, const
     }
 }
 
-gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *start, int diffuse_level,
+gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int first,
                                  int specular_level, int threads, gonio_lattice *diffuse, gonio_lattice *specular,
                                  gonio_error *error) {
     *diffuse = *specular = (gonio_lattice){0};
@@ -43,7 +43,7 @@ gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *sta
     if (status == GONIO_OK) {
         memcpy(residual.values, scatter->values, values);
         subtract(scatter, diffuse, NULL, residual.values);
-        status = gonio_mba_fit(&residual, NULL, specular_level, threads, specular, error);
+        status = gonio_mba_fit_from(&residual, first, specular_level, threads, specular, error);
     }
     free(residual.values);
     if (status != GONIO_OK) {
@@ -187,37 +187,70 @@ static gonio_status pack_bricks(const gonio_lattice *l, const bool *keep, gonio_
     return fill_bricks(l, s, error);
 }
 
-static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t kept, gonio_sparse *s,
-                              gonio_error *error) {
-    const size_t c = (size_t)l->channels;
-    uint32_t *keys = malloc((kept + 1) * sizeof *keys), *key = malloc((kept + 1) * sizeof *key);
-    float *values = malloc((kept * c + 1) * sizeof *values);
+static void put_key(const gonio_sparse *s, size_t slot, uint32_t key) {
+    unsigned char *at = (unsigned char *)(uintptr_t)s->key + slot * (size_t)s->key_bytes;
+    for (int b = 0; b < s->key_bytes; b++) {
+        at[b] = (unsigned char)(key >> 8 * b);
+    }
+}
+
+// The hash of the keys; it tells how many slots there are.
+static gonio_status make_hash(const uint32_t *keys, size_t kept, gonio_sparse *s, gonio_error *error) {
+    if (s->storage == GONIO_STORAGE_JENKINS) {
+        unsigned char *moves;
+        const gonio_status status = gonio_bilevel_jenkins(keys, kept, &s->jenkins, &moves, error);
+        s->packed = moves;
+        s->packed_length = s->jenkins.buckets;
+        s->slots = s->jenkins.slots;
+        return status;
+    }
+    void *packed = NULL;
+    s->slots = kept;
+    gonio_status status = kept > 0 ? gonio_bilevel_hash(keys, kept, &packed, &s->packed_length, error) : GONIO_OK;
+    s->packed = packed;
+    if (status == GONIO_OK && kept > 0 && !gonio_perfect_hash_unpack(packed, s->packed_length, &s->hash)) {
+        status = gonio_fail(error, GONIO_E_FAILED, "libcmph's perfect hash has an unknown layout");
+    }
+    return status;
+}
+
+static gonio_status fill_slots(const gonio_lattice *l, const uint32_t *keys, size_t kept, gonio_sparse *s,
+                               gonio_error *error) {
+    const size_t c = (size_t)l->channels, bytes = gonio_sparse_key_array(s->key_bytes, s->slots);
+    float *values = calloc(s->slots * c + 1, sizeof *values);
+    unsigned char *key = malloc(bytes);
     s->key = key;
     s->values = values;
-    s->keys = kept;
-    gonio_status status = GONIO_OK;
-    if (keys == NULL || key == NULL || values == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu hashed control points", kept);
+    if (key == NULL || values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu hashed control points", kept);
+    }
+    memset(key, 0xff, bytes);
+    for (size_t i = 0; i < kept; i++) {
+        const size_t slot = s->storage == GONIO_STORAGE_JENKINS ? gonio_jenkins_search(&s->jenkins, keys[i])
+                                                                : gonio_perfect_hash_search(&s->hash, keys[i]);
+        put_key(s, slot, keys[i]);
+        memcpy(values + slot * c, l->points + keys[i] * c, c * sizeof *values);
+    }
+    return GONIO_OK;
+}
+
+static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t kept, gonio_sparse *s,
+                              gonio_error *error) {
+    uint32_t *keys = malloc((kept + 1) * sizeof *keys);
+    if (keys == NULL || l->count >= UINT32_MAX) {
+        free(keys);
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu hashed control points", kept);
     }
     size_t n = 0;
-    for (size_t i = 0; i < l->count && status == GONIO_OK; i++) {
+    for (size_t i = 0; i < l->count; i++) {
         if (keep[i]) {
             keys[n++] = (uint32_t)i;
         }
     }
-    if (status == GONIO_OK && kept > 0) {
-        void *packed = NULL;
-        status = gonio_bilevel_hash(keys, kept, &packed, &s->packed_length, error);
-        s->packed = packed;
-        if (status == GONIO_OK && !gonio_perfect_hash_unpack(packed, s->packed_length, &s->hash)) {
-            status = gonio_fail(error, GONIO_E_FAILED, "libcmph's perfect hash has an unknown layout");
-        }
-    }
-    for (size_t i = 0; i < kept && status == GONIO_OK; i++) {
-        const size_t entry = gonio_perfect_hash_search(&s->hash, keys[i]);
-        key[entry] = keys[i];
-        memcpy(values + entry * c, l->points + keys[i] * c, c * sizeof *values);
-    }
+    s->keys = kept;
+    s->key_bytes = gonio_sparse_key_bytes(l->dims, l->level);
+    gonio_status status = make_hash(keys, kept, s, error);
+    status = status == GONIO_OK ? fill_slots(l, keys, kept, s, error) : status;
     free(keys);
     return status;
 }
@@ -225,7 +258,8 @@ static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t k
 gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
                                 gonio_storage storage, gonio_bilevel_parts *parts, gonio_error *error) {
     *parts = (gonio_bilevel_parts){.diffuse_level = diffuse->level};
-    parts->sparse = (gonio_sparse){.level = specular->level, .channels = specular->channels, .storage = storage};
+    parts->sparse = (gonio_sparse){
+        .dims = specular->dims, .level = specular->level, .channels = specular->channels, .storage = storage};
     bool *keep = malloc(specular->count * sizeof *keep);
     if (keep == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", specular->count);
@@ -237,8 +271,8 @@ gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattic
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", diffuse->count);
     }
     if (status == GONIO_OK) {
-        status = storage == GONIO_STORAGE_HASH ? pack_hash(specular, keep, parts->kept, &parts->sparse, error)
-                                               : pack_bricks(specular, keep, &parts->sparse, error);
+        status = gonio_sparse_hashed(storage) ? pack_hash(specular, keep, parts->kept, &parts->sparse, error)
+                                              : pack_bricks(specular, keep, &parts->sparse, error);
     }
     free(keep);
     if (status != GONIO_OK) {
@@ -251,8 +285,9 @@ gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattic
 
 static gonio_lattice diffuse_of(const gonio_bilevel_parts *parts, int channels) {
     const int level = parts->diffuse_level;
-    return (gonio_lattice){
-        3, level, channels, gonio_bspline_size(level), gonio_lattice_count(3, level), parts->diffuse};
+    const int dims = parts->sparse.dims;
+    return (gonio_lattice){dims,          level, channels, gonio_bspline_size(level), gonio_lattice_count(dims, level),
+                           parts->diffuse};
 }
 
 // What the packed parts leave of the samples: a scatter that borrows all but its values, which the caller frees.
@@ -292,7 +327,7 @@ static gonio_status correct_specular(gonio_bilevel_parts *parts, gonio_lattice *
     gonio_lattice correction = {0};
     gonio_status status = residuals(parts, scatter, &residual, error);
     if (status == GONIO_OK) {
-        status = gonio_mba_fit_alone(&residual, specular->level, threads, &correction, error);
+        status = gonio_mba_fit_from(&residual, specular->level, specular->level, threads, &correction, error);
     }
     for (size_t i = 0; status == GONIO_OK && i < specular->count * (size_t)specular->channels; i++) {
         specular->points[i] += correction.points[i];

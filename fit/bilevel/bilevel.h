@@ -6,9 +6,9 @@
 #include "brdf/kind/bilevel.h"
 #include "fit/mba/mba.h"
 
-// Fit levels 0 .. D into *diffuse, and what remains by a second multilevel fit, levels 0 .. S, into *specular. 3-D
-// only. The caller releases both.
-gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *start, int diffuse_level,
+// Fit levels 0 .. D into *diffuse, and what remains by a second multilevel fit, levels first .. S, into *specular. With
+// first = D + 1 their sum is the multilevel fit of levels 0 .. S. The caller releases both.
+gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *start, int diffuse_level, int first,
                                  int specular_level, int threads, gonio_lattice *diffuse, gonio_lattice *specular,
                                  gonio_error *error);
 // Drop the drop_percent % specular control points of least magnitude (largest over the channels) and store the rest.
@@ -23,5 +23,8 @@ gonio_status gonio_bilevel_correct(gonio_bilevel_parts *parts, const gonio_latti
                                    const gonio_scatter *scatter, int threads, gonio_error *error);
 // libcmph's minimal perfect hash of n distinct keys, packed; the caller frees *packed.
 gonio_status gonio_bilevel_hash(const uint32_t *keys, size_t n, void **packed, size_t *length, gonio_error *error);
+// Jenkins' perfect hash of n distinct keys; the caller frees *moves, which the hash borrows.
+gonio_status gonio_bilevel_jenkins(const uint32_t *keys, size_t n, gonio_jenkins_hash *hash, unsigned char **moves,
+                                   gonio_error *error);
 
 #endif

@@ -109,7 +109,7 @@ gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, in
     return fit_levels(scatter, start, 0, level, threads, lattice, error);
 }
 
-gonio_status gonio_mba_fit_alone(const gonio_scatter *scatter, int level, int threads, gonio_lattice *lattice,
-                                 gonio_error *error) {
-    return fit_levels(scatter, NULL, level, level, threads, lattice, error);
+gonio_status gonio_mba_fit_from(const gonio_scatter *scatter, int first, int level, int threads,
+                                gonio_lattice *lattice, gonio_error *error) {
+    return fit_levels(scatter, NULL, first, level, threads, lattice, error);
 }

@@ -25,8 +25,8 @@ double gonio_mba_memory(int dims, int level, int channels, size_t samples, int t
 // All levels from 0 to `level` at once.
 gonio_status gonio_mba_fit(const gonio_scatter *scatter, const double *start, int level, int threads,
                            gonio_lattice *lattice, gonio_error *error);
-// One level by itself, without the coarser ones: what is far from any sample stays 0.
-gonio_status gonio_mba_fit_alone(const gonio_scatter *scatter, int level, int threads, gonio_lattice *lattice,
-                                 gonio_error *error);
+// Levels from `first` to `level`, without the coarser ones: what is far from any sample stays 0.
+gonio_status gonio_mba_fit_from(const gonio_scatter *scatter, int first, int level, int threads,
+                                gonio_lattice *lattice, gonio_error *error);
 
 #endif

@@ -90,7 +90,8 @@ typedef struct gonio_fit_options {
     int symmetry;               // bits GONIO_SYMMETRY_*, or GONIO_SYMMETRY_AUTO
     bool thesis;                // exactly Kameya's form: Nusselt, linear, mirrored samples, no offset
     int diffuse_level;          // D of (D,S,C); -1: 4
-    double drop_percent;        // C of it; -1: 95
+    int specular_start;         // level at which the second fit begins, 0 to S; -1: the method's
+    double drop_percent;        // C of it; -1: chosen
     const char *storage;        // bricks of "float" "half" "byte", or the thesis' "hash"; NULL: byte
     double lambda;              // least squares: < 0 chosen from training data
     int iterations;             // least squares: 0 default

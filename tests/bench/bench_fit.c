@@ -247,11 +247,11 @@ static inline_hash make_inline_hash(const gonio_sparse *s) {
     h.mask--;
     memset(h.keys, 0xff, ((size_t)h.mask + 1) * sizeof *h.keys);
     for (size_t i = 0; i < s->keys; i++) {
-        uint32_t at = slot_of(s->key[i], h.mask);
+        uint32_t at = slot_of(gonio_sparse_key(s, i), h.mask);
         while (h.keys[at] != UINT32_MAX) {
             at = (at + 1) & h.mask;
         }
-        h.keys[at] = s->key[i];
+        h.keys[at] = gonio_sparse_key(s, i);
         h.values[at] = s->values[i];
     }
     return h;
@@ -342,9 +342,9 @@ static void bench_eval(const char *spec) {
     verdict("from a direction pair / plain", pair / plain_pair, 1 / 1.5, false);
     const double dense_rmse = rmse_of(dense, &q);
     static const double drops[] = {95, 99};
-    static const char *const storages[] = {"float", "half", "byte", "hash"};
+    static const char *const storages[] = {"float", "half", "byte", "hash", "jenkins"};
     for (size_t d = 0; d < 2; d++) {
-        for (size_t k = 0; k < 4; k++) {
+        for (size_t k = 0; k < 5; k++) {
             gonio_model *m = fit_model(&p, "cbmba", storages[k], drops[d]);
             double ns = INFINITY;
             for (int r = 0; r < REPEATS; r++) {
@@ -358,6 +358,9 @@ static void bench_eval(const char *spec) {
                 verdict("its bytes / dense bytes", share, d == 0 ? 0.08 : 0.04, false);
                 verdict("its held-out RMSE / dense", rmse, 1.005, false);
             }
+            if (k == 4) {
+                verdict("its evaluation / plain dense evaluation", ns / (plain_pair * 1e9), 5, false);
+            }
             gonio_model_free(m);
         }
     }
@@ -367,7 +370,7 @@ static void bench_eval(const char *spec) {
     gonio_bilevel_parts parts;
     gonio_error error = {0};
     check(gonio_scatter_init(&s, samples, &plain_form, &error), &error);
-    check(gonio_bilevel_split(&s, NULL, 4, LEVEL, 1, &diffuse, &specular, &error), &error);
+    check(gonio_bilevel_split(&s, NULL, 4, 5, LEVEL, 1, &diffuse, &specular, &error), &error);
     check(gonio_bilevel_pack(&diffuse, &specular, 95, GONIO_STORAGE_HASH, &parts, &error), &error);
     const inline_hash h = make_inline_hash(&parts.sparse);
     printf(" an inline hash a control point, specular part alone: %.1f ns, %zu bytes\n", time_inline_hash(&h, &q) * 1e9,

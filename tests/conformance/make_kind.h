@@ -38,6 +38,7 @@ static const kind_maker kind_forms[] = {
     {"cbmba", "half", true, "cbmba", "half", .domain = GONIO_LOG},
     {"cbmba", "byte", true, "cbmba", "byte", .coordinates = GONIO_HALF_VECTOR},
     {"cbmba", "hash", true, "cbmba", "hash", .domain = GONIO_LINEAR},
+    {"cbmba", "jenkins", .method = "cbmba", .storage = "jenkins", .domain = GONIO_LINEAR},
     {"koenderink", "order 8", true, .basis = &gonio_basis_koenderink},
     {"harmonics", "usual orders", .basis = &gonio_basis_harmonics},
     {"harmonics", "with sigma", true, .basis = &gonio_basis_harmonics, .parts = KIND_SIGMA},
@@ -266,7 +267,7 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     gonio_fit_options_default(&options);
     options.method = maker->method;
     options.hold_out = 0;
-    options.level = isotropic ? 3 : 1;
+    options.level = isotropic ? 3 : maker->storage != NULL ? 2 : 1;
     options.domain = maker->domain;
     options.coordinates = maker->coordinates;
     if (maker->storage != NULL) {

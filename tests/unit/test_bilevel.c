@@ -56,6 +56,37 @@ static void packed_look_up_equals_libcmph(void **state) {
     }
 }
 
+static void jenkins_hash_is_perfect(void **state) {
+    (void)state;
+    static const size_t counts[] = {0, 1, 2, 3, 10, 1000, 15038};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
+        const size_t n = counts[k];
+        uint32_t *keys = malloc((n + 1) * sizeof *keys);
+        for (size_t i = 0; i < n; i++) {
+            keys[i] = (uint32_t)(i * 19 + i % 7);
+        }
+        gonio_jenkins_hash hash;
+        unsigned char *moves;
+        gonio_error error = {0};
+        if (gonio_bilevel_jenkins(keys, n, &hash, &moves, &error) != GONIO_OK) {
+            fail_msg("%zu keys: %s", n, error.message);
+        }
+        bool *seen = calloc(hash.slots, sizeof *seen);
+        assert_true(hash.slots <= n + n / 10 + 1); // as good as minimal
+        for (size_t i = 0; i < n; i++) {
+            const uint32_t slot = gonio_jenkins_search(&hash, keys[i]);
+            assert_true(slot < hash.slots && !seen[slot]);
+            seen[slot] = true;
+        }
+        for (uint32_t key = 0; key < 5000; key++) {
+            assert_true(gonio_jenkins_search(&hash, key) < hash.slots);
+        }
+        free(moves);
+        free(keys);
+        free(seen);
+    }
+}
+
 static void halves_round_to_nearest(void **state) {
     (void)state;
     for (uint32_t h = 0; h < 0x7c00; h++) {
@@ -83,10 +114,10 @@ static gonio_lattice random_lattice(int level, int channels, double empty, uint6
 // Nothing dropped: diffuse + sparse is diffuse + dense, in every form, at borders and corners of bricks too.
 static void every_form_holds_the_lattice(void **state) {
     (void)state;
-    static const double tolerance[] = {2e-6, 2e-3, 2e-2, 2e-6};
+    static const double tolerance[] = {2e-6, 2e-3, 2e-2, 2e-6, 2e-6};
     for (int level = 1; level <= 5; level++) {
         for (int channels = 1; channels <= 3; channels += 2) {
-            for (int storage = 0; storage < 4; storage++) {
+            for (int storage = 0; storage < GONIO_STORAGES; storage++) {
                 gonio_lattice diffuse = random_lattice(0, channels, 0, 1);
                 gonio_lattice dense = random_lattice(level, channels, 0.7, (uint64_t)level + 2);
                 gonio_bilevel_parts parts;
@@ -126,7 +157,7 @@ static void the_smallest_are_dropped(void **state) {
     float least = INFINITY;
     size_t larger = 0;
     for (size_t i = 0; i < parts.kept; i++) {
-        assert_near(parts.sparse.values[i], dense.points[parts.sparse.key[i]], 0);
+        assert_near(parts.sparse.values[i], dense.points[gonio_sparse_key(&parts.sparse, i)], 0);
         least = fminf(least, fabsf(parts.sparse.values[i]));
     }
     for (size_t i = 0; i < dense.count; i++) {
@@ -134,7 +165,7 @@ static void the_smallest_are_dropped(void **state) {
     }
     assert_int_equal(larger, parts.kept);
     // Table 7.1's bytes: (key + value) a kept point and the hash.
-    assert_int_equal(gonio_sparse_bytes(&parts.sparse), 133 * 8 + parts.sparse.packed_length);
+    assert_int_equal(gonio_sparse_bytes(&parts.sparse), 133 * 7 + parts.sparse.packed_length);
     gonio_bilevel_parts_release(&parts);
     // Ties are broken by index, zeros are never kept, and dropping all keeps nothing.
     for (size_t i = 0; i < dense.count; i++) {
@@ -143,7 +174,7 @@ static void the_smallest_are_dropped(void **state) {
     assert_int_equal(gonio_bilevel_pack(&diffuse, &dense, 90, GONIO_STORAGE_HASH, &parts, NULL), GONIO_OK);
     assert_int_equal(parts.kept, 133);
     gonio_bilevel_parts_release(&parts);
-    for (int storage = 0; storage < 4; storage++) {
+    for (int storage = 0; storage < GONIO_STORAGES; storage++) {
         assert_int_equal(gonio_bilevel_pack(&diffuse, &dense, 100, (gonio_storage)storage, &parts, NULL), GONIO_OK);
         assert_int_equal(parts.kept, 0);
         const double x[3] = {0.3, 0.4, 0.5};
@@ -155,6 +186,42 @@ static void the_smallest_are_dropped(void **state) {
     }
     gonio_lattice_release(&diffuse);
     gonio_lattice_release(&dense);
+}
+
+// Kameya 2002, 7.1.2: without dropping, (D,S,0) is the fit of level S. So it is where the second fit begins at D + 1, in
+// three dimensions and in four.
+static void nothing_dropped_is_the_multilevel_fit(void **state) {
+    (void)state;
+    static const char *const specs[] = {"ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4", WARD};
+    for (int isotropic = 0; isotropic < 2; isotropic++) {
+        gonio_samples *samples = simulate_samples(specs[isotropic], 500, 1, 9);
+        for (int diffuse = 0; diffuse < 3; diffuse++) {
+            gonio_fit_options o;
+            gonio_model *dense, *both;
+            gonio_fit_options_default(&o);
+            o.hold_out = 0;
+            o.thesis = true;
+            o.level = isotropic ? 5 : 3;
+            o.method = "mba";
+            assert_int_equal(gonio_fit(samples, &o, &dense, NULL, NULL), GONIO_OK);
+            o.method = "cbmba";
+            o.diffuse_level = diffuse;
+            o.drop_percent = 0;
+            o.storage = diffuse == 1 && isotropic ? "hash" : "jenkins";
+            assert_int_equal(gonio_fit(samples, &o, &both, NULL, NULL), GONIO_OK);
+            uint64_t seed = 3;
+            for (int k = 0; k < 500; k++) {
+                const gonio_pair pair = simulate_pair(&seed, 0);
+                double a, b;
+                gonio_model_eval_pair(dense, &pair, &a);
+                gonio_model_eval_pair(both, &pair, &b);
+                assert_near(a, b, 2e-6);
+            }
+            gonio_model_free(dense);
+            gonio_model_free(both);
+        }
+        gonio_samples_free(samples);
+    }
 }
 
 static gonio_model *fit(const gonio_samples *samples, gonio_fit_options *o, gonio_fit_report *report) {
@@ -240,6 +307,8 @@ static void same_samples_give_the_same_bytes(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(packed_look_up_equals_libcmph),
+        cmocka_unit_test(jenkins_hash_is_perfect),
+        cmocka_unit_test(nothing_dropped_is_the_multilevel_fit),
         cmocka_unit_test(halves_round_to_nearest),
         cmocka_unit_test(every_form_holds_the_lattice),
         cmocka_unit_test(the_smallest_are_dropped),
