@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Every test program; each runs under sanitizers. Long benchmarks are targets of their own.
 unit-y  += $(sort $(wildcard tests/unit/test_*.c tests/property/test_*.c tests/golden/test_*.c tests/conformance/test_*.c))
-bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c tests/bench/significance.c,$(sort $(wildcard tests/bench/*.c)))
+bench-y += $(filter-out tests/bench/fifty_million.c tests/bench/thesis_tables.c tests/bench/seed_tables.c tests/bench/significance.c,$(sort $(wildcard tests/bench/*.c)))
 deps-y  += libcmocka-dev libumockdev-dev umockdev
 # Only the test links umockdev, never the program.
 CFLAGS_test_usbtmc = $(subst -I,-isystem ,$(shell pkg-config --cflags umockdev-1.0))
@@ -17,6 +17,14 @@ $(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
 significance: $(B)/tests/bench/significance ## false alarms and power of `gonio check` on 1,000 simulated materials
 	$(Q)$<
 $(B)/tests/bench/significance: $(B)/tests/bench/significance.o $(B)/libgonio.a
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
+
+# Published figures beside ours; the thesis' tables as CSV and its pictures come with them.
+.PHONY: seed-tables
+seed-tables: $(B)/tests/bench/seed_tables thesis-tables ## docs/seed-tables.md: what the founding texts report, beside ours
+	$(Q)$< > $(B)/seed-tables.md && mv $(B)/seed-tables.md docs/seed-tables.md
+$(B)/tests/bench/seed_tables: $(B)/tests/bench/seed_tables.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
 
