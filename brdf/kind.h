@@ -13,7 +13,7 @@
 // are checked before they are used, and so is every number of which there are few (scales, strengths, shapes); control
 // points are not looked at, so that mapping takes microseconds. Evaluation takes no lock and allocates nothing.
 //
-// Models that a file format makes by itself (a MERL or RGL table, kind "table") have no form as a model file and are
+// Models that a file format makes by itself (a MERL or RGL table, kind "measured") have no form as a model file and are
 // not in the list: their formats are.
 #ifndef GONIO_BRDF_KIND_H
 #define GONIO_BRDF_KIND_H

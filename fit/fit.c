@@ -13,7 +13,7 @@
 #include "fit/options.h"
 
 static gonio_status unknown_method(const char *name, gonio_error *error) {
-    char list[256] = "";
+    char list[1024] = "";
     for (const char *const *m = gonio_fit_methods(); *m != NULL; m++) {
         snprintf(list + strlen(list), sizeof list - strlen(list), " %s", *m);
     }
@@ -187,7 +187,7 @@ static gonio_status fit_all(const gonio_samples *samples, const gonio_method *me
     if (status != GONIO_OK) {
         return status;
     }
-    report->fit_seconds = gonio_clock_s() - start;
+    report->fit_seconds = gonio_clock_s() - start + report->fill_seconds;
     snprintf(report->method, sizeof report->method, "%s", method->name);
     report->samples = samples->n;
     report->channels = samples->channels;

@@ -27,6 +27,7 @@ static void tell(gonio_half half, const gonio_fit_report *own, gonio_fit_report 
         report->domain = own->domain;
         memcpy(report->options, own->options, sizeof report->options);
     }
+    report->fill_seconds += own->fill_seconds;
     memcpy(report->half[half].options, own->options, sizeof own->options);
     if (own->note[0] != 0) {
         gonio_text_append(report->note, sizeof report->note, "%s%s: %s", report->note[0] != 0 ? "; " : "",

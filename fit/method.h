@@ -22,11 +22,12 @@ typedef struct gonio_method_option {
 typedef struct gonio_method_form {
     int first, last;         // GONIO_LEVEL_AUTO: one row, the method chooses
     int coordinates, domain; // of the enums, AUTO among them, or GONIO_METHOD_EVERY: a row for each
+    const char *with;        // other options, "order=2 grid=angles", by the names of gonio_fit_keys; NULL: none
 } gonio_method_form;
 
 #define GONIO_METHOD_EVERY (-2)
 #define GONIO_METHOD_FORM_AUTO                                                                                         \
-    { GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_DOMAIN_AUTO }
+    { GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_DOMAIN_AUTO, NULL }
 
 // Bytes that fitting n samples takes at most beside the samples themselves, a model that comes out of it included.
 // size->samples is not looked at: n is of a part.

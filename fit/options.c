@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/nearest.h"
 #include "fit/names.h"
 
 // ---- the table ----
@@ -60,6 +61,16 @@ const gonio_key gonio_fit_keys[] = {
      .help = "where knots stand (adaptive)"},
     {ROW(table_step, REAL), .low = 0, .high = 30, .late = true, .argument = "DEG",
      .help = "step of the table (that of the samples' grid, else 1; 5 of anisotropic samples)"},
+    {ROW(grid, CHOICE), .names = gonio_grid_names, .automatic = -1, .late = true, .argument = "NAME",
+     .help = "what a table's axes are (half-angles)"},
+    {ROW(fill, NAME), .names = gonio_fill_names, .late = true, .argument = "NAME",
+     .help = "the method that a table is filled by (auto)"},
+    {ROW(wavelet, CHOICE), .names = gonio_wavelet_names, .automatic = -1, .late = true, .argument = "NAME",
+     .help = "(cdf53)"},
+    {ROW(neighbours, INTEGER), .automatic = -1, .low = 1, .high = GONIO_NEAREST_MAX, .late = true, .argument = "N",
+     .help = "how many samples are averaged"},
+    {ROW(distance, CHOICE), .names = gonio_distance_names, .automatic = -1, .late = true, .argument = "NAME",
+     .help = "what tells which samples are near"},
     {0}};
 _Static_assert(sizeof gonio_fit_keys / sizeof *gonio_fit_keys == GONIO_FIT_KEYS + 1, "the number of the options");
 
@@ -77,6 +88,10 @@ void gonio_fit_options_default(gonio_fit_options *options) {
                                    .lobes = GONIO_LOBES_AUTO,
                                    .shapes = GONIO_SHAPES_AUTO,
                                    .order = GONIO_ORDER_AUTO,
+                                   .grid = GONIO_GRID_AUTO,
+                                   .wavelet = GONIO_WAVELET_AUTO,
+                                   .neighbours = GONIO_NEIGHBOURS_AUTO,
+                                   .distance = GONIO_DISTANCE_AUTO,
                                    .symmetry = GONIO_SYMMETRY_AUTO};
 }
 
@@ -109,7 +124,7 @@ bool gonio_method_has_member(const char *name, size_t offset) {
 }
 
 gonio_status gonio_method_refuse(const gonio_method *method, const gonio_key *key, gonio_error *error) {
-    char option[64], list[400] = "";
+    char option[64], list[600] = "";
     for (const gonio_key *k = gonio_fit_keys; k->name != NULL; k++) {
         const size_t used = strlen(list);
         gonio_key_option(k, option, sizeof option);

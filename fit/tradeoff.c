@@ -3,12 +3,13 @@
 #include "fit/tradeoff.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/clock.h"
 #include "base/random.h"
 
-#include "fit/method.h"
 #include "fit/options.h"
 
 #define EVALUATIONS 2000
@@ -30,8 +31,9 @@ static size_t expand(const gonio_method *method, const gonio_method_form *form, 
             for (int level = form->first;
                  level <= form->last && (every_c || form->coordinates == c) && (every_d || form->domain == d);
                  level++) {
-                n = append(forms, limit, n,
-                           (gonio_tradeoff_form){method->name, level, (gonio_coordinates)c, (gonio_domain)d});
+                n = append(
+                    forms, limit, n,
+                    (gonio_tradeoff_form){method->name, level, (gonio_coordinates)c, (gonio_domain)d, form->with});
             }
         }
     }
@@ -47,6 +49,20 @@ size_t gonio_tradeoff_forms(gonio_tradeoff_form *forms, size_t limit) {
         }
     }
     return n;
+}
+
+// Options as text, "order=2 grid=angles".
+static gonio_status apply(const char *with, gonio_fit_options *options, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (const char *at = with; at != NULL && *at != 0 && status == GONIO_OK; at += strspn(at, " ")) {
+        char name[32], value[32];
+        const size_t length = strcspn(at, " "), split = strcspn(at, "=");
+        snprintf(name, sizeof name, "%.*s", (int)split, at);
+        snprintf(value, sizeof value, "%.*s", (int)(length - split - 1), at + split + 1);
+        status = gonio_key_parse(gonio_key_find(gonio_fit_keys, NULL, name), options, value, error);
+        at += length;
+    }
+    return status;
 }
 
 // ---- timing ----
@@ -101,26 +117,56 @@ static gonio_status time_model(const gonio_model *model, uint64_t seed, gonio_tr
     return GONIO_OK;
 }
 
+// Bytes that are written, which go nowhere.
+static ssize_t count_bytes(void *cookie, const char *data, size_t length) {
+    (void)data;
+    *(size_t *)cookie += length;
+    return (ssize_t)length;
+}
+
+static size_t file_bytes(const gonio_model *model) {
+    size_t bytes = 0;
+    FILE *stream = fopencookie(&bytes, "w", (cookie_io_functions_t){.write = count_bytes});
+    if (stream != NULL) {
+        const gonio_status status = model->ops->save(model, stream, NULL);
+        bytes = fclose(stream) == 0 && status == GONIO_OK ? bytes : 0;
+    }
+    return bytes;
+}
+
 gonio_status gonio_tradeoff_measure(const gonio_samples *samples, const gonio_fit_options *options,
-                                    const gonio_tradeoff_form *form, gonio_tradeoff_row *row, gonio_error *error) {
-    *row = (gonio_tradeoff_row){.form = *form, .eval_ns = NAN, .batch_ns = NAN};
+                                    const gonio_tradeoff_form *form, gonio_tradeoff_row *row, gonio_model **model,
+                                    gonio_error *error) {
+    *row = (gonio_tradeoff_row){.form = *form, .eval_ns = NAN, .batch_ns = NAN, .image_error = NAN};
     gonio_fit_options o = *options;
     gonio_fit_options_for(&o, form->method); // what it does not have, others may
     o.level = form->level;
     o.coordinates = form->coordinates;
     o.domain = form->domain;
-    gonio_model *model;
+    gonio_model *fitted = NULL;
     row->error = (gonio_error){.line = -1, .byte = -1};
-    row->status = gonio_fit(samples, &o, &model, &row->report, &row->error);
-    if (row->status != GONIO_OK) {
-        if (row->status == GONIO_E_INTERRUPTED && error != NULL) {
-            *error = row->error;
-        }
-        return row->status == GONIO_E_INTERRUPTED ? GONIO_E_INTERRUPTED : GONIO_OK;
+    row->status = apply(form->with, &o, &row->error);
+    row->status = row->status == GONIO_OK ? gonio_fit(samples, &o, &fitted, &row->report, &row->error) : row->status;
+    if (row->status != GONIO_OK && error != NULL) {
+        *error = row->error;
     }
-    const gonio_status status = time_model(model, options->seed, row, error);
-    gonio_model_free(model);
+    gonio_status status = row->status == GONIO_E_INTERRUPTED ? row->status : GONIO_OK;
+    if (row->status == GONIO_OK) {
+        row->file_bytes = file_bytes(fitted);
+        status = time_model(fitted, options->seed, row, error);
+    }
+    if (model != NULL && status == GONIO_OK) {
+        *model = fitted;
+    } else {
+        gonio_model_free(fitted);
+    }
     return status;
+}
+
+static bool same_text(const char *a, const char *b) { return a == b || (a != NULL && b != NULL && strcmp(a, b) == 0); }
+
+bool gonio_tradeoff_rivals(const gonio_tradeoff_form *a, const gonio_tradeoff_form *b) {
+    return same_text(a->method, b->method) && same_text(a->with, b->with) && a->coordinates == b->coordinates;
 }
 
 // ---- the front ----

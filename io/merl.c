@@ -270,7 +270,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
 
 static void release(gonio_model *model) { free(model); }
 
-static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
+static const gonio_model_ops ops = {.kind = "measured", .eval = eval, .free = release};
 
 static gonio_status table_merl(const gonio_source *source, gonio_model **out, gonio_error *error) {
     const gonio_status status = check(source, error);

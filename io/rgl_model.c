@@ -136,7 +136,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
-const gonio_model_ops gonio_rgl_ops = {.kind = "table", .eval = eval, .free = release};
+const gonio_model_ops gonio_rgl_ops = {.kind = "measured", .eval = eval, .free = release};
 
 // How far along a cell the integral of a density that runs from d0 to d1 reaches `mass`.
 static double within(double d0, double d1, double mass) {

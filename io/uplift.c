@@ -30,7 +30,7 @@ static void eval_uplift(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, 
 
 static void release_uplift(gonio_model *model) { free(model); }
 
-static const gonio_model_ops uplift_ops = {.kind = "table", .eval = eval_uplift, .free = release_uplift};
+static const gonio_model_ops uplift_ops = {.kind = "measured", .eval = eval_uplift, .free = release_uplift};
 
 static double step_up(double nm, double centre) { return 1 / (1 + exp((centre - nm) / 12)); }
 

@@ -26,7 +26,7 @@ static void release(gonio_model *model) {
     free(model);
 }
 
-static const gonio_model_ops rgb_ops = {.kind = "table", .eval = eval_rgb, .free = release};
+static const gonio_model_ops rgb_ops = {.kind = "measured", .eval = eval_rgb, .free = release};
 static const char rgb_names[3][32] = {"r", "g", "b"};
 
 gonio_status gonio_model_as_rgb(const gonio_model *model, gonio_model **view, gonio_error *error) {

@@ -5,7 +5,9 @@
 
 #include <stdbool.h>
 
-#include "gonio/direction.h"
+#include <math.h>
+
+#include "base/vector.h"
 #include "gonio/status.h"
 #include "scene/mesh.h"
 
@@ -40,5 +42,12 @@ void gonio_scene_caster_surface(const scene_caster *caster, size_t triangle, dou
 unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gonio_vec3 *origins,
                                     const gonio_vec3 *directions);
 bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light);
+// The direction in the sample's frame.
+static inline gonio_vec3 scene_into_frame(const scene_hit *hit, gonio_vec3 w) {
+    const gonio_vec3 n = hit->normal, t = hit->tangent;
+    const gonio_vec3 local = {dot(t, w), dot(cross(n, t), w), dot(n, w)};
+    const double length = sqrt(dot(local, local));
+    return (gonio_vec3){local.x / length, local.y / length, local.z / length};
+}
 
 #endif

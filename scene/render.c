@@ -61,15 +61,8 @@ static gonio_status check(int n, const gonio_render_options *o, gonio_error *err
     return GONIO_OK;
 }
 
-static gonio_vec3 into_frame(const scene_hit *hit, gonio_vec3 w) {
-    const gonio_vec3 n = hit->normal, t = hit->tangent;
-    const gonio_vec3 local = {dot(t, w), dot(cross(n, t), w), dot(n, w)};
-    const double length = sqrt(dot(local, local));
-    return (gonio_vec3){local.x / length, local.y / length, local.z / length};
-}
-
 static void shade(const tile *t, const scene_hit *hit, gonio_vec3 toward_eye, double rgb[3]) {
-    const gonio_vec3 wi = into_frame(hit, t->light), wo = into_frame(hit, toward_eye);
+    const gonio_vec3 wi = scene_into_frame(hit, t->light), wo = scene_into_frame(hit, toward_eye);
     rgb[0] = rgb[1] = rgb[2] = 0;
     if (!(wi.z > 0) || !(wo.z > 0) || dot(t->light, hit->facet) <= 0 ||
         gonio_scene_caster_shadowed(t->caster, hit, t->light)) {

@@ -305,9 +305,9 @@ static const gonio_method_option least_squares_options[] = {
     GONIO_METHOD_OPTION(max_seconds, NULL), {0}};
 
 static const gonio_method_form auto_forms[] = {GONIO_METHOD_FORM_AUTO};
-static const gonio_method_form lsq_forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LINEAR},
-                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LOG},
-                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_HALF_VECTOR, GONIO_LOG},
+static const gonio_method_form lsq_forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LINEAR, NULL},
+                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_NUSSELT, GONIO_LOG, NULL},
+                                              {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_HALF_VECTOR, GONIO_LOG, NULL},
                                               GONIO_METHOD_FORM_AUTO};
 
 const gonio_method gonio_method_auto = {

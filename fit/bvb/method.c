@@ -259,8 +259,8 @@ static const gonio_method_option options_of_bvb[] = {GONIO_METHOD_OPTION(domain,
                                                      GONIO_METHOD_OPTION(table_step, NULL),
                                                      {0}};
 
-static const gonio_method_form forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LINEAR},
-                                          {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LOG}};
+static const gonio_method_form forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LINEAR, NULL},
+                                          {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LOG, NULL}};
 
 const gonio_method gonio_method_bvb = {
     .name = "bvb",

@@ -96,7 +96,7 @@ static const gonio_method_option options_of_mba[] = {GONIO_METHOD_OPTION(level, 
                                                      {0}};
 
 #define TRADEOFF_LEVEL_MAX 7
-static const gonio_method_form forms[] = {{0, TRADEOFF_LEVEL_MAX, GONIO_METHOD_EVERY, GONIO_METHOD_EVERY}};
+static const gonio_method_form forms[] = {{0, TRADEOFF_LEVEL_MAX, GONIO_METHOD_EVERY, GONIO_METHOD_EVERY, NULL}};
 
 const gonio_method gonio_method_mba = {
     .name = "mba",

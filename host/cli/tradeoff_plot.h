@@ -5,9 +5,10 @@
 
 #include "fit/tradeoff.h"
 
-typedef enum cli_tradeoff_axis { CLI_TRADEOFF_BYTES, CLI_TRADEOFF_NS } cli_tradeoff_axis;
+typedef enum cli_tradeoff_axis { CLI_TRADEOFF_BYTES, CLI_TRADEOFF_NS, CLI_TRADEOFF_SECONDS } cli_tradeoff_axis;
 
-// Held-out error against bytes or ns, both logarithmic; the Pareto front joined and named. Written whole or not at all.
+// Held-out error against bytes, ns or the fit's seconds, both logarithmic; the front of the two joined and named.
+// Written whole or not at all.
 gonio_status cli_tradeoff_plot(const gonio_tradeoff_row *rows, size_t n, cli_tradeoff_axis axis, const char *path,
                                gonio_error *error);
 

@@ -62,17 +62,32 @@ const char *const *gonio_loss_names(void); // in the enum's order, NULL-terminat
 typedef enum gonio_shapes { GONIO_SHAPES_AUTO = -1, GONIO_SHAPES_SHARED, GONIO_SHAPES_CHANNEL } gonio_shapes;
 const char *const *gonio_shapes_names(void); // in the enum's order, NULL-terminated; static storage
 
+const char *const *gonio_grid_names(void);     // angles that tables are grids of; NULL-terminated; static storage
+const char *const *gonio_fill_names(void);     // methods that tables are filled by
+const char *const *gonio_wavelet_names(void);  // wavelets
+const char *const *gonio_distance_names(void); // what the kernel's distances are measured in
+
 #define GONIO_LOBES_AUTO (-1)
+#define GONIO_GRID_AUTO (-1)
+#define GONIO_NEIGHBOURS_AUTO (-1)
+#define GONIO_WAVELET_AUTO (-1)
+#define GONIO_DISTANCE_AUTO (-1)
 #define GONIO_ORDER_AUTO (-1)
 #define GONIO_ORDER_MAX 20
 #define GONIO_LEVEL_AUTO (-1)
 #define GONIO_LEVEL_MAX 9
 
+// Fits that several fits of the same samples may need: tables are filled from one, and a comparison of many fits it
+// once. Not for several threads at once. The caller frees it, after the fits that use it.
+typedef struct gonio_fill_store gonio_fill_store;
+gonio_fill_store *gonio_fill_store_new(void); // NULL: no memory
+void gonio_fill_store_free(gonio_fill_store *store);
+
 // Called now and then by long work; returning false asks it to stop (the call then returns GONIO_E_INTERRUPTED).
 typedef bool (*gonio_progress_fn)(void *context, double fraction, const char *what, double error_now);
 
 // What to fit and how. gonio_fit_options_default() first, then change members. fit/options.c has a row for each member
-// but the threads and the callback; an option that the method does not have must stay at its default.
+// but the threads, the store and the callback; an option that the method does not have must stay at its default.
 typedef struct gonio_fit_options {
     const char *method; // "mba" "cbmba" "lsq" "auto" ...; NULL: the default method
     double hold_out;    // fraction of the unique geometries; 0: none
@@ -82,6 +97,7 @@ typedef struct gonio_fit_options {
     int threads;                // 0: all
     gonio_progress_fn progress; // NULL: none
     void *progress_context;
+    gonio_fill_store *fill_store; // NULL: none
     // From here on: the methods' own.
     int level;        // 0..9; GONIO_LEVEL_AUTO: chosen by held-out error. cbmba: S of (D,S,C), 6 by default
     double tolerance; // > 0: the smallest level whose held-out RMSE (training without a hold-out) meets it
@@ -106,6 +122,11 @@ typedef struct gonio_fit_options {
     double rate;                // bvb: largest error at the table's points over the largest value; 0: the method's
     const char *knots;          // bvb: "adaptive" "dominant" "dominant-mean" ... "ktp" "nktp"; NULL: adaptive
     double table_step;          // bvb: step of its table in degrees; 0: the method's
+    int grid;                   // tables: of gonio_grid_names; GONIO_GRID_AUTO: half-angles
+    const char *fill;           // tables: of gonio_fill_names, the method that fills them; NULL: auto
+    int wavelet;                // wavelet: of gonio_wavelet_names; GONIO_WAVELET_AUTO: cdf53
+    int neighbours;             // kernel: how many samples are averaged; GONIO_NEIGHBOURS_AUTO
+    int distance;               // kernel: of gonio_distance_names; GONIO_DISTANCE_AUTO
 } gonio_fit_options;
 
 // One half of a fit with transmission, fitted by itself by the same method.
@@ -124,6 +145,7 @@ typedef struct gonio_fit_report {
     size_t samples, control_points, bytes;
     int channels;
     double fit_seconds;    // of the saved model, fitted to all samples
+    double fill_seconds;   // within them: of a fit that the store had, by which the model's table was filled
     gonio_errors train;    // the saved model on the samples that it was fitted to
     gonio_errors held_out; // from fits that did not see them; NaN figures and 0 samples without a hold-out
     char options[256];     // method's own choices, for people: "(4,6,95)", "lambda=1e-4"

@@ -21,7 +21,7 @@ typedef struct gonio_model gonio_model;
 
 // What a kind of model must provide; a new kind is one such table (fit/ fills them).
 typedef struct gonio_model_ops {
-    const char *kind; // "lattice" "cbmba" "analytic" "table" ...
+    const char *kind; // "lattice" "cbmba" "analytic" "measured" ...
     // Required; any thread, does not block or allocate. f_r (1/sr) of every channel, for unit vectors with z >= 0, with
     // both_sides for all.
     void (*eval)(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values);

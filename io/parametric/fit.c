@@ -52,7 +52,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
 
 static void release(gonio_model *model) { free(model); }
 
-static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
+static const gonio_model_ops ops = {.kind = "measured", .eval = eval, .free = release};
 static const char names[3][32] = {"r", "g", "b"};
 
 gonio_status gonio_principled_model(const gonio_principled *parameters, gonio_principled_rule rule, gonio_model **out,

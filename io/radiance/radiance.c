@@ -60,7 +60,7 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
     }
 }
 
-static const gonio_model_ops ops = {.kind = "table", .eval = eval, .free = release};
+static const gonio_model_ops ops = {.kind = "measured", .eval = eval, .free = release};
 
 // ---- building ----
 

@@ -7,12 +7,14 @@
 #define TESTS_MAKE_KIND_H
 
 #include "brdf/analytic/formula.h"
+#include "brdf/grid/lifting.h"
 #include "brdf/kind/analytic.h"
 #include "brdf/kind/bvb.h"
+#include "brdf/kind/kernel.h"
 #include "brdf/kind/linear.h"
 #include "brdf/kind/lobe_spline.h"
 #include "brdf/kind/transformed.h"
-#include "gonio/fit.h"
+#include "fit/options.h"
 #include "tests/simulate.h"
 
 // What a constructed lobe-spline has.
@@ -26,7 +28,7 @@ typedef struct kind_maker {
     const gonio_formula *formula;    // of one analytic term
     const gonio_linear_basis *basis; // of one with coefficients
     int order;                       // of a B-spline volume
-    int lobes, parts;                // of a constructed lobe-spline: how many lobes, KIND_ bits; of a transformed one: which
+    int lobes, parts; // of a constructed lobe-spline: how many lobes, KIND_ bits; of others: which
     gonio_domain domain;
     gonio_coordinates coordinates;
 } kind_maker;
@@ -44,6 +46,20 @@ static const kind_maker kind_forms[] = {
     {"harmonics", "with sigma", true, .basis = &gonio_basis_harmonics, .parts = KIND_SIGMA},
     {"bvb", "order 2, log", .order = 2, .domain = GONIO_LOG},
     {"bvb", "order 4", .order = 4},
+    {"table", "linear, angles", .method = "table", .parts = GONIO_GRID_ANGLES, .domain = GONIO_LINEAR},
+    {"table", "cubic, half-angles", .method = "interpolating-spline", .parts = GONIO_GRID_HALF_ANGLES,
+     .domain = GONIO_LOG},
+    {"kernel", "directions", .method = "kernel", .parts = GONIO_DISTANCE_DIRECTIONS, .domain = GONIO_LINEAR},
+    {"kernel", "half-vector", .method = "kernel", .parts = GONIO_DISTANCE_HALF_VECTOR, .domain = GONIO_LOG},
+    {"separable", "directions", .method = "separable", .parts = GONIO_GRID_ANGLES, .domain = GONIO_LINEAR},
+    {"separable", "half and difference", .method = "separable", .parts = GONIO_GRID_HALF_ANGLES, .domain = GONIO_LOG},
+    {"wavelet", "haar", .method = "wavelet", .parts = GONIO_WAVELET_HAAR, .domain = GONIO_LINEAR},
+    {"wavelet", "cdf53", .method = "wavelet", .parts = GONIO_WAVELET_CDF53, .domain = GONIO_LOG},
+    {"hierarchical", "linear", .method = "hierarchical"},
+    {"hierarchical", "log, half-vector", .method = "hierarchical", .domain = GONIO_LOG,
+     .coordinates = GONIO_HALF_VECTOR},
+    {"homomorphic", "factors", .method = "homomorphic"},
+    {"geodesic", "facets", .method = "geodesic", .domain = GONIO_LOG},
     {"lobe-spline", "lobes alone", .domain = GONIO_LOG, .lobes = 2},
     {"lobe-spline", "linear spline", .parts = KIND_SPLINE | KIND_SIGMA},
     {"lobe-spline", "grazing factor", .domain = GONIO_LOG, .parts = KIND_SPLINE | KIND_RANGE | KIND_GRAZING},
@@ -260,7 +276,7 @@ static inline gonio_model *kind_make_bvb(const kind_maker *maker, bool isotropic
 static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotropic, int channels) {
     gonio_samples *samples = simulate_samples(isotropic ? "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
                                                         : "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.25,alpha_y=0.4",
-                                              400, channels, 1);
+                                              strcmp(maker->kind, "kernel") == 0 ? 50 : 400, channels, 1);
     gonio_fit_options options;
     gonio_model *model = NULL;
     gonio_error error = {0};
@@ -270,11 +286,17 @@ static inline gonio_model *kind_make_fitted(const kind_maker *maker, bool isotro
     options.level = isotropic ? 3 : maker->storage != NULL ? 2 : 1;
     options.domain = maker->domain;
     options.coordinates = maker->coordinates;
+    options.diffuse_level = 1;
     if (maker->storage != NULL) {
-        options.diffuse_level = 1;
         options.drop_percent = 50;
         options.storage = maker->storage;
     }
+    options.grid = options.distance = options.wavelet = maker->parts;
+    if (gonio_method_has_member(maker->method, offsetof(gonio_fit_options, fill))) { // small and quick
+        options.level = isotropic ? 2 : 1;
+        options.fill = "kernel";
+    }
+    gonio_fit_options_for(&options, maker->method);
     if (gonio_fit(samples, &options, &model, NULL, &error) != GONIO_OK) {
         simulate_die(&error);
     }

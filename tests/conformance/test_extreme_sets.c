@@ -119,7 +119,8 @@ static void check_answers(const gonio_method *method, const extreme *e, const go
 
 static struct { int fits, refusals, stuck; } counts;
 
-static void fit_one(const gonio_method *method, const extreme *e, const gonio_samples *samples) {
+static void fit_one(const gonio_method *method, const extreme *e, const gonio_samples *samples,
+                    gonio_fill_store *store) {
     gonio_fit_options o;
     gonio_fit_report report;
     gonio_error error = {0};
@@ -128,6 +129,7 @@ static void fit_one(const gonio_method *method, const extreme *e, const gonio_sa
     o.method = method->name;
     o.hold_out = 0;
     o.threads = 1;
+    o.fill_store = store; // tables are filled by one fit of the set
     for (const gonio_method_option *has = method->options; has->offset != 0; has++) {
         o.level = has->offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
         o.diffuse_level = has->offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
@@ -159,9 +161,11 @@ static void every_method_survives_every_set(void **state) {
     (void)state;
     for (size_t k = 0; k < EXTREMES; k++) {
         gonio_samples *samples = make(&extremes[k]);
+        gonio_fill_store *store = gonio_fill_store_new();
         for (int i = 0; gonio_method_at(i) != NULL; i++) {
-            fit_one(gonio_method_at(i), &extremes[k], samples);
+            fit_one(gonio_method_at(i), &extremes[k], samples, store);
         }
+        gonio_fill_store_free(store);
         gonio_samples_free(samples);
     }
     print_message("# %zu sets: %d fits, of which %d say that they did not converge, %d refusals\n", EXTREMES,

@@ -372,8 +372,8 @@ static void refused_or_finite(const char *what, size_t at, bool wild) {
 }
 
 static void cut_files(int fd, const unsigned char *bytes, size_t length) {
-    // Every multiple of 8 (of large files every 64th of them), and odd lengths beside them.
-    const size_t stride = length > SMALL ? 8 * 64 : 8;
+    // Every multiple of 8 (of large files some 40 of them), and odd lengths beside them.
+    const size_t stride = length > SMALL ? length / 320 * 8 : 8;
     for (size_t n = length - 1; n-- > 0;) {
         if (n % stride != 0 && (n + 1) % (8 * stride) > 2) {
             continue;
@@ -384,7 +384,7 @@ static void cut_files(int fd, const unsigned char *bytes, size_t length) {
     }
     // Cut, but with a head that says so: what is missing must be found by the kind. Less than 64 bytes are padding.
     put(fd, bytes, length, 0);
-    const size_t step = length > SMALL ? length / 100 : 20;
+    const size_t step = length > SMALL ? length / 40 : 20;
     for (size_t n = length - 64; n >= sizeof(gonio_model_file_head); n -= n < step ? n : step) {
         put(fd, bytes, sizeof(gonio_model_file_head), 0);
         assert_int_equal(ftruncate(fd, (off_t)n), 0);
@@ -414,9 +414,9 @@ static void flip_files(int fd, unsigned char *bytes, size_t length, int channels
     uint64_t section;
     memcpy(&section, bytes + offsetof(gonio_model_file_head, section), sizeof section);
     for (size_t at = 0; at < length; at++) {
-        // Every byte of small files; of the others the head, what says what the section is, and 200 more.
-        const bool telling = at < sizeof(gonio_model_file_head) || (at >= section && at < section + 512);
-        if (length > SMALL && !telling && simulate_uniform(&seed) * (double)length > 200) {
+        // Every byte of small files; of the others the head, what says what the section is, and 100 more.
+        const bool telling = at < sizeof(gonio_model_file_head) || (at >= section && at < section + 192);
+        if (length > SMALL && !telling && simulate_uniform(&seed) * (double)length > 100) {
             continue;
         }
         const unsigned char was = bytes[at], bit = (unsigned char)(1 << (int)(8 * simulate_uniform(&seed)));
@@ -433,8 +433,10 @@ static void flip_files(int fd, unsigned char *bytes, size_t length, int channels
 
 static void damage(const kind_maker *maker, const gonio_model *model) {
     size_t length;
-    if (maker->formula != NULL ? strcmp(maker->formula->name, "ward") != 0 : model->channels == 3) {
-        return; // the file of one formula is like another's, and that of 3 channels like those of 1 and 31
+    if (maker->formula != NULL  ? strcmp(maker->formula->name, "ward") != 0
+        : maker->isotropic_only ? model->channels == 3
+                                : model->channels != (model->isotropic ? 1 : CHANNELS_MAX)) {
+        return; // the file of one formula is like another's, that of 3 channels like those of 1 and 31
     }
     assert_int_equal(gonio_model_save(model, path, NULL), GONIO_OK);
     unsigned char *bytes = slurp(path, &length);

@@ -53,6 +53,7 @@ static gonio_fit_options quick(const gonio_method *method) {
     if (HAS(method, table_step)) {
         o.table_step = 30;
     }
+    o.fill = HAS(method, fill) ? "kernel" : NULL; // of one that costs nothing
     return o;
 }
 
@@ -190,19 +191,20 @@ static void test_forms_of_the_trade_off(void **state) {
     gonio_fit_options_default(&o);
     o.hold_out = 0;
     o.table_step = 30;
+    o.fill_store = gonio_fill_store_new(); // the tables' forms are filled once
     assert_non_null(forms);
     assert_int_equal(gonio_tradeoff_forms(forms, n), n);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < i; j++) {
-            assert_false(strcmp(forms[i].method, forms[j].method) == 0 && forms[i].level == forms[j].level &&
-                         forms[i].coordinates == forms[j].coordinates && forms[i].domain == forms[j].domain);
+            assert_false(gonio_tradeoff_rivals(&forms[i], &forms[j]) && forms[i].level == forms[j].level &&
+                         forms[i].domain == forms[j].domain);
         }
         if (forms[i].level > LEVEL) {
             continue; // as the coarse ones, in more time
         }
         gonio_tradeoff_row row;
         gonio_error error = {0};
-        assert_int_equal(gonio_tradeoff_measure(samples, &o, &forms[i], &row, &error), GONIO_OK);
+        assert_int_equal(gonio_tradeoff_measure(samples, &o, &forms[i], &row, NULL, &error), GONIO_OK);
         if (row.status != GONIO_OK) {
             fail_msg("%s: %s", forms[i].method, row.error.message);
         }
@@ -210,6 +212,7 @@ static void test_forms_of_the_trade_off(void **state) {
         assert_true(forms[i].coordinates == GONIO_COORDINATES_AUTO || forms[i].coordinates == row.report.coordinates);
         assert_true(forms[i].domain == GONIO_DOMAIN_AUTO || forms[i].domain == row.report.domain);
     }
+    gonio_fill_store_free(o.fill_store);
     free(forms);
     gonio_samples_free(samples);
 }

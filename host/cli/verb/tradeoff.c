@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gonio tradeoff: every method on the same samples; a CSV, two plots, the Pareto front.
+// gonio tradeoff: every method on the same samples; a CSV, plots, the Pareto front.
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -13,9 +13,11 @@
 #include "host/cli/apart.h"
 #include "host/cli/input.h"
 #include "host/cli/tradeoff_plot.h"
+#include "host/cli/tradeoff_run.h"
 
 typedef struct table {
-    gonio_tradeoff_row *rows;
+    cli_tradeoff_table measured;
+    gonio_tradeoff_row *rows; // of it
     size_t n;
     gonio_coverage coverage;
 } table;
@@ -51,13 +53,13 @@ static gonio_status write_csv(const table *t, const char *path, gonio_error *err
         return status;
     }
     FILE *f = gonio_output_stream(output);
-    fputs("method,level,options,fit_seconds,eval_ns,batch_ns,bytes", f);
+    fputs("method,level,options,fit_seconds,eval_ns,batch_ns,bytes,file_bytes", f);
     for (int side = 0; side < 2; side++) {
         for (const cli_figure *figure = cli_figures; figure->name != NULL; figure++) {
             fprintf(f, ",%s_%s", side == 0 ? "train" : "held_out", figure->name);
         }
     }
-    fputs(",pareto\n", f);
+    fputs(",image_error,pareto\n", f);
     for (size_t i = 0; i < t->n; i++) {
         const gonio_tradeoff_row *r = &t->rows[i];
         if (r->status != GONIO_OK) {
@@ -71,95 +73,25 @@ static gonio_status write_csv(const table *t, const char *path, gonio_error *err
         fprintf(f, "%s,%d,%s,%.4g", r->form.method, r->report.level, text, r->report.fit_seconds);
         print_number(f, r->eval_ns);
         print_number(f, r->batch_ns);
-        fprintf(f, ",%zu", r->report.bytes);
+        fprintf(f, ",%zu,%zu", r->report.bytes, r->file_bytes);
         print_errors(f, &r->report.train);
         print_errors(f, &r->report.held_out);
+        print_number(f, r->image_error);
         fprintf(f, ",%s\n", r->pareto ? "true" : "false");
     }
     return gonio_output_commit(output, error);
 }
 
-static const char *const files[] = {"tradeoff.csv", "error_bytes.png", "error_ns.png", NULL};
+static const char *const files[] = {"tradeoff.csv", "error_bytes.png", "error_ns.png", "error_seconds.png", NULL};
 
 static gonio_status write_all(const table *t, const char *folder, gonio_error *error) {
     char path[4096];
     snprintf(path, sizeof path, "%s/%s", folder, files[0]);
     gonio_status status = write_csv(t, path, error);
-    if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/%s", folder, files[1]);
-        status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_BYTES, path, error);
+    for (int axis = CLI_TRADEOFF_BYTES; axis <= CLI_TRADEOFF_SECONDS && status == GONIO_OK; axis++) {
+        snprintf(path, sizeof path, "%s/%s", folder, files[1 + axis]);
+        status = cli_tradeoff_plot(t->rows, t->n, (cli_tradeoff_axis)axis, path, error);
     }
-    if (status == GONIO_OK) {
-        snprintf(path, sizeof path, "%s/%s", folder, files[2]);
-        status = cli_tradeoff_plot(t->rows, t->n, CLI_TRADEOFF_NS, path, error);
-    }
-    return status;
-}
-
-static bool keep_going(void *context, double fraction, const char *what, double error_now) {
-    (void)context;
-    (void)fraction;
-    (void)what;
-    (void)error_now;
-    return !cli_interrupted();
-}
-
-// Is the method in a list with commas between the names? NULL: every one is.
-static bool listed(const char *list, const char *method) {
-    const size_t length = strlen(method);
-    for (const char *at = list; at != NULL && *at != 0; at += strcspn(at, ","), at += *at == ',') {
-        if (strcspn(at, ",") == length && strncmp(at, method, length) == 0) {
-            return true;
-        }
-    }
-    return list == NULL;
-}
-
-// The first name of the list that is no method's, NULL where all are.
-static const char *unknown(const char *list, char *name, size_t size) {
-    for (const char *at = list; at != NULL && *at != 0; at += strcspn(at, ","), at += *at == ',') {
-        snprintf(name, size, "%.*s", (int)strcspn(at, ","), at);
-        const char *found = name;
-        if (gonio_method_find(&found) == NULL) {
-            return name;
-        }
-    }
-    return list != NULL && list[0] == 0 ? "" : NULL;
-}
-
-static size_t keep_listed(gonio_tradeoff_form *forms, size_t n, const char *list) {
-    size_t kept = 0;
-    for (size_t i = 0; i < n; i++) {
-        if (listed(list, forms[i].method)) {
-            forms[kept++] = forms[i];
-        }
-    }
-    return kept;
-}
-
-static gonio_status measure(const gonio_samples *samples, gonio_fit_options *options, const char *methods, table *t,
-                            gonio_error *error) {
-    size_t n = gonio_tradeoff_forms(NULL, 0);
-    gonio_tradeoff_form *forms = malloc(n * sizeof *forms);
-    t->rows = calloc(n, sizeof *t->rows);
-    gonio_status status =
-        forms != NULL && t->rows != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu rows", n);
-    if (status == GONIO_OK) {
-        n = keep_listed(forms, gonio_tradeoff_forms(forms, n), methods);
-    }
-    cli_progress progress;
-    cli_progress_start(&progress, "tradeoff", (double)n);
-    options->progress = keep_going;
-    for (; t->n < n && status == GONIO_OK; t->n++) {
-        cli_progress_update(&progress, (double)t->n, forms[t->n].method, NAN);
-        status = gonio_tradeoff_measure(samples, options, &forms[t->n], &t->rows[t->n], error);
-        if (status == GONIO_OK && cli_interrupted()) {
-            status = gonio_fail(error, GONIO_E_INTERRUPTED, "stopped after %zu of %zu rows", t->n + 1, n);
-        }
-    }
-    cli_progress_end(&progress);
-    gonio_tradeoff_mark_pareto(t->rows, t->n);
-    free(forms);
     return status;
 }
 
@@ -175,24 +107,26 @@ static json_t *to_json(const table *t, const char *input) {
         char text[512];
         describe(r, text, sizeof text);
         json_array_append_new(
-            rows, json_pack("{s:s,s:i,s:s,s:o,s:o,s:o,s:I,s:o,s:o,s:b}", "method", r->form.method, "level",
+            rows, json_pack("{s:s,s:i,s:s,s:o,s:o,s:o,s:I,s:I,s:o,s:o,s:o,s:b}", "method", r->form.method, "level",
                             r->report.level, "options", text, "fit_seconds", cli_json_real(r->report.fit_seconds),
                             "eval_ns", cli_json_real(r->eval_ns), "batch_ns", cli_json_real(r->batch_ns), "bytes",
-                            (json_int_t)r->report.bytes, "train", cli_json_errors(&r->report.train), "held_out",
+                            (json_int_t)r->report.bytes, "file_bytes", (json_int_t)r->file_bytes, "image_error",
+                            cli_json_real(r->image_error), "train", cli_json_errors(&r->report.train), "held_out",
                             cli_json_errors(&r->report.held_out), "pareto", (int)r->pareto));
     }
-    return json_pack("{s:s,s:o,s:o,s:o}", "input", input, "rows", rows, "failed", failed, "sampled",
+    return json_pack("{s:s,s:o,s:o,s:I,s:s,s:o}", "input", input, "rows", rows, "failed", failed, "not_reached",
+                     (json_int_t)t->measured.left, "image_reference", t->measured.reference, "sampled",
                      cli_json_coverage(&t->coverage));
 }
 
 static void print(const table *t, const char *folder) {
     cli_print_coverage(&t->coverage);
-    printf("%-19s %5s %9s %9s %9s %10s %10s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel", "rms_log",
-           "form (held-out errors; * none better in error, bytes and ns)");
+    printf("%-20s %5s %9s %9s %9s %10s %10s  %9s  %s\n", "method", "level", "fit s", "ns", "kB", "median_rel",
+           "rms_log", "image", "form (held-out errors; * none better in error, bytes and ns)");
     for (size_t i = 0; i < t->n; i++) {
         const gonio_tradeoff_row *r = &t->rows[i];
         if (r->status != GONIO_OK) {
-            printf("%-19s %5d  failed: %s\n", r->form.method, r->form.level, cli_text(r->error.message));
+            printf("%-20s %5d  failed: %s\n", r->form.method, r->form.level, cli_text(r->error.message));
             continue;
         }
         const gonio_errors *e = r->report.held_out.samples > 0 ? &r->report.held_out : &r->report.train;
@@ -202,10 +136,15 @@ static void print(const table *t, const char *folder) {
         if (gonio_method_has_member(r->form.method, offsetof(gonio_fit_options, level))) {
             snprintf(level, sizeof level, "%d", r->report.level);
         }
-        printf("%-19s %5s %9.3g %9.3g %9.4g %10.4g %10.4g%c %s\n", r->form.method, level, r->report.fit_seconds,
-               r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log, r->pareto ? '*' : ' ', text);
+        printf("%-20s %5s %9.3g %9.3g %9.4g %10.4g %10.4g%c %9.3g  %s\n", r->form.method, level, r->report.fit_seconds,
+               r->eval_ns, (double)r->report.bytes / 1024, e->median_rel, e->rms_log, r->pareto ? '*' : ' ',
+               r->image_error, text);
     }
-    printf("%s/tradeoff.csv, error_bytes.png, error_ns.png\n", folder);
+    printf("image: mean distance of 8-bit colours in four pictures, against %s\n", t->measured.reference);
+    if (t->measured.left > 0) {
+        printf("the budget left %zu forms out\n", t->measured.left);
+    }
+    printf("%s/tradeoff.csv, error_bytes.png, error_ns.png, error_seconds.png\n", folder);
 }
 
 static gonio_status prepare(const char *folder, gonio_error *error) {
@@ -216,19 +155,32 @@ static gonio_status prepare(const char *folder, gonio_error *error) {
 }
 
 typedef struct request {
-    const char *input, *folder, *methods;
+    const char *input, *folder, *truth;
+    cli_tradeoff_request how;
 } request;
 
-static int work(const request *what, const cli_input *in, gonio_fit_options *fit, const cli_common *common) {
+static gonio_status measure_and_write(request *what, const gonio_samples *samples, gonio_fit_options *fit, table *t,
+                                      gonio_error *error) {
+    gonio_model *truth = NULL;
+    gonio_status status = what->truth != NULL ? gonio_model_resolve(what->truth, &truth, error) : GONIO_OK;
+    what->how.truth = truth;
+    status = status == GONIO_OK ? gonio_coverage_of(samples, &t->coverage, error) : status;
+    status = status == GONIO_OK ? prepare(what->folder, error) : status;
+    status = status == GONIO_OK ? cli_tradeoff_run(samples, fit, &what->how, &t->measured, error) : status;
+    t->rows = t->measured.rows;
+    t->n = t->measured.n;
+    status = status == GONIO_OK ? write_all(t, what->folder, error) : status;
+    gonio_model_free(truth);
+    return status;
+}
+
+static int work(request *what, const cli_input *in, gonio_fit_options *fit, const cli_common *common) {
     gonio_error error = {.line = -1, .byte = -1};
     gonio_samples *samples;
     table t = {0};
     gonio_status status = cli_input_read(what->input, in, common, &samples, &error);
     if (status == GONIO_OK) {
-        status = gonio_coverage_of(samples, &t.coverage, &error);
-        status = status == GONIO_OK ? prepare(what->folder, &error) : status;
-        status = status == GONIO_OK ? measure(samples, fit, what->methods, &t, &error) : status;
-        status = status == GONIO_OK ? write_all(&t, what->folder, &error) : status;
+        status = measure_and_write(what, samples, fit, &t, &error);
         gonio_samples_free(samples);
     }
     int exit_status = 0;
@@ -247,11 +199,15 @@ static int run(int argc, char **argv) {
     cli_input in = {0};
     gonio_fit_options fit;
     gonio_fit_options_default(&fit);
-    const char *folder = NULL, *methods = NULL, *input;
+    request what = {0};
+    const char *input;
     char name[64];
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &folder, NULL, "DIR", "folder for tradeoff.csv and the plots"},
-        {"methods", 0, CLI_TEXT, &methods, NULL, "LIST", "only these, with commas between them (all)"},
+        {"output", 'o', CLI_TEXT, &what.folder, NULL, "DIR", "folder for tradeoff.csv and the plots"},
+        {"methods", 0, CLI_TEXT, &what.how.methods, NULL, "LIST", "only these, with commas between them (all)"},
+        {"all-forms", 0, CLI_FLAG, &what.how.all_forms, NULL, NULL, "every domain, instead of the better one of each"},
+        {"budget", 0, CLI_DOUBLE, &what.how.budget, NULL, "SECONDS", "stop then; the methods take turns"},
+        {"truth", 0, CLI_TEXT, &what.truth, NULL, "MODEL", "what pictures are compared with (the most accurate row)"},
         {"hold-out", 0, CLI_DOUBLE, &fit.hold_out, NULL, "FRACTION", "of the geometries (0.2); 0: none"},
         {"folds", 0, CLI_INT, &fit.folds, NULL, "K", "K-fold errors instead of one hold-out"},
         CLI_INPUT_OPTIONS(in),
@@ -262,20 +218,23 @@ static int run(int argc, char **argv) {
     if (!cli_parse(&cmd_tradeoff, options, argc, argv, &input, 1, 1, &count, &common)) {
         return 2;
     }
-    if (folder == NULL) {
+    if (what.folder == NULL) {
         return cli_usage(&common, "tradeoff: where to? -o DIR");
     }
-    const char *none = unknown(methods, name, sizeof name);
+    if (!(what.how.budget >= 0)) {
+        return cli_usage(&common, "tradeoff: --budget %g; expected seconds, 0 or more", what.how.budget);
+    }
+    const char *none = cli_tradeoff_unknown(what.how.methods, name, sizeof name);
     if (none != NULL) {
         return cli_usage(&common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", none);
     }
-    if (!cli_apart_folder(&common, folder, files)) {
+    if (!cli_apart_folder(&common, what.folder, files)) {
         return 2;
     }
     cli_catch_interrupts();
     fit.seed = common.seed;
     fit.threads = common.threads;
-    const request what = {input, folder, methods};
+    what.input = input;
     return work(&what, &in, &fit, &common);
 }
 
