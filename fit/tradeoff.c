@@ -55,11 +55,15 @@ size_t gonio_tradeoff_forms(gonio_tradeoff_form *forms, size_t limit) {
 static gonio_status apply(const char *with, gonio_fit_options *options, gonio_error *error) {
     gonio_status status = GONIO_OK;
     for (const char *at = with; at != NULL && *at != 0 && status == GONIO_OK; at += strspn(at, " ")) {
-        char name[32], value[32];
+        char value[32];
         const size_t length = strcspn(at, " "), split = strcspn(at, "=");
-        snprintf(name, sizeof name, "%.*s", (int)split, at);
-        snprintf(value, sizeof value, "%.*s", (int)(length - split - 1), at + split + 1);
-        status = gonio_key_parse(gonio_key_find(gonio_fit_keys, NULL, name), options, value, error);
+        const gonio_key *key = gonio_fit_keys;
+        while (key->name != NULL && (strncmp(key->name, at, split) != 0 || key->name[split] != 0)) {
+            key++;
+        }
+        snprintf(value, sizeof value, "%.*s", split < length ? (int)(length - split - 1) : 0, at + split + 1);
+        status = key->name != NULL ? gonio_key_parse(key, options, value, error)
+                                   : gonio_fail(error, GONIO_E_USAGE, "'%s': no such option of a fit", at);
         at += length;
     }
     return status;

@@ -244,6 +244,7 @@ static gonio_fit_options quick(const gonio_method *method) {
     for (int k = 0; k < GONIO_FIT_KEYS; k++) {
         const bool has = gonio_method_has(method, &gonio_fit_keys[k]);
         o.level = has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
+        o.fill = has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, fill) ? "kernel" : o.fill;
         o.diffuse_level =
             has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
     }

@@ -15,7 +15,7 @@ options_of fit | grep -vxE 'output|physical' >"$work/fit"
 options_of measure >"$work/measure"
 check "there are options" [ "$(wc -l <"$work/fit")" -gt 15 ]
 check "measure has every one of them" sh -c "[ -z \"\$(comm -23 '$work/fit' '$work/measure')\" ]"
-"$GONIO" fit --help | sed -n '/^  --method/,/^  --table-step/p' >"$work/help"
+"$GONIO" fit --help | sed -n '/^  --method/,/^  --distance/p' >"$work/help"
 check "docs/fitting.md has them as --help prints them" sh -c \
     "awk '/^  --method/ { on = 1 } /^\`\`\`/ { on = 0 } on' docs/fitting.md | cmp - '$work/help'"
 

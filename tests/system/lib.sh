@@ -110,6 +110,10 @@ make_kind() {
     koenderink) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method koenderink --hold-out 0 ;;
     harmonics) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method spherical-harmonics --hold-out 0 ;;
     bvb) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method bvb --table-step 5 --hold-out 0 ;;
+    table | separable | wavelet | geodesic)
+        "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method "$1" --fill kernel --hold-out 0
+        ;;
+    kernel | hierarchical | homomorphic) "$GONIO" fit "$work/samples.csv" -o "$work/model.gonio" --method "$1" --hold-out 0 ;;
     transformed)
         "$GONIO" convert spec:ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4 "$work/whole.gonio" &&
             "$GONIO" check "$work/whole.gonio" --apply isotropy -o "$work/model.gonio"
