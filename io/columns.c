@@ -101,6 +101,9 @@ static gonio_status refuse_column(const gonio_text *text, const char *name, int 
                                "rename it if it is",
                                column + 1, name);
     }
+    if (name[0] == 0) {
+        return gonio_text_fail(text, error, "column %d: expected a channel name, found none", column + 1);
+    }
     return role == GONIO_COLUMN_FOREIGN
                ? gonio_text_fail(text, error, "column %d: '%.60s' is no f_r in 1/sr; rename it if it is", column + 1,
                                  name)

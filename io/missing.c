@@ -10,11 +10,13 @@
 // The same holds for any other value that many rows share, such as what a detector's floor leaves, where it is far
 // below what its neighbours on all sides agree on. The nearest are sought over the distance of the incident and the
 // outgoing direction vectors, isotropic sets turned to phi_i = 0.
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/nearest.h"
+#include "base/number.h"
 #include "base/statistics.h"
 #include "base/vector.h"
 #include "io/format.h"
@@ -300,6 +302,19 @@ static gonio_status look_for_shared(gonio_samples **samples, long long *lines, b
 
 // ---- numbers that programs fill with ----
 
+// 1e30, 9.96921e36 or the largest of a type, to the digits that programs write.
+static bool is_huge(double v) {
+    static const double largest[] = {FLT_MAX, DBL_MAX, 9.969209968386869e36}; // the last of netCDF
+    for (size_t k = 0; k < sizeof largest / sizeof *largest; k++) {
+        if (fabs(v / largest[k] - 1) < 1e-5) {
+            return true;
+        }
+    }
+    char text[32];
+    gonio_number_format(text, sizeof text, "%.5e", v);
+    return v >= 1e10 && gonio_number_parse(text, NULL) == v;
+}
+
 // 99, 999.9, 4095, 65535, 1e10: a number that is written, not measured.
 static bool is_fill(double v) {
     char text[32];
@@ -309,7 +324,7 @@ static bool is_fill(double v) {
     }
     int exponent;
     const double one = frexp(v + 1, &exponent);
-    return v >= 1e10 || (v >= 255 && one == 0.5) || (v >= 1e4 && fmod(log10(v), 1) == 0);
+    return is_huge(v) || (v >= 255 && one == 0.5) || (v >= 1e4 && fmod(log10(v), 1) == 0);
 }
 
 // The largest value of a channel, how often it stands there, and the largest below it.

@@ -232,8 +232,19 @@ static void channels_are_declared(void **state) {
 
 static void numbers_that_stand_for_none(void **state) {
     (void)state;
-    static const char *const fills[] = {"99",   "999",   "9999", "99999", "999.9",
-                                        "4095", "65535", "1e10", "1e20",  "1e300"};
+    static const char *const fills[] = {"99",
+                                        "999",
+                                        "9999",
+                                        "99999",
+                                        "999.9",
+                                        "4095",
+                                        "65535",
+                                        "1e10",
+                                        "1e20",
+                                        "1e300",
+                                        "3.4028235e38",
+                                        "9.96921e36",
+                                        "1.7976931348623157e308"};
     char text[400], notes[4096];
     for (size_t k = 0; k < sizeof fills / sizeof *fills; k++) {
         snprintf(text, sizeof text, HEADER ",r\n1,0,2,0,1\n1,0,3,0,%s\n1,0,4,0,%s\n1,0,5,0,2\n1,0,6,0,3\n", fills[k],
@@ -246,6 +257,10 @@ static void numbers_that_stand_for_none(void **state) {
     // A peak may be any number.
     gonio_samples *s = read_text(HEADER ",r\n1,0,2,0,1\n1,0,3,0,60\n1,0,4,0,99\n1,0,5,0,2\n", notes);
     assert_true(s->n == 4 && notes[0] == 0);
+    gonio_samples_free(s);
+    // And what has all digits of a double was computed.
+    s = read_text(HEADER ",r\n1,0,2,0,1\n1,0,3,0,2\n1,0,4,0,1.2345678912345e20\n1,0,5,0,2\n", notes);
+    assert_true(s->n == 4);
     gonio_samples_free(s);
     refused(HEADER ",r\n1,0,2,0,-5\n1,0,3,0,1\n", "--missing -5");
 }
