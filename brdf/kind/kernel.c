@@ -289,17 +289,11 @@ static gonio_status make(const kernel_model *like, bool isotropic, int channels,
     return GONIO_OK;
 }
 
-gonio_status gonio_kernel_model_new(const gonio_kernel_parts *p, gonio_model **out, gonio_error *error) {
-    const int dims = dims_of(p->distance, p->isotropic);
-    const size_t channels = (size_t)p->channels, d = (size_t)dims;
+// The samples in the tree's order.
+static bool arrange(const gonio_kernel_parts *p, size_t dims, float *places, float *values) {
+    const size_t channels = (size_t)p->channels;
     entry *entries = malloc(p->n * sizeof *entries);
-    float *places = malloc(p->n * d * sizeof *places), *values = malloc(p->n * channels * sizeof *values);
-    gonio_status status = GONIO_OK;
-    *out = NULL;
-    if (entries == NULL || places == NULL || values == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples in a tree", p->n);
-    }
-    for (size_t i = 0; i < p->n && status == GONIO_OK; i++) {
+    for (size_t i = 0; i < p->n && entries != NULL; i++) {
         const gonio_pair *pair = &p->pairs[i];
         double x[GONIO_KERNEL_DIMS_MAX] = {0};
         locate(p->distance, p->isotropic, gonio_direction(pair->theta_i, pair->phi_i),
@@ -309,25 +303,38 @@ gonio_status gonio_kernel_model_new(const gonio_kernel_parts *p, gonio_model **o
             entries[i].place[k] = (float)x[k];
         }
     }
-    if (status == GONIO_OK) {
-        build(entries, 0, p->n, 0, dims);
-        for (size_t i = 0; i < p->n; i++) {
-            memcpy(places + i * d, entries[i].place, d * sizeof *places);
-            for (size_t c = 0; c < channels; c++) {
-                values[i * channels + c] = (float)p->values[entries[i].sample * channels + c];
-            }
+    if (entries != NULL) {
+        build(entries, 0, p->n, 0, (int)dims);
+    }
+    for (size_t i = 0; i < p->n && entries != NULL; i++) {
+        memcpy(places + i * dims, entries[i].place, dims * sizeof *places);
+        for (size_t c = 0; c < channels; c++) {
+            values[i * channels + c] = (float)p->values[entries[i].sample * channels + c];
         }
+    }
+    const bool arranged = entries != NULL;
+    free(entries);
+    return arranged;
+}
+
+gonio_status gonio_kernel_model_new(const gonio_kernel_parts *p, gonio_model **out, gonio_error *error) {
+    const size_t dims = (size_t)dims_of(p->distance, p->isotropic);
+    float *places = malloc(p->n * dims * sizeof *places);
+    float *values = malloc(p->n * (size_t)p->channels * sizeof *values);
+    kernel_model *m = NULL;
+    gonio_status status = places != NULL && values != NULL && arrange(p, dims, places, values)
+                              ? GONIO_OK
+                              : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu samples in a tree", p->n);
+    if (status == GONIO_OK) {
         const kernel_model like = {.distance = p->distance,
-                                   .dims = dims,
+                                   .dims = (int)dims,
                                    .neighbours = p->neighbours,
                                    .n = p->n,
                                    .places = places,
                                    .values = values};
-        kernel_model *m;
         status = make(&like, p->isotropic, p->channels, p->kind, p->transforms, p->names, &m, error);
-        *out = status == GONIO_OK ? &m->channels.head : NULL;
     }
-    free(entries);
+    *out = status == GONIO_OK ? &m->channels.head : NULL;
     if (status != GONIO_OK) {
         free(places);
         free(values);

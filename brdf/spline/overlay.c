@@ -1,19 +1,28 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "brdf/spline/overlay.h"
 
-// One brick's part: the control points of the cell that lie in it.
+// One brick's part: the control points of the cell that lie in it, from first to last of each axis.
 static void add_brick(const gonio_overlay *o, const float *brick, const size_t *first, const size_t *at,
                       double weights[4][4], double *sums) {
-    const size_t points = gonio_overlay_brick_points(o->dims);
-    for (size_t k = 0; k < points; k++) {
+    size_t low[4], n[4], count = 1;
+    for (int d = 0; d < o->dims; d++) {
+        low[d] = first[d] > 4 * at[d] ? first[d] - 4 * at[d] : 0;
+        const size_t high = first[d] + 3 - 4 * at[d];
+        n[d] = (high < 3 ? high : 3) - low[d] + 1;
+        count *= n[d];
+    }
+    for (size_t k = 0; k < count; k++) {
         double weight = 1;
-        size_t rest = k;
-        for (int d = o->dims - 1; d >= 0 && weight != 0; d--, rest /= 4) {
-            const size_t place = 4 * at[d] + rest % 4 - first[d]; // wraps to a large number before the cell
-            weight *= place < 4 ? weights[d][place] : 0;
+        size_t rest = k, point = 0, stride = 1;
+        for (int d = o->dims - 1; d >= 0; d--, stride *= 4) {
+            const size_t place = low[d] + rest % n[d];
+            rest /= n[d];
+            point += place * stride;
+            weight *= weights[d][4 * at[d] + place - first[d]];
         }
-        for (size_t c = 0; weight != 0 && c < o->channels; c++) {
-            sums[c] += weight * (double)brick[k * o->channels + c];
+        const float *values = brick + point * o->channels;
+        for (size_t c = 0; c < o->channels; c++) {
+            sums[c] += weight * (double)values[c];
         }
     }
 }

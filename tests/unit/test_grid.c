@@ -115,49 +115,56 @@ static void nothing_has_an_edge(void **state) {
 }
 
 // Methods through the public door, filled by a fit that is exact for what it is given: the kernel with one neighbour.
+static gonio_model *filled(const gonio_samples *samples, const char *method, int system, int level) {
+    gonio_fit_options o;
+    gonio_model *model;
+    gonio_fit_options_default(&o);
+    o.hold_out = 0;
+    o.fill = "kernel";
+    o.level = level;
+    o.grid = system;
+    o.method = method;
+    assert_int_equal(gonio_fit(samples, &o, &model, NULL, NULL), GONIO_OK);
+    return model;
+}
+
+static void check_spline(const gonio_samples *samples, int dims, int system) {
+    const gonio_grid grid = gonio_grid_of((gonio_grid_system)system, dims, 6 - dims);
+    gonio_model *table = filled(samples, "table", system, grid.level);
+    gonio_model *spline = filled(samples, "interpolating-spline", system, grid.level);
+    gonio_model *mesh = filled(samples, "control-mesh", system, grid.level);
+    double apart = 0;
+    for (size_t node = 0; node < grid.count; node++) {
+        gonio_vec3 wi, wo;
+        double a[2], b[2], c[2];
+        gonio_grid_node(&grid, node, &wi, &wo);
+        if (wi.z < 1e-6 || wo.z < 1e-6 || (wi.z > 0.999 && dims == 3) || wo.z > 0.999) {
+            continue; // the kernel jumps between samples, so a pole's nodes need not agree to rounding
+        }
+        gonio_model_eval(table, wi, wo, a);
+        gonio_model_eval(spline, wi, wo, b);
+        gonio_model_eval(mesh, wi, wo, c);
+        if (!(fabs(a[1] - b[1]) <= 1e-4 * a[1])) {
+            fail_msg("grid %d, %d-D, node %zu: %.9g, the spline %.9g", system, dims, node, a[1], b[1]);
+        }
+        apart = fmax(apart, fabs(c[1] - a[1]));
+    }
+    assert_true(apart > 1e-3); // the control mesh does not
+    gonio_model_free(table);
+    gonio_model_free(spline);
+    gonio_model_free(mesh);
+}
+
 static void splines_go_through_their_samples(void **state) {
     (void)state;
     for (int dims = 3; dims <= 4; dims++) {
+        gonio_samples *samples = simulate_samples(dims == 3 ? "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
+                                                            : "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4",
+                                                  60, 2, 4);
         for (int system = 0; system < GONIO_GRIDS; system++) {
-            gonio_samples *samples = simulate_samples(dims == 3 ? "ward:rho_d=0.3,rho_s=0.2,alpha=0.3"
-                                                                : "ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.4",
-                                                      60, 2, 4);
-            gonio_fit_options o;
-            gonio_model *table, *spline, *mesh;
-            gonio_fit_options_default(&o);
-            o.hold_out = 0;
-            o.fill = "kernel";
-            o.level = 4 - dims + 2;
-            o.grid = system;
-            o.method = "table";
-            assert_int_equal(gonio_fit(samples, &o, &table, NULL, NULL), GONIO_OK);
-            o.method = "interpolating-spline";
-            assert_int_equal(gonio_fit(samples, &o, &spline, NULL, NULL), GONIO_OK);
-            o.method = "control-mesh";
-            assert_int_equal(gonio_fit(samples, &o, &mesh, NULL, NULL), GONIO_OK);
-            const gonio_grid grid = gonio_grid_of((gonio_grid_system)system, dims, o.level);
-            double apart = 0;
-            for (size_t node = 0; node < grid.count; node++) {
-                gonio_vec3 wi, wo;
-                double a[2], b[2], c[2];
-                gonio_grid_node(&grid, node, &wi, &wo);
-                if (wi.z < 1e-6 || wo.z < 1e-6 || (wi.z > 0.999 && dims == 3) || wo.z > 0.999) {
-                    continue; // the kernel jumps between samples, so a pole's nodes need not agree to rounding
-                }
-                gonio_model_eval(table, wi, wo, a);
-                gonio_model_eval(spline, wi, wo, b);
-                gonio_model_eval(mesh, wi, wo, c);
-                if (!(fabs(a[1] - b[1]) <= 1e-4 * a[1])) {
-                    fail_msg("grid %d, %d-D, node %zu: %.9g, the spline %.9g", system, dims, node, a[1], b[1]);
-                }
-                apart = fmax(apart, fabs(c[1] - a[1]));
-            }
-            assert_true(apart > 1e-3); // the control mesh does not
-            gonio_model_free(table);
-            gonio_model_free(spline);
-            gonio_model_free(mesh);
-            gonio_samples_free(samples);
+            check_spline(samples, dims, system);
         }
+        gonio_samples_free(samples);
     }
 }
 
@@ -239,72 +246,74 @@ static double distance_of(const gonio_kernel_parts *parts, const gonio_pair *p, 
     return distance;
 }
 
-// Against a look at all of them: the mean of the nearest, without the sample itself.
+#define SAMPLES 257
+#define NEAREST 5
+
+// The value at p of a model of those samples alone that a look at all of them finds to be the nearest.
+static double mean_of_nearest(const gonio_kernel_parts *parts, const gonio_pair *p) {
+    double best[NEAREST], values[NEAREST], value;
+    gonio_pair near[NEAREST];
+    for (int at = 0; at < NEAREST; at++) {
+        best[at] = INFINITY;
+    }
+    for (size_t k = 0; k < parts->n; k++) {
+        const double distance = distance_of(parts, p, &parts->pairs[k]);
+        int at = NEAREST;
+        for (; at > 0 && distance < best[at - 1]; at--) {
+            if (at < NEAREST) {
+                best[at] = best[at - 1];
+                near[at] = near[at - 1];
+                values[at] = values[at - 1];
+            }
+        }
+        if (at < NEAREST) {
+            best[at] = distance;
+            near[at] = parts->pairs[k];
+            values[at] = parts->values[k];
+        }
+    }
+    gonio_kernel_parts few = *parts;
+    gonio_model *small;
+    few.n = NEAREST;
+    few.neighbours = NEAREST;
+    few.pairs = near;
+    few.values = values;
+    assert_int_equal(gonio_kernel_model_new(&few, &small, NULL), GONIO_OK);
+    gonio_model_eval_pair(small, p, &value);
+    gonio_model_free(small);
+    return value;
+}
+
 static void the_tree_finds_the_nearest(void **state) {
     (void)state;
+    static const gonio_transform plain = {1, 0};
+    static const char name[1][32] = {"y"};
     for (int form = 0; form < 4; form++) {
-        enum { N = 257 };
-        gonio_pair pairs[N];
-        double values[N];
+        gonio_pair pairs[SAMPLES];
+        double values[SAMPLES];
         uint64_t seed = 6;
-        static const gonio_transform plain = {1, 0};
-        static const char name[1][32] = {"y"};
-        for (int k = 0; k < N; k++) {
+        for (int k = 0; k < SAMPLES; k++) {
             pairs[k] = simulate_pair(&seed, form & 1);
             values[k] = k;
         }
-        const gonio_kernel_parts parts = {.n = N,
-                                          .pairs = pairs,
-                                          .values = values,
-                                          .distance = (gonio_distance)(form >> 1),
-                                          .neighbours = 1,
-                                          .isotropic = form & 1,
-                                          .channels = 1,
-                                          .kind = GONIO_TRANSFORM_LINEAR,
-                                          .transforms = &plain,
-                                          .names = name};
+        const gonio_kernel_parts parts = {
+            SAMPLES, pairs, values, (gonio_distance)(form >> 1), 1, form & 1, 1, GONIO_TRANSFORM_LINEAR, &plain, name};
         gonio_model *model;
         assert_int_equal(gonio_kernel_model_new(&parts, &model, NULL), GONIO_OK);
-        for (int k = 0; k < N; k++) { // the nearest to a sample is the sample
+        for (int k = 0; k < SAMPLES; k++) { // the nearest to a sample is the sample
             double value;
             gonio_model_eval_pair(model, &pairs[k], &value);
             assert_true(value == values[k]);
         }
-        gonio_kernel_model_set_neighbours(model, 5);
+        gonio_kernel_model_set_neighbours(model, NEAREST);
         for (int q = 0; q < 100; q++) {
             const gonio_pair p = simulate_pair(&seed, form & 1);
-            double value, whole;
+            const double expected = mean_of_nearest(&parts, &p);
+            double value;
             gonio_model_eval_pair(model, &p, &value);
-            // The same of a model of the five alone that are nearest by a look at all.
-            double best[5] = {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
-            gonio_pair near[5];
-            double near_values[5];
-            for (int k = 0; k < N; k++) {
-                const double distance = distance_of(&parts, &p, &pairs[k]);
-                for (int at = 0; at < 5; at++) {
-                    if (distance < best[at]) {
-                        memmove(best + at + 1, best + at, (size_t)(4 - at) * sizeof *best);
-                        memmove(near + at + 1, near + at, (size_t)(4 - at) * sizeof *near);
-                        memmove(near_values + at + 1, near_values + at, (size_t)(4 - at) * sizeof *near_values);
-                        best[at] = distance;
-                        near[at] = pairs[k];
-                        near_values[at] = values[k];
-                        break;
-                    }
-                }
+            if (!(fabs(expected - value) < 1e-9)) {
+                fail_msg("form %d, pair %d: %.12g, of all %.12g", form, q, value, expected);
             }
-            gonio_kernel_parts five = parts;
-            gonio_model *small;
-            five.n = 5;
-            five.neighbours = 5;
-            five.pairs = near;
-            five.values = near_values;
-            assert_int_equal(gonio_kernel_model_new(&five, &small, NULL), GONIO_OK);
-            gonio_model_eval_pair(small, &p, &whole);
-            if (!(fabs(whole - value) < 1e-9)) {
-                fail_msg("form %d, pair %d: %.12g, of all %.12g", form, q, value, whole);
-            }
-            gonio_model_free(small);
         }
         gonio_model_free(model);
     }
