@@ -16,6 +16,8 @@
 #include "host/cli/cli.h"
 #include "scene/model_pictures.h"
 
+#define LEVEL_MAX_4D 5
+
 typedef enum state { WAITING, MEASURED, LEFT_OUT } state;
 
 typedef struct run {
@@ -247,7 +249,9 @@ static gonio_status prepare(run *r, gonio_error *error) {
     }
     gonio_tradeoff_forms(r->forms, all);
     for (size_t i = 0; i < all; i++) {
-        if (listed(r->request->methods, r->forms[i].method)) {
+        // A lattice of level 7 has 1.2 GB a channel in four dimensions.
+        const bool small = r->samples->isotropic || r->request->all_forms || r->forms[i].level <= LEVEL_MAX_4D;
+        if (small && listed(r->request->methods, r->forms[i].method)) {
             r->forms[r->n++] = r->forms[i];
         }
     }
