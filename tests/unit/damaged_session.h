@@ -34,7 +34,7 @@ static gonio_exposure make_exposure(int64_t step, int frame) {
 static gonio_samples *make_samples(int64_t step) {
     gonio_samples *samples;
     assert_int_equal(gonio_samples_new(1, true, &samples, NULL), GONIO_OK);
-    strcpy(samples->channel_names[0], "luminance");
+    strcpy(samples->channel_names[0], "y");
     const gonio_pair pair = {0.01 * (double)step, 0, 0.5, 1};
     const double v = 0.3 + 0.01 * (double)step, r = 0.01, s = 0.02;
     assert_int_equal(gonio_samples_add(samples, &pair, &v, &r, &s, NULL), GONIO_OK);
