@@ -59,6 +59,8 @@ static const struct {
      "Source Measured\nTypeSym AxiSymmetrical\nTypeColorModel BW\nTypeData Luminance Absolute\nsigma 1\n30\n"
      "phi 1\n0\ntheta 1\n0\nbw\nkbdf 3.141592653589793\ndef\n0.25\n",
      false, false},
+    {"sdr", "Source Measured\nTypeColorModel BW\nsigma 1\n30\nbw\ndef\n0.020509778639465858\nenddef\n", false,
+     false}, // of a cone of 10 deg
 };
 
 // A sample's row, and its table of directions.
@@ -81,6 +83,9 @@ static gonio_status read_through(const gonio_format *f, const char *text, bool a
     int n = 0;
     if (has_option(f, "directions")) {
         options.settings[n++] = (gonio_format_setting){"directions", directions};
+    }
+    if (has_option(f, "cone")) {
+        options.settings[n++] = (gonio_format_setting){"cone", "10"};
     }
     if (f->by_mapping) {
         options.settings[n++] = (gonio_format_setting){"columns", "theta_i=theta_i,theta_o=theta_o,phi=phi,value=f_r"};
