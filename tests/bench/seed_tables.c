@@ -524,7 +524,7 @@ static void elsewhere(void) {
         "[fitting.md](fitting.md), by `build/tests/bench/lafortune_starts` |\n"
         "| Kameya 7.2.2 and Park and Lee figures 10, 18, images and their times | `gonio render SCENE --compare REF`: "
         "[scenes.md](scenes.md) |\n"
-        "| Wu 2009, table 3 | characteristic point maps are not in this version |\n"
+        "| Wu 2009, table 3 | `gonio cpm build` and `compare`: [scenes.md](scenes.md) |\n"
         "| DeYoung 1996, P_r, P_ec, P_i, P_s^(k) | `gonio check`: [physical.md](physical.md); his Phong's parameters "
         "and grid are not stated |\n"
         "| DeYoung 6.2, all storage schemes in one table | `gonio tradeoff` |\n");
