@@ -4,6 +4,7 @@
 // texel's light toward the eye is found once (eq. 12), whichever rays need it: first all rays are followed and texels
 // marked, then those are evaluated, then pixels are mixed from them.
 #include <math.h>
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -42,7 +43,9 @@ typedef struct frame {
     uint32_t *wanted;      // texels that are marked
     size_t wanted_count;
     atomic_bool stopped, damaged;
-    atomic_size_t finished, original;
+    atomic_size_t original;
+    pthread_mutex_t mutex; // of progress
+    size_t finished;
     size_t steps; // of progress
     double started_s;
 } frame;
@@ -53,11 +56,13 @@ void gonio_cpm_render_options_default(gonio_cpm_render_options *options) {
 
 static bool is_stopped(frame *f) {
     const gonio_scene_options *o = f->options;
-    const double done = (double)atomic_fetch_add(&f->finished, 1) / (double)f->steps;
+    pthread_mutex_lock(&f->mutex);
+    const double done = fmin(1, (double)f->finished++ / (double)f->steps);
     if (o->progress != NULL && !f->stopped &&
-        !o->progress(o->progress_context, fmin(done, 1), 1 / fmax(gonio_clock_s() - f->started_s, 1e-9))) {
+        !o->progress(o->progress_context, done, done / fmax(gonio_clock_s() - f->started_s, 1e-9))) {
         f->stopped = true;
     }
+    pthread_mutex_unlock(&f->mutex);
     return f->stopped;
 }
 
@@ -420,6 +425,7 @@ static gonio_status run(frame *f, gonio_error *error) {
     const size_t rows = (size_t)f->options->height;
     gonio_pool *pool = gonio_pool_new(f->options->threads);
     f->steps = 3 * rows;
+    pthread_mutex_init(&f->mutex, NULL);
     gonio_pool_run(pool, rows, follow_row, f);
     gonio_pool_run(pool, rows, look_beside_row, f);
     gonio_pool_run(pool, rows, follow_beside_row, f);
@@ -432,6 +438,7 @@ static gonio_status run(frame *f, gonio_error *error) {
         gonio_pool_run(pool, rows, mix_row, f);
     }
     gonio_pool_free(pool);
+    pthread_mutex_destroy(&f->mutex);
     if (status == GONIO_OK && f->damaged) {
         status = gonio_fail(error, GONIO_E_INPUT, "a texel of the map is damaged");
     }

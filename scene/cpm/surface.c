@@ -92,7 +92,7 @@ static bool in_unit_square(const scene_mesh *mesh) {
 
 static gonio_status simplify(const scene_mesh *mesh, const cpm_surface_options *o, cpm_surface *s, gonio_error *error) {
     float *uvs = NULL, reached;
-    const size_t wanted = 3 * (size_t)fmax(4, o->share * (double)mesh->triangles);
+    const size_t wanted = 3 * (size_t)fmin(fmax(4, o->share * (double)mesh->triangles), (double)mesh->triangles);
     bool good = weld(mesh, s->file_charts, s, &uvs);
     unsigned *less = good ? malloc(3 * mesh->triangles * sizeof *less) : NULL;
     if (less != NULL) {

@@ -41,6 +41,17 @@ says "a reference of another size: says both" "32 x 24 and 16 x 16"
 exits "an option of models" 2 "$GONIO" render good.ini -o x.png --light-theta 30
 exits "onto its own mesh" 2 "$GONIO" render good.ini -o square.obj
 exits "no such camera" 3 "$GONIO" render good.ini -o x.png --camera top
+# ---- a characteristic point map ----
+exits "a map" 0 "$GONIO" cpm build good.ini -o map --resolution 1 --points 32 --dense 32 --pairs 64 --faces 4
+exits "a picture by it" 0 "$GONIO" render good.ini --cpm map -o map.png --show levels
+exits "against the original" 0 "$GONIO" cpm compare good.ini --cpm map --truth 8
+grep -q '^equal time' out; ok $? "beside the original in equal time"
+exits "no power of two" 1 "$GONIO" cpm build good.ini -o map --resolution 3
+exits "a folder that holds another map" 3 "$GONIO" cpm build good.ini -o map --resolution 2
+says "a folder that holds another map: says so" "another scene, or of other options"
+sed 's/alpha=0.2/alpha=0.3/' good.ini >other.ini
+exits "a map of another scene" 3 "$GONIO" render other.ini --cpm map -o x.png
+says "a map of another scene: says so" "other meshes or materials"
 # Bad input is tests/unit/test_world.c's matter, as every run of the program costs a tenth of a second; here how it ends.
 sed 's/^file.*/&\nmaterial = tin/' good.ini >bad.ini
 exits "a material that is not there" 3 "$GONIO" render bad.ini -o x.png
