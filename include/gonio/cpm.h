@@ -59,21 +59,15 @@ gonio_status gonio_cpm_open(const char *folder, const gonio_scene *scene, gonio_
 void gonio_cpm_free(gonio_cpm *cpm); // NULL is allowed
 void gonio_cpm_describe(const gonio_cpm *cpm, gonio_cpm_facts *facts);
 
-typedef enum gonio_cpm_show {
-    GONIO_CPM_LIGHT,
-    GONIO_CPM_LEVELS,
-    GONIO_CPM_DENSITY,
-    GONIO_CPM_NORMAL_MAP
-} gonio_cpm_show;
+typedef enum gonio_cpm_show { GONIO_CPM_LIGHT, GONIO_CPM_LEVELS, GONIO_CPM_DENSITY } gonio_cpm_show;
 
 typedef struct gonio_cpm_render_options {
-    gonio_cpm_show
-        show;     // levels and points of texels as colours; or the simplified mesh lit with the original's normals
-    double bias;  // of the level; below 0: finer
-    int fallback; // paths in place of a ray whose texel would be finer than the finest
-    int edge;     // rays of a pixel at an edge of what is seen
-    int sky;      // directions that a texel takes of an environment
-    double near;  // a point light is this many texel sizes away, or a finer level is taken
+    gonio_cpm_show show; // levels and points of texels as colours
+    double bias;         // of the level; below 0: finer
+    int fallback;        // paths in place of a ray whose texel would be finer than the finest
+    int edge;            // rays of a pixel at an edge of what is seen
+    int sky;             // directions that a texel takes of an environment
+    double near;         // a point light is this many texel sizes away, or a finer level is taken
 } gonio_cpm_render_options;
 void gonio_cpm_render_options_default(gonio_cpm_render_options *options);
 

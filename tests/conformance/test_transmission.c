@@ -250,6 +250,7 @@ static gonio_fit_options quick(const gonio_method *method) {
         const bool has = gonio_method_has(method, &gonio_fit_keys[k]);
         o.level = has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, level) ? 2 : o.level;
         o.fill = has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, fill) ? "kernel" : o.fill;
+        o.table_step = has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, table_step) ? 30 : o.table_step;
         o.diffuse_level =
             has && gonio_fit_keys[k].offset == offsetof(gonio_fit_options, diffuse_level) ? 1 : o.diffuse_level;
     }
