@@ -22,6 +22,7 @@ typedef struct gonio_auto_trial {
     gonio_smooth_score score;
     size_t bytes; // of the model
     double ns;    // of one evaluation; 0: not asked for
+    double entry; // what the score had to gain for another form to be taken up so late
 } gonio_auto_trial;
 
 typedef struct gonio_auto_choice {
@@ -33,6 +34,7 @@ typedef struct gonio_auto_choice {
     gonio_smooth_dense *dense; // of the chosen form
     double *lambdas;           // [channels]
     double longest;            // s, that forms compared side by side took
+    double entry;              // of the trials to come; 0: that of the chosen one
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.
