@@ -2,7 +2,7 @@
 // The file section of models of kind "lobe-spline".
 //
 // Section: 64 bytes of description, the lobes' shapes, their strengths, the transforms, the control points, the sigma
-// lattice's points the channels' sigma factors, the terms and the support's points, each part aligned
+// lattice's points, the channels' sigma factors, the terms and the support's points, each part aligned
 // (brdf/model_file.h).
 #include <math.h>
 #include <string.h>
