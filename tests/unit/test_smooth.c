@@ -483,6 +483,29 @@ static void test_never_worse_than_the_multilevel_start(void **state) {
     }
 }
 
+// A function of the half vector and the difference angle alone: other coordinates are ahead until a profile joins the
+// lattice, which `auto` must find out.
+static void test_auto_tries_half_vectors_with_a_profile(void **state) {
+    (void)state;
+    gonio_samples *samples = sampled("ward:rho_d=0.3,rho_s=0.2,alpha=0.2", 150, 0, 1);
+    gonio_samples *unseen = sampled("ward:rho_d=0.3,rho_s=0.2,alpha=0.2", 2000, 0, 2);
+    gonio_fit_options o = quick("auto");
+    gonio_model *own = fitted(samples, &o);
+    o = quick("lsq");
+    o.coordinates = GONIO_HALF_VECTOR;
+    gonio_model *row = fitted(samples, &o);
+    gonio_errors a, b;
+    assert_int_equal(gonio_errors_model(own, unseen, NULL, 0, &a, NULL), GONIO_OK);
+    assert_int_equal(gonio_errors_model(row, unseen, NULL, 0, &b, NULL), GONIO_OK);
+    print_message("# median_rel %.3g against %.3g, rms_log %.3g against %.3g\n", a.median_rel, b.median_rel, a.rms_log,
+                  b.rms_log);
+    assert_true(a.median_rel < 1.05 * b.median_rel && a.rms_log < 1.05 * b.rms_log);
+    gonio_model_free(own);
+    gonio_model_free(row);
+    gonio_samples_free(samples);
+    gonio_samples_free(unseen);
+}
+
 // Far better than multilevel approximation on the same samples, which is what the solve is for.
 static void test_beats_multilevel_approximation(void **state) {
     (void)state;
@@ -637,6 +660,7 @@ int main(void) {
         cmocka_unit_test(test_log_fits_are_never_negative),
         cmocka_unit_test(test_signs_are_told_from_noise),
         cmocka_unit_test(test_never_worse_than_the_multilevel_start),
+        cmocka_unit_test(test_auto_tries_half_vectors_with_a_profile),
         cmocka_unit_test(test_beats_multilevel_approximation),
         cmocka_unit_test(test_anisotropic_lobes),
         cmocka_unit_test(test_extreme_scales),
