@@ -27,6 +27,7 @@ typedef struct gonio_format_values {
     int threads; // 0: all
     double wavelength_nm;
     size_t max_bytes; // of writing; 0: the format's own
+    gonio_half half;  // of writing a model of one half: which that is
     gonio_format_value at[GONIO_FORMAT_SETTINGS_MAX];
 } gonio_format_values;
 
@@ -44,12 +45,16 @@ typedef struct gonio_format {
     gonio_status (*table)(const gonio_source *source, gonio_model **out, gonio_error *error);
     // Optional, both: samples, or a model as a table, to a stream. The stream's own failures are the caller's matter.
     gonio_status (*write)(const gonio_samples *samples, FILE *stream, gonio_error *error);
+    // The model is one that answers for several halves, where the format holds several, or that of values->half, whose
+    // directions lie in front (gonio_written_half tells them apart).
     // told: format, quantity, convention and theta_max_deg are filled; the writer may say more in about and lost.
     gonio_status (*write_table)(const gonio_model *model, const gonio_format_values *values, FILE *stream,
                                 gonio_write_report *told, gonio_error *error);
     // Of a format that is written but not read: the model that the file stands for. The caller frees it.
     gonio_status (*meant)(const gonio_model *model, int threads, gonio_model **out, gonio_error *error);
-    bool fitted; // what write_table writes comes close to the model at no place of the file's own
+    unsigned halves; // that write_table can hold, bits 1 << gonio_half; 0: the front reflection alone
+    bool one_half;   // one of them a file
+    bool fitted;     // what write_table writes comes close to the model at no place of the file's own
     const gonio_format_option *write_options; // of write_table; NULL: none
     const gonio_format_alias *aliases;        // NULL: none
     const char *quantity, *convention;        // of what is written: "f_r, 1/sr"; which direction lies where
@@ -77,10 +82,16 @@ gonio_status gonio_format_parse_write(const gonio_format *format, const char *na
 gonio_status gonio_model_as_rgb(const gonio_model *model, gonio_model **view, gonio_error *error);
 // Smooth spectra in place of r, g, b; the model must live as long, and the caller frees the result.
 gonio_status gonio_model_as_spectra(const gonio_model *rgb, gonio_model **out, gonio_error *error);
+// The model with a wavelength a channel; of one channel, which is then said to be 550 nm, or of wavelengths, it is the
+// model itself. The caller frees *out unless it is *rgb, and *rgb unless it is the model.
+gonio_status gonio_model_as_wavelengths(const gonio_model *model, gonio_model **rgb, gonio_model **out,
+                                        gonio_write_report *told, gonio_error *error);
 // Add to what the report says is lost; of a model with channels that a file of r, g, b (3) or one value (1) lacks.
 void gonio_write_lost(gonio_write_report *report, const char *what);
 void gonio_write_lost_channels(const gonio_model *model, int channels, gonio_write_report *report);
-// Measure what was written to path against the model, and fill the report's figures.
+// Of a model that write_table is given, the model of a half; NULL: the file has none of it.
+const gonio_model *gonio_written_half(const gonio_model *model, const gonio_format_values *values, gonio_half half);
+// Measure what was written to path of report->halves against the whole model, and fill the report's figures.
 gonio_status gonio_write_measure(const gonio_model *model, const gonio_format *format, const char *path, int threads,
                                  gonio_write_report *report, gonio_error *error);
 

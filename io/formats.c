@@ -164,6 +164,7 @@ gonio_status gonio_format_parse_write(const gonio_format *format, const char *na
     if (options != NULL) {
         values->threads = options->threads;
         values->max_bytes = options->max_bytes;
+        values->half = options->half;
         for (int k = 0; n < GONIO_FORMAT_SETTINGS_MAX && options->settings[k].name != NULL; k++) {
             settings[n++] = options->settings[k];
         }

@@ -91,3 +91,14 @@ gonio_status gonio_model_as_spectra(const gonio_model *rgb, gonio_model **out, g
     *out = &v->head;
     return GONIO_OK;
 }
+
+gonio_status gonio_model_as_wavelengths(const gonio_model *model, gonio_model **rgb, gonio_model **out,
+                                        gonio_write_report *told, gonio_error *error) {
+    *rgb = *out = (gonio_model *)(uintptr_t)model;
+    if (model->channels == 1 || !isnan(gonio_model_wavelength_nm(model, 0))) {
+        return GONIO_OK;
+    }
+    const gonio_status status = gonio_model_as_rgb(model, rgb, error);
+    gonio_write_lost(told, "the spectra are smooth ones of the colour, not measured");
+    return status == GONIO_OK ? gonio_model_as_spectra(*rgb, out, error) : status;
+}

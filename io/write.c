@@ -2,12 +2,14 @@
 // Writing a model as a table of a format.
 #include <stdio.h>
 
+#include "base/text.h"
 #include "gonio/output.h"
 #include "io/format.h"
 
-// The table, written beside, read back and held against the model before it takes its place.
-static gonio_status put_table(const gonio_format *f, const gonio_model *model, const char *path,
-                              const gonio_format_values *values, double max_error, bool measure,
+// The table, of the model or of one half of it, written beside, read back and held against the model before it takes
+// its place.
+static gonio_status put_table(const gonio_format *f, const gonio_model *model, const gonio_model *half,
+                              const char *path, const gonio_format_values *values, double max_error, bool measure,
                               gonio_write_report *told, gonio_error *error) {
     gonio_output *output;
     gonio_status status = gonio_output_open(path, &output, error);
@@ -15,7 +17,7 @@ static gonio_status put_table(const gonio_format *f, const gonio_model *model, c
         return status;
     }
     FILE *stream = gonio_output_stream(output);
-    status = gonio_write_flushed(stream, path, f->write_table(model, values, stream, told, error), error);
+    status = gonio_write_flushed(stream, path, f->write_table(half, values, stream, told, error), error);
     const char *written = gonio_output_temporary(output); // a pipe cannot be read back
     if (status == GONIO_OK && written != NULL && (measure || max_error > 0)) {
         status = gonio_write_measure(model, f, written, values->threads, told, error);
@@ -31,6 +33,51 @@ static gonio_status put_table(const gonio_format *f, const gonio_model *model, c
         return status;
     }
     return gonio_output_commit(output, error);
+}
+
+const gonio_model *gonio_written_half(const gonio_model *model, const gonio_format_values *values, gonio_half half) {
+    return model->ops->both_sides ? gonio_model_half(model, half) : half == values->half ? model : NULL;
+}
+
+static void tell_halves(unsigned there, unsigned held, gonio_write_report *told) {
+    char text[160] = "";
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if ((there & ~held) >> h & 1) {
+            gonio_text_append(text, sizeof text, "%s%s", text[0] != 0 ? ", " : "", gonio_half_name((gonio_half)h));
+        }
+    }
+    if (text[0] != 0) {
+        char all[200];
+        snprintf(all, sizeof all, "the halves %s", text);
+        gonio_write_lost(told, all);
+    }
+}
+
+// What of the model the format holds: *written is all of it, or one half.
+static gonio_status choose_halves(const gonio_format *f, const gonio_model *model, gonio_format_values *values,
+                                  gonio_write_report *told, const gonio_model **written, gonio_error *error) {
+    const unsigned holds = f->halves != 0 ? f->halves : 1u << GONIO_REFLECTION;
+    unsigned there = 0;
+    int first = -1;
+    for (int h = GONIO_HALVES - 1; h >= 0; h--) {
+        there |= (unsigned)(gonio_model_half(model, (gonio_half)h) != NULL) << h;
+        first = (there & holds) >> h & 1 ? h : first;
+    }
+    if (first < 0) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "a %s is written of the %s, which the model does not hold",
+                          f->summary, f->halves != 0 ? "light's side in front" : "front reflection");
+    }
+    unsigned held = there & holds;
+    if ((held >> values->half & 1) == 0) {
+        values->half = (gonio_half)first;
+    }
+    if (f->one_half) {
+        held = 1u << values->half;
+    }
+    *written = held == 1u << values->half && model->ops->both_sides ? gonio_model_half(model, values->half) : model;
+    told->halves = held;
+    tell_halves(there, held, told);
+    return GONIO_OK;
 }
 
 gonio_status gonio_write_table_as(const gonio_model *model, const char *path, const char *format,
@@ -49,15 +96,13 @@ gonio_status gonio_write_table_as(const gonio_model *model, const char *path, co
                                .convention = f->convention,
                                .theta_max_deg = f->theta_max_deg > 0 ? f->theta_max_deg : 90};
     snprintf(told.format, sizeof told.format, "%s", f->name);
-    if (model->ops->both_sides) {
-        model = gonio_model_half(model, GONIO_REFLECTION);
-        gonio_write_lost(&told, "all halves but the front reflection");
+    const gonio_model *written = model;
+    status = choose_halves(f, model, &values, &told, &written, error);
+    if (status != GONIO_OK) {
+        return status;
     }
-    if (model == NULL) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED,
-                          "a %s is written of the front reflection, which the model does not hold", f->summary);
-    }
-    status = put_table(f, model, path, &values, options != NULL ? options->max_error : 0, report != NULL, &told, error);
+    status = put_table(f, model, written, path, &values, options != NULL ? options->max_error : 0, report != NULL,
+                       &told, error);
     if (report != NULL) {
         *report = told;
     }

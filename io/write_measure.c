@@ -22,6 +22,8 @@ typedef struct job {
     const gonio_model *truth, *found; // found NULL: samples
     const gonio_samples *samples;
     const gonio_colour_weights *weights; // of the samples' channels, where the truth has others; NULL
+    gonio_half halves[GONIO_HALVES];     // of the file
+    int n_halves;
     size_t n;
     double *errors;
 } job;
@@ -47,7 +49,8 @@ static gonio_pair random_pair(size_t k) {
 
 static void measure_pair(const job *j, size_t k) {
     double truth[GONIO_CHANNELS_MAX], found[GONIO_CHANNELS_MAX];
-    gonio_pair pair = j->samples != NULL ? j->samples->pairs[k] : random_pair(k);
+    const gonio_half half = j->halves[k % (size_t)j->n_halves];
+    const gonio_pair pair = j->samples != NULL ? j->samples->pairs[k] : gonio_pair_lowered(random_pair(k), half);
     gonio_model_eval_pair(j->truth, &pair, truth);
     if (j->samples != NULL) {
         const double *values = j->samples->values + k * (size_t)j->samples->channels;
@@ -57,9 +60,12 @@ static void measure_pair(const job *j, size_t k) {
             memcpy(found, values, (size_t)j->truth->channels * sizeof *found);
         }
     } else {
-        gonio_model_eval_pair(j->found, &pair, found);
+        // A file of one reflection alone is looked at from its own side.
+        const gonio_pair own = j->found->ops->both_sides ? pair : gonio_pair_raised(pair);
+        gonio_model_eval_pair(j->found, &own, found);
     }
-    const double far = fmax(pair.theta_i, pair.theta_o);
+    const gonio_pair raised = gonio_pair_raised(pair);
+    const double far = fmax(raised.theta_i, raised.theta_o);
     j->errors[k] = far <= gonio_radians(THETA_MAX_DEG) + 1e-9 ? relative(truth, found, j->truth->channels) : -1;
 }
 
@@ -72,14 +78,15 @@ static void measure_block(void *context, size_t block) {
     }
 }
 
-// Directional albedo of the channels' sum.
-static double albedo(const gonio_model *model, double tilt) {
+// What of the light goes into a half, summed over the channels.
+static double albedo(const gonio_model *model, gonio_half half, double tilt) {
     double sum = 0, values[GONIO_CHANNELS_MAX];
-    const gonio_vec3 wi = gonio_direction(tilt, 0.3);
     for (int j = 0; j < ALBEDO_RINGS; j++) {
         const double theta = asin(sqrt((j + 0.5) / ALBEDO_RINGS));
         for (int i = 0; i < ALBEDO_TURNS; i++) {
-            gonio_model_eval(model, wi, gonio_direction(theta, 2 * GONIO_PI * (i + 0.5) / ALBEDO_TURNS), values);
+            const gonio_pair pair = {tilt, 0.3, theta, 2 * GONIO_PI * (i + 0.5) / ALBEDO_TURNS};
+            const gonio_pair lowered = gonio_pair_lowered(pair, half);
+            gonio_model_eval_pair(model, &lowered, values);
             for (int c = 0; c < model->channels; c++) {
                 sum += values[c] * GONIO_PI / ALBEDO_RINGS / ALBEDO_TURNS;
             }
@@ -88,13 +95,14 @@ static double albedo(const gonio_model *model, double tilt) {
     return sum;
 }
 
-static gonio_status errors_of(const job *j, size_t n, int threads, gonio_write_report *report, gonio_error *error) {
+static gonio_status errors_of(job *j, size_t n, int threads, gonio_write_report *report, gonio_error *error) {
     double *errors = malloc((n + 1) * sizeof *errors);
     if (errors == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu errors", n);
     }
-    gonio_pool_for(threads, (n + BLOCK - 1) / BLOCK, measure_block,
-                   &(job){j->truth, j->found, j->samples, j->weights, n, errors});
+    j->n = n;
+    j->errors = errors;
+    gonio_pool_for(threads, (n + BLOCK - 1) / BLOCK, measure_block, j);
     size_t kept = 0;
     report->largest = 0;
     for (size_t k = 0; k < n; k++) {
@@ -116,9 +124,12 @@ static gonio_status figures(job *j, size_t n, int threads, gonio_write_report *r
     for (int k = 0; k < GONIO_WRITE_TILTS && status == GONIO_OK; k++) {
         const double tilt = gonio_radians(tilts_deg[k]);
         report->tilt_deg[k] = tilts_deg[k];
-        report->albedo[k] = albedo(j->truth, tilt) / j->truth->channels;
+        report->albedo[k] = albedo(j->truth, j->halves[0], tilt) / j->truth->channels;
         report->albedo_error[k] =
-            j->found != NULL ? albedo(j->found, tilt) / j->truth->channels / report->albedo[k] - 1 : NAN;
+            j->found != NULL ? albedo(j->found, j->found->ops->both_sides ? j->halves[0] : GONIO_REFLECTION, tilt) /
+                                       j->truth->channels / report->albedo[k] -
+                                   1
+                             : NAN;
     }
     return status;
 }
@@ -149,6 +160,11 @@ static gonio_status measure(const gonio_model *model, const gonio_model *found, 
     if (status == GONIO_OK) {
         job j = {.truth = truth, .found = view, .samples = samples};
         j.weights = weights.weight != NULL ? &weights : NULL;
+        for (int h = 0; h < GONIO_HALVES; h++) {
+            if (report->halves >> h & 1) {
+                j.halves[j.n_halves++] = (gonio_half)h;
+            }
+        }
         status = figures(&j, found != NULL ? PAIRS : samples->n, threads, report, error);
     }
     gonio_colour_free(&weights);

@@ -26,7 +26,8 @@ static void release(gonio_model *model) {
     free(model);
 }
 
-static const gonio_model_ops rgb_ops = {.kind = "measured", .eval = eval_rgb, .free = release};
+static const gonio_model_ops rgb_ops = {.kind = "measured", .eval = eval_rgb, .free = release},
+                             sheet_ops = {.kind = "measured", .eval = eval_rgb, .free = release, .both_sides = true};
 static const char rgb_names[3][32] = {"r", "g", "b"};
 
 gonio_status gonio_model_as_rgb(const gonio_model *model, gonio_model **view, gonio_error *error) {
@@ -42,7 +43,10 @@ gonio_status gonio_model_as_rgb(const gonio_model *model, gonio_model **view, go
     if (v == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the colours of a model");
     }
-    v->head = (gonio_model){.ops = &rgb_ops, .channels = 3, .isotropic = model->isotropic, .channel_names = rgb_names};
+    v->head = (gonio_model){.ops = model->ops->both_sides ? &sheet_ops : &rgb_ops,
+                            .channels = 3,
+                            .isotropic = model->isotropic,
+                            .channel_names = rgb_names};
     v->model = model;
     const gonio_status status = gonio_colour_new(model->channels, model->channel_names, &v->weights, error);
     if (status != GONIO_OK) {

@@ -9,7 +9,7 @@
 #include "gonio/render.h"
 #include "gonio/version.h"
 
-#define OWN 3 // rows that belong to no format
+#define OWN 4 // rows that belong to no format
 
 // ---- options ----
 
@@ -43,6 +43,13 @@ cli_option *cli_export_table(cli_export *out) {
                                 "of a table whose size can be chosen (each format's own)"};
     out->rows[2] = (cli_option){
         "no-report", 0, CLI_FLAG, &out->no_report, NULL, NULL, "neither read a table back nor write OUT.report.json"};
+    out->rows[3] = (cli_option){"half",
+                                0,
+                                CLI_TEXT,
+                                &out->half,
+                                NULL,
+                                "reflection|transmission",
+                                "of a sheet, where the format holds one a file: zemax, astm, speos (the first it has)"};
     int n = OWN;
     gonio_format_facts f;
     for (int i = 0; gonio_format_get(i, &f); i++) {
@@ -55,7 +62,10 @@ cli_option *cli_export_table(cli_export *out) {
 }
 
 gonio_status cli_export_refuse(const cli_export *out, const char *what, gonio_error *error) {
-    const char *name = out->max_error != 0 ? "max-error" : out->max_bytes != 0 ? "max-bytes" : NULL;
+    const char *name = out->max_error != 0   ? "max-error"
+                       : out->max_bytes != 0 ? "max-bytes"
+                       : out->half != NULL   ? "half"
+                                             : NULL;
     for (int k = OWN; k < CLI_EXPORT_ROWS && out->rows[k].name != NULL; k++) {
         name = out->given[k] != NULL ? out->rows[k].name : name;
     }
@@ -64,9 +74,16 @@ gonio_status cli_export_refuse(const cli_export *out, const char *what, gonio_er
                                      "%s: an option of tables that are written from a model, not of %s", name, what);
 }
 
+static gonio_half half_of(const char *name) {
+    return name != NULL && strcmp(name, gonio_half_name(GONIO_TRANSMISSION)) == 0 ? GONIO_TRANSMISSION
+                                                                                  : GONIO_REFLECTION;
+}
+
 static gonio_write_options options_of(const cli_export *out, const cli_common *common) {
-    gonio_write_options options = {
-        .threads = common->threads, .max_bytes = out->max_bytes, .max_error = out->max_error};
+    gonio_write_options options = {.threads = common->threads,
+                                   .max_bytes = out->max_bytes,
+                                   .half = half_of(out->half),
+                                   .max_error = out->max_error};
     int n = 0;
     for (int k = OWN; k < CLI_EXPORT_ROWS && out->rows[k].name != NULL && n < GONIO_FORMAT_SETTINGS_MAX; k++) {
         if (out->given[k] != NULL) {
@@ -112,6 +129,13 @@ static json_t *report_json(const gonio_write_report *r, const gonio_model *model
                   "theta_max_deg", r->theta_max_deg, "bytes", (json_int_t)r->bytes, "channels", r->channels);
     json_object_set_new(object, "model_kind", json_string(model->ops->kind));
     json_object_set_new(object, "model_channels", channels);
+    json_t *halves = json_array();
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        if (r->halves >> h & 1) {
+            json_array_append_new(halves, json_string(gonio_half_name((gonio_half)h)));
+        }
+    }
+    json_object_set_new(object, "halves", halves);
     json_object_set_new(object, "lost", cli_json_text(r->lost));
     json_object_set_new(object, "read_back",
                         json_pack("{s:s,s:I,s:o,s:o,s:o}", "at",
@@ -174,6 +198,9 @@ gonio_status cli_export_table_file(const gonio_model *model, const char *source,
 gonio_status cli_export_model(const gonio_model *model, const char *source, const char *path, const char *format,
                               const cli_export *out, const cli_common *common, json_t *result, gonio_error *error) {
     const gonio_write_options options = options_of(out, common);
+    if (out->half != NULL && strcmp(out->half, gonio_half_name(options.half)) != 0) {
+        return gonio_fail(error, GONIO_E_USAGE, "half: expected reflection or transmission, found '%s'", out->half);
+    }
     if (out->no_report) {
         return gonio_write_table_as(model, path, format, &options, NULL, error);
     }

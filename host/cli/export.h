@@ -13,6 +13,7 @@ typedef struct cli_export {
     double max_error;
     size_t max_bytes;
     bool no_report;
+    const char *half; // of formats that hold one a file
     cli_option rows[CLI_EXPORT_ROWS];
     const char *given[CLI_EXPORT_ROWS]; // of the formats' own options
     char help[CLI_EXPORT_ROWS][CLI_EXPORT_HELP];

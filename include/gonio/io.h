@@ -52,8 +52,8 @@ typedef struct gonio_format_facts {
 
 // The formats by number, from 0 on; false past the last.
 bool gonio_format_get(int number, gonio_format_facts *facts);
-// The format that has a writer and that name (or alias) or, where name is NULL, an extension in which path ends. GONIO_E_USAGE
-// with the list of writers.
+// The format that has a writer and that name (or alias) or, where name is NULL, an extension in which path ends.
+// GONIO_E_USAGE with the list of writers.
 gonio_status gonio_format_writer(const char *name, const char *path, gonio_format_facts *facts, gonio_error *error);
 
 // ---- reading ----
@@ -102,6 +102,7 @@ gonio_status gonio_read_table(const char *path, gonio_model **out, gonio_error *
 typedef struct gonio_write_options {
     int threads;      // 0: all; the bytes do not depend on it
     size_t max_bytes; // of formats whose size can be chosen; 0: each has its own
+    gonio_half half;  // of formats that hold one half a file; the first that the model has where it has none of this
     double max_error; // the largest median relative error of what is read back; beyond it nothing is written. 0: any
     gonio_format_setting settings[GONIO_FORMAT_SETTINGS_MAX]; // of the format's write options; as of reading
 } gonio_write_options;
@@ -117,6 +118,7 @@ typedef struct gonio_write_report {
     const char *quantity, *convention; // static
     double theta_max_deg;              // up to where the values are the model's
     size_t bytes, pairs;
+    unsigned halves;             // of the file, bits 1 << gonio_half
     int channels;                // of the file
     bool at_its_nodes;           // pairs are the file's own
     double median, p95, largest; // relative errors, the sum over channels

@@ -160,6 +160,9 @@ static gonio_status write_astm(const gonio_model *model, const gonio_format_valu
     gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE};
     const gonio_status status = gonio_grid_of_model(&g, model, values->at[0].count, false, values->threads, error);
     if (status == GONIO_OK) {
+        if (values->half == GONIO_TRANSMISSION) {
+            fputs("Transmission (BTDF): theta_s from the normal of the far side\n", stream);
+        }
         fprintf(stream, "NUM_POINTS %d\nVARS theta_i,phi_i,theta_s,phi_s",
                 g.axis[0].n * g.axis[1].n * g.axis[2].n * g.axis[3].n);
         for (int c = 0; c < g.channels; c++) {
@@ -191,6 +194,8 @@ const gonio_format gonio_format_astm = {.name = "astm",
                                         .extensions = ".astm",
                                         .write_table = write_astm,
                                         .write_options = write_options,
+                                        .halves = 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION,
+                                        .one_half = true,
                                         .quantity = "f_r, 1/sr",
                                         .convention = "radians; phi_s absolute, the mirror of phi_i = 0 at pi",
                                         .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,

@@ -47,6 +47,7 @@ typedef struct gonio_grid {
     double *values; // [channel][in_phi][in_theta][out_phi][out_theta], f_r in 1/sr; NaN: none
     gonio_negatives policy;
     gonio_read_report report;
+    bool first, last; // of writing: of the halves of a file
 } gonio_grid;
 // The axis' angles: as many numbers, ascending, between two bounds.
 gonio_status gonio_grid_axis_read(gonio_grid *grid, int axis, gonio_words *words, const char *what, int n, double low,
@@ -78,12 +79,12 @@ gonio_status gonio_grid_end(gonio_grid *grid, gonio_status status, const gonio_s
 gonio_status gonio_grid_of_model(gonio_grid *grid, const gonio_model *model, size_t step, bool closed, int threads,
                                  gonio_error *error);
 void gonio_grid_free(gonio_grid *grid);
-// The whole of a writer whose tables have one channel or X, Y and Z: the model seen so, its grid (frame and light_deg
-// are set), and put, which writes it.
+// The whole of a writer whose tables have one channel or X, Y and Z: the model seen so, its grid (head has
+// frame and light_deg), and put, which writes it, for each half that is written.
 typedef void gonio_grid_put_fn(gonio_grid *grid, const gonio_model *model, FILE *stream);
-gonio_status gonio_grid_write_colours(gonio_grid *grid, const gonio_model *model, const gonio_format_values *values,
-                                      bool closed, gonio_grid_put_fn *put, FILE *stream, gonio_write_report *told,
-                                      gonio_error *error);
+gonio_status gonio_grid_write_colours(const gonio_grid *head, const gonio_model *model,
+                                      const gonio_format_values *values, bool closed, gonio_grid_put_fn *put,
+                                      FILE *stream, gonio_write_report *told, gonio_error *error);
 // Directional albedo of each of the grid's channels at an incidence of the grid.
 void gonio_grid_albedo(const gonio_grid *grid, const gonio_model *model, int in_phi, int in_theta, double *albedo);
 // "NAME N" and the angles on the next line.

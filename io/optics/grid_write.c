@@ -155,9 +155,9 @@ void gonio_grid_tell(const gonio_grid *grid, const gonio_model *model, gonio_wri
     gonio_write_lost(told, "what lies between the nodes, and beyond 85 deg");
 }
 
-gonio_status gonio_grid_write_colours(gonio_grid *grid, const gonio_model *model, const gonio_format_values *values,
-                                      bool closed, gonio_grid_put_fn *put, FILE *stream, gonio_write_report *told,
-                                      gonio_error *error) {
+static gonio_status write_half(gonio_grid *grid, const gonio_model *model, const gonio_format_values *values,
+                               bool closed, gonio_grid_put_fn *put, FILE *stream, gonio_write_report *told,
+                               gonio_error *error) {
     gonio_model *seen = (gonio_model *)(uintptr_t)model;
     gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &seen, error);
     if (status != GONIO_OK) {
@@ -167,11 +167,36 @@ gonio_status gonio_grid_write_colours(gonio_grid *grid, const gonio_model *model
     status = gonio_grid_of_model(grid, seen, values->at[0].count, closed, values->threads, error);
     if (status == GONIO_OK) {
         put(grid, seen, stream);
-        gonio_grid_tell(grid, model, told);
+        if (grid->first) {
+            gonio_grid_tell(grid, model, told);
+        }
     }
     gonio_grid_free(grid);
     if (seen != model) {
         gonio_model_free(seen);
+    }
+    return status;
+}
+
+gonio_status gonio_grid_write_colours(const gonio_grid *head, const gonio_model *model,
+                                      const gonio_format_values *values, bool closed, gonio_grid_put_fn *put,
+                                      FILE *stream, gonio_write_report *told, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    int left = 0;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        left += gonio_written_half(model, values, (gonio_half)h) != NULL;
+    }
+    bool first = true;
+    for (int h = 0; h < GONIO_HALVES && status == GONIO_OK; h++) {
+        const gonio_model *half = gonio_written_half(model, values, (gonio_half)h);
+        if (half != NULL) {
+            gonio_grid grid = *head;
+            grid.half = (gonio_half)h;
+            grid.first = first;
+            grid.last = --left == 0;
+            first = false;
+            status = write_half(&grid, half, values, closed, put, stream, told, error);
+        }
     }
     return status;
 }

@@ -264,16 +264,19 @@ static const gonio_format_option options[] = {GONIO_OPTION_NEGATIVES, {0}};
 
 static void put_lighttools(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
     static const char *const channels[] = {"TrisX", "TrisY", "TrisZ"};
-    fprintf(stream, "Symmetry Asymmetric\nSpectralContent %s\n", g->xyz ? "XYZ" : "Monochrome");
-    gonio_grid_put_axis(g, GONIO_GRID_OUT_PHI, "ScatterAzimuth", stream);
-    gonio_grid_put_axis(g, GONIO_GRID_OUT_THETA, "ScatterRadial", stream);
-    fputs("DataBegin\n", stream);
+    if (g->first) {
+        fprintf(stream, "Symmetry Asymmetric\nSpectralContent %s\n", g->xyz ? "XYZ" : "Monochrome");
+        gonio_grid_put_axis(g, GONIO_GRID_OUT_PHI, "ScatterAzimuth", stream);
+        gonio_grid_put_axis(g, GONIO_GRID_OUT_THETA, "ScatterRadial", stream);
+        fputs("DataBegin\n", stream);
+    }
     for (int t = 0; t < g->axis[GONIO_GRID_IN_THETA].n; t++) {
         double albedo[3];
         gonio_grid_albedo(g, rgb, 0, t, albedo);
         for (int c = 0; c < g->channels; c++) {
-            fprintf(stream, "AOI %.9g\nPOI 0\nSide Front\nWavelength 0\nScatterType BRDF\n",
-                    g->axis[GONIO_GRID_IN_THETA].deg[t]);
+            fprintf(stream, "AOI %.9g\nPOI 0\nSide %s\nWavelength 0\nScatterType %s\n",
+                    g->axis[GONIO_GRID_IN_THETA].deg[t], (g->half & GONIO_REFLECTION_BACK) != 0 ? "Back" : "Front",
+                    (g->half & GONIO_TRANSMISSION) != 0 ? "BTDF" : "BRDF");
             if (g->xyz) {
                 fprintf(stream, "TristimulusValue %s\n", channels[c]);
             }
@@ -286,7 +289,9 @@ static void put_lighttools(gonio_grid *g, const gonio_model *rgb, FILE *stream) 
             }
         }
     }
-    fputs("DataEnd\n", stream);
+    if (g->last) {
+        fputs("DataEnd\n", stream);
+    }
 }
 
 static gonio_status write_lighttools(const gonio_model *model, const gonio_format_values *values, FILE *stream,
@@ -294,7 +299,7 @@ static gonio_status write_lighttools(const gonio_model *model, const gonio_forma
     if (!model->isotropic) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a LightTools table is isotropic; the model is not");
     }
-    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG};
+    const gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = LIGHT_DEG};
     return gonio_grid_write_colours(&g, model, values, false, put_lighttools, stream, told, error);
 }
 
@@ -305,6 +310,7 @@ const gonio_format gonio_format_lighttools = {.name = "lighttools",
                                               .extensions = ".bsdf",
                                               .write_table = write_lighttools,
                                               .write_options = write_options,
+                                              .halves = (1u << GONIO_HALVES) - 1,
                                               .quantity = "f_r, 1/sr; TIS is the directional albedo",
                                               .convention = "absolute outgoing angles, the light at azimuth 90 deg",
                                               .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,

@@ -196,8 +196,8 @@ static void put_word(uint32_t word, FILE *stream) {
     fwrite(&word, sizeof word, 1, stream);
 }
 
-static void put_mbsdf(const writing *w, FILE *stream) {
-    fputs(MAGIC "generator=\"Gonio\"\nMBSDF_DATA_REFLECTION=\n", stream);
+static void put_mbsdf(const writing *w, gonio_half half, FILE *stream) {
+    fprintf(stream, "MBSDF_DATA_%s=\n", half == GONIO_TRANSMISSION ? "TRANSMISSION" : "REFLECTION");
     put_word(w->channels == 3, stream);
     put_word((uint32_t)w->thetas, stream);
     put_word((uint32_t)w->phis, stream);
@@ -210,11 +210,8 @@ static void put_mbsdf(const writing *w, FILE *stream) {
 
 #define WRITE_BYTES 2300000 // 45 x 45 x 90 of r, g, b
 
-static gonio_status write_mbsdf(const gonio_model *model, const gonio_format_values *values, FILE *stream,
-                                gonio_write_report *told, gonio_error *error) {
-    if (!model->isotropic) {
-        return gonio_fail(error, GONIO_E_UNSUPPORTED, "an MBSDF table is isotropic; the model is not");
-    }
+static gonio_status write_half(const gonio_model *model, gonio_half half, const gonio_format_values *values,
+                               FILE *stream, gonio_write_report *told, gonio_error *error) {
     gonio_model *rgb = (gonio_model *)(uintptr_t)model;
     gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
     if (status != GONIO_OK) {
@@ -231,17 +228,30 @@ static gonio_status write_mbsdf(const gonio_model *model, const gonio_format_val
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for an MBSDF table");
     } else {
         gonio_pool_for(values->threads, w.thetas, fill_incidence, &w);
-        put_mbsdf(&w, stream);
+        put_mbsdf(&w, half, stream);
         snprintf(told->about, sizeof told->about, "%zu x %zu polar angles, %zu azimuths, at cells' centres", w.thetas,
                  w.thetas, w.phis);
-        gonio_write_lost_channels(model, rgb->channels, told);
-        gonio_write_lost(told,
-                         "the side of the plane of incidence; f_r(wi, wo) and f_r(wo, wi) are averaged by readers");
     }
     free(w.values);
     if (rgb != model) {
         gonio_model_free(rgb);
     }
+    return status;
+}
+
+static gonio_status write_mbsdf(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error) {
+    if (!model->isotropic) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED, "an MBSDF table is isotropic; the model is not");
+    }
+    gonio_status status = GONIO_OK;
+    fputs(MAGIC "generator=\"Gonio\"\n", stream);
+    for (int h = GONIO_REFLECTION; h <= GONIO_TRANSMISSION && status == GONIO_OK; h++) {
+        const gonio_model *half = gonio_written_half(model, values, (gonio_half)h);
+        status = half != NULL ? write_half(half, (gonio_half)h, values, stream, told, error) : status;
+    }
+    gonio_write_lost_channels(model, model->channels == 1 ? 1 : 3, told);
+    gonio_write_lost(told, "the side of the plane of incidence; f_r(wi, wo) and f_r(wo, wi) are averaged by readers");
     return status;
 }
 
@@ -253,6 +263,7 @@ const gonio_format gonio_format_mbsdf = {.name = "mbsdf",
                                          .recognise = recognise,
                                          .read = read_mbsdf,
                                          .write_table = write_mbsdf,
+                                         .halves = 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION,
                                          .aliases = aliases,
                                          .quantity = "f_r, 1/sr",
                                          .convention =

@@ -364,8 +364,10 @@ static void put_table(gonio_grid *g, int channel, int incidence, double albedo, 
         fprintf(stream, "\t%.9g", phi->deg[k]);
     }
     fputc('\n', stream);
-    for (int i = 0; i < theta->n; i++) {
-        fprintf(stream, "%.9g", theta->deg[i]);
+    for (int row = 0; row < theta->n; row++) { // of transmission from 90 to 180 deg
+        const bool behind = g->half == GONIO_TRANSMISSION;
+        const int i = behind ? theta->n - 1 - row : row;
+        fprintf(stream, "%.9g", behind ? 180 - theta->deg[i] : theta->deg[i]);
         for (int k = 0; k < phi->n; k++) {
             fprintf(stream, "\t%.9g", gonio_grid_written(g, channel, 0, incidence, k, i));
         }
@@ -376,8 +378,8 @@ static void put_table(gonio_grid *g, int channel, int incidence, double albedo, 
 static void put_speos(gonio_grid *g, const gonio_model *model, FILE *stream) {
     static const char description[] = "Written by Gonio";
     const gonio_grid_axis *in = &g->axis[GONIO_GRID_IN_THETA];
-    fprintf(stream, MAGIC "8.0\n0\n%s\n%zu\n%s\n1\t0\n1\n%d\t%d\n", description, sizeof description - 1, description,
-            in->n, g->channels);
+    fprintf(stream, MAGIC "8.0\n0\n%s\n%zu\n%s\n%s\n1\n%d\t%d\n", description, sizeof description - 1, description,
+            g->half == GONIO_TRANSMISSION ? "0\t1" : "1\t0", in->n, g->channels);
     for (int t = 0; t < in->n; t++) {
         fprintf(stream, "%s%.9g", t > 0 ? "\t" : "", in->deg[t]);
     }
@@ -396,27 +398,16 @@ static void put_speos(gonio_grid *g, const gonio_model *model, FILE *stream) {
     }
 }
 
-// The model with a wavelength a channel; of one channel it is said to be 550 nm.
-static gonio_status as_wavelengths(const gonio_model *model, gonio_model **rgb, gonio_model **out,
-                                   gonio_write_report *told, gonio_error *error) {
-    *rgb = *out = (gonio_model *)(uintptr_t)model;
-    if (model->channels == 1 || !isnan(gonio_model_wavelength_nm(model, 0))) {
-        return GONIO_OK;
-    }
-    const gonio_status status = gonio_model_as_rgb(model, rgb, error);
-    gonio_write_lost(told, "the spectra are smooth ones of the colour, not measured");
-    return status == GONIO_OK ? gonio_model_as_spectra(*rgb, out, error) : status;
-}
-
 static gonio_status write_speos(const gonio_model *model, const gonio_format_values *values, FILE *stream,
                                 gonio_write_report *told, gonio_error *error) {
     if (!model->isotropic) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "a Speos .brdf is isotropic; the model is not");
     }
     gonio_model *rgb, *written;
-    gonio_status status = as_wavelengths(model, &rgb, &written, told, error);
+    gonio_status status = gonio_model_as_wavelengths(model, &rgb, &written, told, error);
     if (status == GONIO_OK) {
-        gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .light_deg = 180}; // the mirror direction at phi = 0
+        gonio_grid g = {
+            .frame = GONIO_GRID_ABSOLUTE, .light_deg = 180, .half = values->half}; // the mirror direction at phi = 0
         status = gonio_grid_of_model(&g, written, values->at[0].count, true, values->threads, error);
         if (status == GONIO_OK) {
             put_speos(&g, written, stream);
@@ -445,6 +436,8 @@ const gonio_format gonio_format_speos = {.name = "speos",
                                          .read = read_speos,
                                          .write_table = write_speos,
                                          .write_options = write_options,
+                                         .halves = 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION,
+                                         .one_half = true,
                                          .fitted = true, // readers scale a table by its percentage
                                          .quantity = "f_r, 1/sr, scaled by readers to the albedo in per cent",
                                          .convention = "the mirror direction at phi = 0",

@@ -290,7 +290,8 @@ static void put_values(gonio_grid *g, bool binary, FILE *stream) {
 
 static void put_head(const gonio_grid *g, const gonio_model *model, bool binary, FILE *stream) {
     const bool spectral = !isnan(gonio_model_wavelength_nm(model, 0));
-    fprintf(stream, "VERSION 0.3\nDATA_TYPE brdf\nCOLOR_MODEL %s\n",
+    fprintf(stream, "%sDATA_TYPE %s\nCOLOR_MODEL %s\n", g->first ? "VERSION 0.3\n" : "",
+            g->half == GONIO_TRANSMISSION ? "btdf" : "brdf",
             spectral           ? "spectrum"
             : g->channels == 3 ? "rgb"
                                : "monochrome");
@@ -309,8 +310,8 @@ static void put_head(const gonio_grid *g, const gonio_model *model, bool binary,
     fprintf(stream, "SOURCE_TYPE measured\nDEVICE Gonio\nDATA %s\n", binary ? "binary" : "ascii");
 }
 
-static gonio_status write_ssdd(const gonio_model *model, const gonio_format_values *values, FILE *stream,
-                               gonio_write_report *told, gonio_error *error) {
+static gonio_status write_block(const gonio_model *model, const gonio_format_values *values, gonio_half half,
+                                bool first, FILE *stream, gonio_write_report *told, gonio_error *error) {
     int named = 0;
     for (int c = 0; c < model->channels; c++) {
         named += !isnan(gonio_model_wavelength_nm(model, c));
@@ -321,17 +322,33 @@ static gonio_status write_ssdd(const gonio_model *model, const gonio_format_valu
     if (status != GONIO_OK) {
         return status;
     }
-    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE};
+    gonio_grid g = {.frame = GONIO_GRID_ABSOLUTE, .half = half, .first = first};
     status = gonio_grid_of_model(&g, written, values->at[0].count, false, values->threads, error);
     if (status == GONIO_OK) {
         const bool binary = values->at[1].choice == 1;
         put_head(&g, written, binary, stream);
         put_values(&g, binary, stream);
-        gonio_grid_tell(&g, model, told);
+        if (first) {
+            gonio_grid_tell(&g, model, told);
+        }
     }
     gonio_grid_free(&g);
     if (written != model) {
         gonio_model_free(written);
+    }
+    return status;
+}
+
+static gonio_status write_ssdd(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                               gonio_write_report *told, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    bool first = true;
+    for (int h = GONIO_REFLECTION; h <= GONIO_TRANSMISSION && status == GONIO_OK; h++) {
+        const gonio_model *half = gonio_written_half(model, values, (gonio_half)h);
+        if (half != NULL) {
+            status = write_block(half, values, (gonio_half)h, first, stream, told, error);
+            first = false;
+        }
     }
     return status;
 }
@@ -346,6 +363,7 @@ const gonio_format gonio_format_ssdd = {.name = "ssdd",
                                         .extensions = ".ssdd",
                                         .write_table = write_ssdd,
                                         .write_options = write_options,
+                                        .halves = 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION,
                                         .quantity = "f_r, 1/sr",
                                         .convention = "degrees; phi_o absolute, the mirror of phi_i = 0 at 180",
                                         .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,

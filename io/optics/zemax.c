@@ -174,8 +174,9 @@ static void put_block(gonio_grid *g, const gonio_model *rgb, int channel, int ro
 
 static void put_zemax(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
     static const char *const channels[] = {"TristimulusX", "TristimulusY", "TristimulusZ"};
-    fprintf(stream, "Source  Measured\nSymmetry  %s\nSpectralContent  %s\nScatterType  BRDF\n",
-            rgb->isotropic ? "Asymmetrical" : "ASymmetrical4D", g->xyz ? "XYZ" : "Monochrome");
+    fprintf(stream, "Source  Measured\nSymmetry  %s\nSpectralContent  %s\nScatterType  %s\n",
+            rgb->isotropic ? "Asymmetrical" : "ASymmetrical4D", g->xyz ? "XYZ" : "Monochrome",
+            g->half == GONIO_TRANSMISSION ? "BTDF" : "BRDF");
     gonio_grid_put_axis(g, GONIO_GRID_IN_PHI, "SampleRotation", stream);
     gonio_grid_put_axis(g, GONIO_GRID_IN_THETA, "AngleOfIncidence", stream);
     gonio_grid_put_axis(g, GONIO_GRID_OUT_PHI, "ScatterAzimuth", stream);
@@ -193,7 +194,7 @@ static void put_zemax(gonio_grid *g, const gonio_model *rgb, FILE *stream) {
 
 static gonio_status write_zemax(const gonio_model *model, const gonio_format_values *values, FILE *stream,
                                 gonio_write_report *told, gonio_error *error) {
-    gonio_grid g = {.frame = GONIO_GRID_SPECULAR};
+    const gonio_grid g = {.frame = GONIO_GRID_SPECULAR};
     return gonio_grid_write_colours(&g, model, values, true, put_zemax, stream, told, error);
 }
 
@@ -205,6 +206,8 @@ const gonio_format gonio_format_zemax = {
     .extensions = ".bsdf",
     .write_table = write_zemax,
     .write_options = write_options,
+    .halves = 1u << GONIO_REFLECTION | 1u << GONIO_TRANSMISSION,
+    .one_half = true,
     .quantity = "f_r, 1/sr; TIS is the directional albedo",
     .convention = "polar angle and azimuth about the mirror direction, azimuth 0 towards the normal",
     .theta_max_deg = GONIO_GRID_WRITE_MAX_DEG,

@@ -62,6 +62,10 @@ static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double 
 
 static const gonio_model_ops ops = {.kind = "measured", .eval = eval, .free = release};
 
+const gonio_radiance_model *gonio_radiance_own(const gonio_model *model) {
+    return model->ops == &ops ? (const gonio_radiance_model *)model : NULL;
+}
+
 // ---- building ----
 
 static const gonio_radiance_block *find(const gonio_radiance_file *file, const char *quantity, const char *direction) {
@@ -125,8 +129,8 @@ static gonio_status fill(const gonio_radiance_file *file, const char *side, goni
     return status;
 }
 
-// The floor that a file of ours tells in a comment.
-static void find_floor(const gonio_radiance_file *file, gonio_radiance_model *m) {
+// The floor of a half that a file of ours tells in a comment.
+static void find_floor(const gonio_radiance_file *file, const char *direction, gonio_radiance_model *m) {
     const xmlNode *root = xmlDocGetRootElement(file->doc);
     for (const xmlNode *node = root->children; node != NULL; node = node->next) {
         const char *text = node->type == XML_COMMENT_NODE ? (const char *)node->content : "";
@@ -137,6 +141,13 @@ static void find_floor(const gonio_radiance_file *file, gonio_radiance_model *m)
             continue;
         }
         at += sizeof GONIO_RADIANCE_FLOOR - 1;
+        if (strcasecmp(direction, gonio_radiance_direction(GONIO_REFLECTION)) != 0) {
+            const char *named = strstr(at, direction);
+            if (named == NULL) {
+                continue;
+            }
+            at = named + strlen(direction);
+        }
         if (gonio_radiance_number(&at, &line, &floor[0]) && gonio_radiance_number(&at, &line, &floor[1]) &&
             gonio_radiance_number(&at, &line, &floor[2])) {
             memcpy(m->floor, floor, sizeof floor);
@@ -148,6 +159,8 @@ static void find_floor(const gonio_radiance_file *file, gonio_radiance_model *m)
 static const char *const directions[GONIO_HALVES] = {"Reflection Back", "Transmission Back", "Reflection Front",
                                                      "Transmission Front"};
 
+const char *gonio_radiance_direction(gonio_half half) { return directions[half]; }
+
 static gonio_status load_half(const gonio_radiance_file *file, const char *direction, gonio_model **out,
                               gonio_error *error) {
     gonio_radiance_model *m = calloc(1, sizeof *m);
@@ -156,7 +169,7 @@ static gonio_status load_half(const gonio_radiance_file *file, const char *direc
     }
     m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file->structure, "TensorTree3") == 0};
     const gonio_status status = fill(file, direction, m, error);
-    find_floor(file, m);
+    find_floor(file, direction, m);
     m->head.channels = m->parts;
     m->head.channel_names = m->parts == 3 ? names : single;
     if (status != GONIO_OK) {
@@ -332,12 +345,6 @@ static gonio_status read_radiance(const gonio_source *source, const gonio_format
     return status;
 }
 
-static gonio_status write_radiance(const gonio_model *model, const gonio_format_values *values, FILE *stream,
-                                   gonio_write_report *told, gonio_error *error) {
-    const gonio_radiance_model *own = model->ops == &ops ? (const gonio_radiance_model *)model : NULL;
-    return gonio_radiance_write(own, model, values, stream, told, error);
-}
-
 static const gonio_format_option options[] = {
     {"limit", GONIO_FORMAT_COUNT, "N", "100k", "at most about N samples of a table"},
     {"side", GONIO_FORMAT_CHOICE, "auto|front|back", "auto",
@@ -350,7 +357,8 @@ const gonio_format gonio_format_radiance = {.name = "radiance",
                                             .recognise = recognise,
                                             .read = read_radiance,
                                             .table = table_radiance,
-                                            .write_table = write_radiance,
+                                            .write_table = gonio_radiance_write,
+                                            .halves = (1u << GONIO_HALVES) - 1,
                                             .write_options = gonio_radiance_write_options,
                                             .quantity = "f_r, 1/sr: Visible is Y; CIE-u, CIE-v (trees) or CIE-X, CIE-Z",
                                             .convention = "Radiance's front is Reflection Back; incident squares and "

@@ -98,13 +98,17 @@ typedef struct gonio_radiance_model {
     gonio_tensor_tree tree[3];
 } gonio_radiance_model;
 
+// A model that was read, as one of these; NULL: it is another.
+const gonio_radiance_model *gonio_radiance_own(const gonio_model *model);
+// A half's name in the file.
+const char *gonio_radiance_direction(gonio_half half);
+
 // ---- write.c ----
-// A comment of a file of ours: f_r of r, g, b that is to be added everywhere.
+// A comment of a file of ours: f_r of r, g, b that is to be added everywhere; of other halves than the front reflection
+// with the half's name in the file before the numbers.
 #define GONIO_RADIANCE_FLOOR "gonio floor r g b"
-// own: the model where it is one that was read; NULL.
-gonio_status gonio_radiance_write(const gonio_radiance_model *own, const gonio_model *model,
-                                  const gonio_format_values *values, FILE *stream, gonio_write_report *told,
-                                  gonio_error *error);
+gonio_status gonio_radiance_write(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                  gonio_write_report *told, gonio_error *error);
 extern const gonio_format_option gonio_radiance_write_options[];
 
 #endif

@@ -40,7 +40,14 @@ typedef struct tables {
     size_t n;
     double *values[3];
     double floor[3]; // r, g, b
+    gonio_half half;
 } tables;
+
+// What a file holds: the halves one after the other, all of one structure.
+typedef struct sheet {
+    tables half[GONIO_HALVES];
+    int n;
+} sheet;
 
 // ---- trees ----
 
@@ -64,8 +71,8 @@ static void fill_tree_row(void *context, size_t row) {
     }
 }
 
-// Take the floor out and turn colours to Y, u', v'; where no direction lies, zeros.
-static void finish_tree(tables *t) {
+// The smallest value of each of r, g, b where Radiance would take it out; else zeros.
+static void find_floor(tables *t) {
     double least[3] = {INFINITY, INFINITY, INFINITY}, xyz[3];
     for (size_t k = 0; k < t->n; k++) {
         for (int c = 0; c < t->parts && t->values[0][k] >= 0; c++) {
@@ -76,6 +83,22 @@ static void finish_tree(tables *t) {
     if (t->parts == 3 && t->dimensions == 3 && xyz[1] > FLOOR_LEAST / GONIO_PI) {
         memcpy(t->floor, least, sizeof least);
     }
+}
+
+// A scene has one diffuse transmission for both ways through.
+static void level_floors(sheet *s) {
+    for (int a = 0; a < s->n; a++) {
+        for (int b = 0; b < s->n; b++) {
+            for (int c = 0; c < 3 && a != b && (s->half[a].half & s->half[b].half & GONIO_TRANSMISSION) != 0; c++) {
+                s->half[a].floor[c] = fmin(s->half[a].floor[c], s->half[b].floor[c]);
+            }
+        }
+    }
+}
+
+// Take the floor out and turn colours to Y, u', v'; where no direction lies, zeros.
+static void finish_tree(tables *t) {
+    double xyz[3];
     for (size_t k = 0; k < t->n; k++) {
         double rgb[3] = {0};
         if (t->values[0][k] < 0 || t->parts == 1) {
@@ -251,8 +274,8 @@ static void put_klems_basis(FILE *stream, const char *name, const gonio_klems_ba
 static void put_table(FILE *stream, const tables *t, int part, const char *quantity, const char *klems) {
     fprintf(stream,
             "<WavelengthData>\n<LayerNumber>System</LayerNumber>\n<Wavelength unit=\"Integral\">%s</Wavelength>\n"
-            "<WavelengthDataBlock>\n<WavelengthDataDirection>Reflection Back</WavelengthDataDirection>\n",
-            quantity);
+            "<WavelengthDataBlock>\n<WavelengthDataDirection>%s</WavelengthDataDirection>\n",
+            quantity, gonio_radiance_direction(t->half));
     if (klems != NULL) {
         fprintf(stream, "<ColumnAngleBasis>%s</ColumnAngleBasis>\n<RowAngleBasis>%s</RowAngleBasis>\n", klems, klems);
     } else {
@@ -272,21 +295,32 @@ static void put_table(FILE *stream, const tables *t, int part, const char *quant
     fputs("</ScatteringData>\n</WavelengthDataBlock>\n</WavelengthData>\n", stream);
 }
 
-static void put_file(FILE *stream, const tables *t, const char *klems, const gonio_klems_basis *basis) {
-    fputs(head, stream);
+static void put_floor(FILE *stream, const tables *t) {
     if (t->floor[0] + t->floor[1] + t->floor[2] > 0) {
-        fprintf(stream, "<!-- " GONIO_RADIANCE_FLOOR " %.9g %.9g %.9g -->\n", t->floor[0], t->floor[1], t->floor[2]);
+        fprintf(stream, "<!-- " GONIO_RADIANCE_FLOOR "%s%s %.9g %.9g %.9g -->\n",
+                t->half != GONIO_REFLECTION ? " " : "",
+                t->half != GONIO_REFLECTION ? gonio_radiance_direction(t->half) : "", t->floor[0], t->floor[1],
+                t->floor[2]);
+    }
+}
+
+static void put_file(FILE *stream, const sheet *s, const char *klems, const gonio_klems_basis *basis) {
+    fputs(head, stream);
+    for (int h = 0; h < s->n; h++) {
+        put_floor(stream, &s->half[h]);
     }
     fputs(material, stream);
     if (klems != NULL) {
         put_klems_basis(stream, klems, basis);
     } else {
         fprintf(stream, "<IncidentDataStructure>TensorTree%d</IncidentDataStructure>\n</DataDefinition>\n",
-                t->dimensions);
+                s->half[0].dimensions);
     }
     static const char *const colours[2][3] = {{"Visible", "CIE-u", "CIE-v"}, {"Visible", "CIE-X", "CIE-Z"}};
-    for (int part = 0; part < t->parts; part++) {
-        put_table(stream, t, part, colours[klems != NULL][part], klems);
+    for (int h = 0; h < s->n; h++) {
+        for (int part = 0; part < s->half[h].parts; part++) {
+            put_table(stream, &s->half[h], part, colours[klems != NULL][part], klems);
+        }
     }
     fputs("</Layer>\n</Optical>\n</WindowElement>", stream); // no line end: a file that is cut anywhere shows it
 }
@@ -306,38 +340,80 @@ static size_t cells_of(const tables *t) {
     return t->dimensions == 3 ? n / 2 : n;
 }
 
-static gonio_status write_tree(tables *t, const gonio_format_values *values, FILE *stream, gonio_write_report *told,
+static const tables *table_of(const sheet *s, unsigned halves) {
+    for (int h = 0; h < s->n; h++) {
+        if (halves >> s->half[h].half & 1) {
+            return &s->half[h];
+        }
+    }
+    return NULL;
+}
+
+// The arguments of the scene's BSDF primitive: diffuse parts of the front, the back and through.
+static void tell_scene(const sheet *s, gonio_write_report *told) {
+    static const unsigned order[3] = {1u << GONIO_REFLECTION, 1u << GONIO_REFLECTION_BACK,
+                                      1u << GONIO_TRANSMISSION | 1u << GONIO_TRANSMISSION_BACK};
+    const int groups = table_of(s, order[2]) != NULL ? 3 : table_of(s, order[1]) != NULL ? 2 : 1;
+    char text[200] = "";
+    for (int k = 0; k < groups; k++) {
+        const tables *t = table_of(s, order[k]);
+        for (int c = 0; c < 3; c++) {
+            gonio_text_append(text, sizeof text, " %.6g", t != NULL ? GONIO_PI * t->floor[c] : 0.0);
+        }
+    }
+    snprintf(told->about, sizeof told->about, "TensorTree%d of side %d; scene: void BSDF m 6 0 FILE.xml 0 1 0 . 0 %d%s",
+             s->half[0].dimensions, 1 << s->half[0].depth, 3 * groups, text);
+}
+
+static gonio_status write_tree(sheet *s, const gonio_format_values *values, FILE *stream, gonio_write_report *told,
                                gonio_error *error) {
-    const size_t bytes = values->max_bytes > 0 ? values->max_bytes : MAX_BYTES;
-    const int deepest = t->dimensions == 3 ? 8 : 6;
-    for (t->depth = 2; t->depth < deepest; t->depth++) {
-        const tables next = {.dimensions = t->dimensions, .depth = t->depth + 1};
-        if (cells_of(&next) * (size_t)t->parts * BYTES_A_VALUE > bytes) {
+    const size_t bytes = (values->max_bytes > 0 ? values->max_bytes : MAX_BYTES) / (size_t)s->n;
+    const tables *first = &s->half[0];
+    const int deepest = first->dimensions == 3 ? 8 : 6;
+    int depth = 2;
+    for (; depth < deepest; depth++) {
+        const tables next = {.dimensions = first->dimensions, .depth = depth + 1};
+        if (cells_of(&next) * (size_t)first->parts * BYTES_A_VALUE > bytes) {
             break;
         }
     }
-    t->n = (size_t)1 << (t->dimensions * t->depth);
-    const gonio_status status = allocate(t, error);
+    gonio_status status = GONIO_OK;
+    for (int h = 0; h < s->n && status == GONIO_OK; h++) {
+        tables *t = &s->half[h];
+        t->depth = depth;
+        t->n = (size_t)1 << (t->dimensions * t->depth);
+        status = allocate(t, error);
+        if (status == GONIO_OK) {
+            gonio_pool_for(values->threads, t->n >> t->depth, fill_tree_row, t);
+            find_floor(t);
+        }
+    }
     if (status == GONIO_OK) {
-        gonio_pool_for(values->threads, t->n >> t->depth, fill_tree_row, t);
-        finish_tree(t);
-        put_file(stream, t, NULL, NULL);
-        snprintf(told->about, sizeof told->about,
-                 "TensorTree%d of side %d; scene: void BSDF m 6 0 FILE.xml 0 1 0 . 0 3 %.6g %.6g %.6g", t->dimensions,
-                 1 << t->depth, GONIO_PI * t->floor[0], GONIO_PI * t->floor[1], GONIO_PI * t->floor[2]);
+        level_floors(s);
+        for (int h = 0; h < s->n; h++) {
+            finish_tree(&s->half[h]);
+        }
+        put_file(stream, s, NULL, NULL);
+        tell_scene(s, told);
     }
     return status;
 }
 
-static gonio_status write_klems(tables *t, int which, const gonio_format_values *values, FILE *stream,
+static gonio_status write_klems(sheet *s, int which, const gonio_format_values *values, FILE *stream,
                                 gonio_write_report *told, gonio_error *error) {
     gonio_klems_basis basis;
     gonio_klems_known(klems_names[which], &basis);
-    t->n = (size_t)basis.patches * (size_t)basis.patches;
-    const gonio_status status = allocate(t, error);
+    gonio_status status = GONIO_OK;
+    for (int h = 0; h < s->n && status == GONIO_OK; h++) {
+        tables *t = &s->half[h];
+        t->n = (size_t)basis.patches * (size_t)basis.patches;
+        status = allocate(t, error);
+        if (status == GONIO_OK) {
+            gonio_pool_for(values->threads, (size_t)basis.patches, fill_column, &(matrix_job){t, &basis});
+        }
+    }
     if (status == GONIO_OK) {
-        gonio_pool_for(values->threads, (size_t)basis.patches, fill_column, &(matrix_job){t, &basis});
-        put_file(stream, t, klems_names[which], &basis);
+        put_file(stream, s, klems_names[which], &basis);
         snprintf(told->about, sizeof told->about,
                  "%s, averages over patches; scene: void BSDF m 6 0 FILE.xml 0 1 0 . 0 0", klems_names[which]);
         gonio_write_lost(told, "everything finer than a patch");
@@ -356,56 +432,83 @@ static int known_basis(const gonio_klems *klems, gonio_klems_basis *basis) {
     return -1;
 }
 
-// A model that was read, where nothing else is asked for.
-static bool write_own(const gonio_radiance_model *own, const gonio_format_values *values, FILE *stream,
-                      gonio_write_report *told) {
-    if (own == NULL || values->at[0].choice != BASIS_AUTO || values->max_bytes != 0) {
-        return false;
-    }
+static bool alike(const gonio_radiance_model *a, const gonio_radiance_model *b) {
     gonio_klems_basis basis;
-    const int which = own->is_tree ? -1 : known_basis(&own->klems[0], &basis);
-    tables t = {.own = own, .parts = own->parts, .dimensions = own->tree[0].dimensions};
-    memcpy(t.floor, own->floor, sizeof t.floor);
-    if (!own->is_tree && which < 0) {
+    return a != NULL && b != NULL && a->is_tree == b->is_tree && a->parts == b->parts &&
+           (a->is_tree ? a->tree[0].dimensions == b->tree[0].dimensions
+                       : known_basis(&a->klems[0], &basis) == known_basis(&b->klems[0], &basis));
+}
+
+// Halves that were read, all of one structure, where nothing else is asked for.
+static bool write_own(sheet *s, const gonio_format_values *values, FILE *stream, gonio_write_report *told) {
+    const gonio_radiance_model *first = gonio_radiance_own(s->half[0].model);
+    gonio_klems_basis basis;
+    const int which = first == NULL || first->is_tree ? -1 : known_basis(&first->klems[0], &basis);
+    if (first == NULL || values->at[0].choice != BASIS_AUTO || values->max_bytes != 0 ||
+        (!first->is_tree && which < 0)) {
         return false;
     }
-    for (int c = 0; c < t.parts && which >= 0; c++) {
-        t.values[c] = own->klems[c].values;
-        t.n = (size_t)basis.patches * (size_t)basis.patches;
+    sheet own = {.n = s->n};
+    for (int h = 0; h < s->n; h++) {
+        const gonio_radiance_model *m = gonio_radiance_own(s->half[h].model);
+        if (!alike(first, m)) {
+            return false;
+        }
+        tables *t = &own.half[h];
+        *t = (tables){.own = m, .parts = m->parts, .dimensions = m->tree[0].dimensions, .half = s->half[h].half};
+        memcpy(t->floor, m->floor, sizeof t->floor);
+        for (int c = 0; c < t->parts && which >= 0; c++) {
+            t->values[c] = m->klems[c].values;
+            t->n = (size_t)basis.patches * (size_t)basis.patches;
+        }
     }
-    put_file(stream, &t, which >= 0 ? klems_names[which] : NULL, &basis);
+    put_file(stream, &own, which >= 0 ? klems_names[which] : NULL, &basis);
     snprintf(told->about, sizeof told->about, "the tables as they were read");
     return true;
 }
 
-gonio_status gonio_radiance_write(const gonio_radiance_model *own, const gonio_model *model,
-                                  const gonio_format_values *values, FILE *stream, gonio_write_report *told,
-                                  gonio_error *error) {
-    if (write_own(own, values, stream, told)) {
-        return GONIO_OK;
-    }
+static gonio_status write_sheet(sheet *s, const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                gonio_write_report *told, gonio_error *error) {
     const int choice = values->at[0].choice != BASIS_AUTO ? values->at[0].choice
                        : model->isotropic                 ? BASIS_TREE3
                                                           : BASIS_TREE4;
     if (choice == BASIS_TREE3 && !model->isotropic) {
         return gonio_fail(error, GONIO_E_UNSUPPORTED, "radiance-basis tree3: isotropic; the model is not");
     }
-    gonio_model *rgb = (gonio_model *)(uintptr_t)model;
-    gonio_status status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(model, &rgb, error);
-    if (status != GONIO_OK) {
-        return status;
+    gonio_model *rgb[GONIO_HALVES] = {NULL};
+    gonio_status status = GONIO_OK;
+    for (int h = 0; h < s->n && status == GONIO_OK; h++) {
+        tables *t = &s->half[h];
+        status = model->channels == 1 ? GONIO_OK : gonio_model_as_rgb(t->model, &rgb[h], error);
+        rgb[h] = rgb[h] == t->model ? NULL : rgb[h];
+        t->model = rgb[h] != NULL ? rgb[h] : t->model;
+        t->parts = t->model->channels;
+        t->dimensions = choice == BASIS_TREE3 ? 3 : 4;
     }
-    tables t = {.model = rgb, .parts = rgb->channels, .dimensions = choice == BASIS_TREE3 ? 3 : 4};
-    if (model->channels != 1) {
-        gonio_write_lost_channels(model, 3, told);
+    if (status == GONIO_OK) {
+        if (model->channels != 1) {
+            gonio_write_lost_channels(model, 3, told);
+        }
+        status = choice <= BASIS_TREE4 ? write_tree(s, values, stream, told, error)
+                                       : write_klems(s, choice - BASIS_FULL, values, stream, told, error);
     }
-    status = choice <= BASIS_TREE4 ? write_tree(&t, values, stream, told, error)
-                                   : write_klems(&t, choice - BASIS_FULL, values, stream, told, error);
-    for (int c = 0; c < 3; c++) {
-        free(t.values[c]);
-    }
-    if (rgb != model) {
-        gonio_model_free(rgb);
+    for (int h = 0; h < s->n; h++) {
+        for (int c = 0; c < 3; c++) {
+            free(s->half[h].values[c]);
+        }
+        gonio_model_free(rgb[h]);
     }
     return status;
+}
+
+gonio_status gonio_radiance_write(const gonio_model *model, const gonio_format_values *values, FILE *stream,
+                                  gonio_write_report *told, gonio_error *error) {
+    sheet s = {.n = 0};
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        const gonio_model *half = gonio_written_half(model, values, (gonio_half)h);
+        if (half != NULL) {
+            s.half[s.n++] = (tables){.model = half, .half = (gonio_half)h};
+        }
+    }
+    return write_own(&s, values, stream, told) ? GONIO_OK : write_sheet(&s, model, values, stream, told, error);
 }

@@ -3,7 +3,7 @@
 # What `gonio convert` writes for other programs comes with a report, or not at all.
 . tests/system/lib.sh
 spec=spec:ggx:rho_d=0.3/0.2/0.1,rho_s=0.5,alpha=0.3,f0=0.04
-for format in rgl radiance mbsdf zemax lighttools astm ssdd speos gltf openpbr principled; do
+for format in rgl radiance mbsdf zemax lighttools astm ssdd speos openmaterial gltf openpbr principled; do
     exits "$format" 0 "$GONIO" convert $spec "$work/a.$format" --to $format --max-bytes 60000
     check "$format: its report" python3 -c "
 import json
@@ -40,6 +40,21 @@ import json
 m = json.load(open('$work/a.gltf'))['materials'][0]
 p = m['pbrMetallicRoughness']
 assert all(0 <= v <= 1 for v in p['baseColorFactor'] + [p['metallicFactor'], p['roughnessFactor']]) and m['extensions']['KHR_materials_ior']['ior'] >= 1"
+# Bounds of ASAM's schema are truncated: pi/2 and 2 pi themselves are refused by it, and null is what NaN becomes.
+check "OpenMATERIAL keeps to its schema" python3 -c "
+import json, re
+m = json.load(open('$work/a.openmaterial'))
+d = m['metadata']
+assert all(isinstance(d[k], str) and d[k] for k in ('name', 'license', 'sources')) and d['authors'] and d['copyrights']
+assert re.fullmatch('[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}', d['uuid'])
+assert all(re.fullmatch('[0-9]+[.][0-9]+[.][0-9]+', d[k]) for k in ('materialVersion', 'openMaterial3dVersion'))
+rows = m['brdf']['lookupTable']
+most = (17.16e-3, 1.570796, 1.570796, 6.283185, 1e9)
+assert rows == sorted(rows, key=lambda r: r[:4]) and len(rows) % len(m['brdf']['wavelengths']) == 0
+assert all(len(r) == 5 and all(v is not None and 0 <= v <= b for v, b in zip(r, most)) and r[0] >= 1e-9 for r in rows)"
+printf '{"brdf": {"wavelengths": [9.05e-7], "lookupTable": [[9.05e-7,0.5,1.570796,6.283185,0.25],[9.05e-7,0.5,0.5,3,null]]}}' >"$work/bounds.xomb"
+exits "its bounds stand for pi/2 and 2 pi, null for no value" 0 "$GONIO" convert "$work/bounds.xomb" "$work/bounds.csv"
+check "which are read so" grep -q '^28.6478897565411[0-9]*,0,90,0,0.25$' "$work/bounds.csv"
 # A tree in colour whose smallest value is above 0.01 / pi would lose its colour in Radiance: it stands in the scene's line.
 check "the floor of a tree in colour is taken out" grep -q 'gonio floor r g b' "$work/a.radiance"
 check "and told in the scene's line" grep -q 'void BSDF m 6 0 FILE.xml 0 1 0 . 0 3 0\.3' "$work/a.radiance.report.json"

@@ -88,10 +88,6 @@ static gonio_status to_table(const char *in, const char *out, const char *format
     gonio_status status = format == NULL ? cli_export_refuse(&a->output, "a model file", error) : GONIO_OK;
     status = status == GONIO_OK ? cli_model_read(in, &a->input, common, result, &model, NULL, error) : status;
     if (status == GONIO_OK) {
-        const gonio_model *reflection = gonio_model_half(model, GONIO_REFLECTION);
-        if (format != NULL && reflection != NULL && reflection != model) {
-            fprintf(stderr, "gonio: %s: of the model's halves it holds the reflection alone\n", out);
-        }
         status = format == NULL ? gonio_model_save(model, out, error)
                                 : cli_export_model(model, in, out, format, &a->output, common, result, error);
         if (status == GONIO_OK && format != NULL) {
