@@ -35,10 +35,6 @@ static gonio_status put_table(const gonio_format *f, const gonio_model *model, c
     return gonio_output_commit(output, error);
 }
 
-const gonio_model *gonio_written_half(const gonio_model *model, const gonio_format_values *values, gonio_half half) {
-    return model->ops->both_sides ? gonio_model_half(model, half) : half == values->half ? model : NULL;
-}
-
 static void tell_halves(unsigned there, unsigned held, gonio_write_report *told) {
     char text[160] = "";
     for (int h = 0; h < GONIO_HALVES; h++) {

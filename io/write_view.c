@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What writers of tables share: a model's channels as red, green and blue, and what the report says is lost.
+// What writers of tables share: a model's channels as red, green and blue, its halves, and what the report says is
+// lost.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -77,4 +78,8 @@ void gonio_write_lost_channels(const gonio_model *model, int channels, gonio_wri
                  channels == 3 ? "linear sRGB under equal-energy light" : "the mean");
         gonio_write_lost(report, text);
     }
+}
+
+const gonio_model *gonio_written_half(const gonio_model *model, const gonio_format_values *values, gonio_half half) {
+    return model->ops->both_sides ? gonio_model_half(model, half) : half == values->half ? model : NULL;
 }

@@ -29,21 +29,24 @@ static double weighted_mean(const gonio_dataset *data, const double *values, siz
 }
 
 // The range of what is fitted, and a quarter of it more on both sides: between samples a peak may pass them all. In
-// logarithms never more than a factor of four. Samples themselves lie inside, so holding costs them nothing.
+// logarithms never more than a factor of four, above what was measured and not above what physics added to it. Samples
+// themselves lie inside, so holding costs them nothing.
 static void set_range(const gonio_dataset *data, gonio_smooth_base *base, size_t channel) {
     const size_t c = (size_t)data->channels;
-    double low = INFINITY, high = -INFINITY;
+    double low = INFINITY, high = -INFINITY, measured = -INFINITY;
     for (size_t i = 0; i < data->n; i++) {
         // With a grazing factor what is held is the sum.
         const double t =
             base->lobes.lobes > 0 ? base->rest[i * c + channel] : data->targets[i * c + channel] - base->mean[channel];
         low = fmin(low, t);
         high = fmax(high, t);
+        measured = i < data->measured ? high : measured;
     }
     const double quarter = 0.25 * (high - low);
-    const double margin = data->kind == GONIO_TRANSFORM_LINEAR ? quarter : fmin(quarter, log(4));
+    const bool linear = data->kind == GONIO_TRANSFORM_LINEAR;
+    const double margin = linear ? quarter : fmin(quarter, log(4));
     base->low[channel] = low - margin;
-    base->high[channel] = high + margin;
+    base->high[channel] = linear ? high + margin : fmin(high + margin, measured + log(4));
 }
 
 gonio_status gonio_smooth_base_init(gonio_smooth_base *base, const gonio_dataset *data, gonio_lobe_base *lobes,

@@ -13,8 +13,6 @@
 #include "base/random.h"
 #include "io/radiance/radiance.h"
 
-#define CHROMATICITY_MIN 1e-3 // below the v' of every colour
-
 static const char names[3][32] = {"r", "g", "b"};
 static const char single[1][32] = {"visible"};
 
@@ -24,46 +22,6 @@ static bool recognise(const gonio_source *source) {
     memcpy(head, source->data, n);
     head[n] = 0;
     return strstr(head, "<WindowElement") != NULL;
-}
-
-// ---- the model ----
-
-static void release(gonio_model *model) {
-    gonio_radiance_model *m = (gonio_radiance_model *)model;
-    for (int k = 0; k < 3; k++) {
-        free(m->klems[k].values);
-        gonio_tensor_tree_free(&m->tree[k]);
-    }
-    free(m);
-}
-
-static double part_value(const gonio_radiance_model *m, int part, gonio_vec3 wi, gonio_vec3 wo) {
-    return m->is_tree ? gonio_tensor_tree_value(&m->tree[part], wi, wo) : gonio_klems_value(&m->klems[part], wi, wo);
-}
-
-static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const gonio_radiance_model *m = (const gonio_radiance_model *)model;
-    const double y = fmax(0, part_value(m, 0, wi, wo));
-    if (m->parts == 1) {
-        values[0] = y;
-        return;
-    }
-    const double a = part_value(m, 1, wi, wo), b = part_value(m, 2, wi, wo);
-    if (!m->is_tree) {
-        gonio_radiance_xyz_to_rgb((double[3]){a, y, b}, values);
-    } else { // u', v'
-        const double v = fmax(b, CHROMATICITY_MIN);
-        gonio_radiance_xyz_to_rgb((double[3]){y * 9 * a / (4 * v), y, y * (12 - 3 * a - 20 * v) / (4 * v)}, values);
-    }
-    for (int c = 0; c < 3; c++) {
-        values[c] += m->floor[c];
-    }
-}
-
-static const gonio_model_ops ops = {.kind = "measured", .eval = eval, .free = release};
-
-const gonio_radiance_model *gonio_radiance_own(const gonio_model *model) {
-    return model->ops == &ops ? (const gonio_radiance_model *)model : NULL;
 }
 
 // ---- building ----
@@ -155,25 +113,19 @@ static void find_floor(const gonio_radiance_file *file, const char *direction, g
     }
 }
 
-// The file's names of the halves.
-static const char *const directions[GONIO_HALVES] = {"Reflection Back", "Transmission Back", "Reflection Front",
-                                                     "Transmission Front"};
-
-const char *gonio_radiance_direction(gonio_half half) { return directions[half]; }
-
 static gonio_status load_half(const gonio_radiance_file *file, const char *direction, gonio_model **out,
                               gonio_error *error) {
     gonio_radiance_model *m = calloc(1, sizeof *m);
     if (m == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for %s", file->path);
     }
-    m->head = (gonio_model){.ops = &ops, .isotropic = strcasecmp(file->structure, "TensorTree3") == 0};
+    m->head = (gonio_model){.ops = &gonio_radiance_ops, .isotropic = strcasecmp(file->structure, "TensorTree3") == 0};
     const gonio_status status = fill(file, direction, m, error);
     find_floor(file, direction, m);
     m->head.channels = m->parts;
     m->head.channel_names = m->parts == 3 ? names : single;
     if (status != GONIO_OK) {
-        release(&m->head);
+        gonio_model_free(&m->head);
         return status;
     }
     *out = &m->head;
@@ -201,7 +153,7 @@ enum { SIDE_AUTO, SIDE_FRONT, SIDE_BACK };
 static unsigned wanted(const gonio_radiance_file *file, int side, int *single_half) {
     unsigned there = 0;
     for (int h = 0; h < GONIO_HALVES; h++) {
-        there |= (unsigned)(find(file, "Visible", directions[h]) != NULL) << h;
+        there |= (unsigned)(find(file, "Visible", gonio_radiance_direction((gonio_half)h)) != NULL) << h;
     }
     there = side == SIDE_FRONT || there == 0 ? 1u << GONIO_REFLECTION
             : side == SIDE_BACK              ? 1u << GONIO_REFLECTION_BACK
@@ -222,7 +174,8 @@ static gonio_status load(const gonio_source *source, int side, gonio_model *halv
     const unsigned there = wanted(&file, side, &single_half);
     for (int h = 0; status == GONIO_OK && h < GONIO_HALVES; h++) {
         if (there >> h & 1) {
-            status = load_half(&file, directions[h], &halves[single_half < 0 ? h : GONIO_REFLECTION], error);
+            status = load_half(&file, gonio_radiance_direction((gonio_half)h),
+                               &halves[single_half < 0 ? h : GONIO_REFLECTION], error);
         }
     }
     gonio_radiance_close(&file);
@@ -272,7 +225,8 @@ static bool add_cell(void *context, const gonio_pair *pair) {
         return true;
     }
     double values[3];
-    eval(&c->m->head, gonio_direction(pair->theta_i, pair->phi_i), gonio_direction(pair->theta_o, pair->phi_o), values);
+    gonio_radiance_ops.eval(&c->m->head, gonio_direction(pair->theta_i, pair->phi_i),
+                            gonio_direction(pair->theta_o, pair->phi_o), values);
     const gonio_pair lowered = gonio_pair_lowered(*pair, c->half);
     c->status = gonio_samples_add(c->samples, &lowered, values, NULL, NULL, c->error);
     return c->status == GONIO_OK;

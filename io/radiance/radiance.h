@@ -98,6 +98,8 @@ typedef struct gonio_radiance_model {
     gonio_tensor_tree tree[3];
 } gonio_radiance_model;
 
+// ---- model.c ----
+extern const gonio_model_ops gonio_radiance_ops;
 // A model that was read, as one of these; NULL: it is another.
 const gonio_radiance_model *gonio_radiance_own(const gonio_model *model);
 // A half's name in the file.
