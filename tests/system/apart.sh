@@ -17,6 +17,7 @@ printf 'file,exposure_s\nframe.raw,1\n' >d/series.csv
 printf 'file,object,light_theta,light_phi,camera_theta,camera_phi\nframe.raw,board,0,0,0,0\n' >d/views.csv
 printf '[camera]\nwidth = 10\nheight = 10\n' >d/camera.ini
 printf '[patch]\nshape = sawtooth\n' >d/patch.ini
+printf '[camera a]\neye = 0/-2/3\n[mesh p]\nfile = mesh.obj\n[light l]\nkind = point\nposition = 0/0/2\nintensity = 3\n' >d/scene.ini
 printf 'a b v\n30 0 1\n30 9 1\n' >d/lab.txt
 printf 'columns = theta_i=a,theta_o=b\n' >d/lab.txt.gonio-map
 head -c 100 /dev/urandom >d/frame.raw
@@ -65,6 +66,11 @@ virtual sawtooth -o s/day.session/session.db
 render d/m.gonio -o d/m.gonio
 render spec:lambert:rho=0.5 spec:file:d/m.gonio -o d/m.gonio
 render d/m.gonio --mesh d/mesh.obj -o d/mesh.obj
+render d/scene.ini -o d/scene.ini
+render d/scene.ini -o d/mesh.obj
+cpm build d/scene.ini -o d/scene.ini
+cpm build d/scene.ini -o d/mesh.obj
+cpm build d/scene.ini -o s/day.session/x
 eval d/m.gonio d/plan.csv -o d/plan.csv
 eval d/m.gonio d/plan.csv -o d/m.gonio
 check d/data.csv --apply mirror -o d/data.csv

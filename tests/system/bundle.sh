@@ -83,9 +83,9 @@ whole sheet halves
 bundle aniso spec:ward:rho_d=0.3,rho_s=0.2,alpha_x=0.2,alpha_y=0.5 --formats mbsdf,gltf
 whole aniso "Not written"
 "$GONIO" convert $colour "$work/t.bsdf" --to rgl --max-bytes 60000 2>"$work/err"
-bundle table "$work/t.bsdf" --formats $quick
-whole table ""
-check "a table is no model file" [ ! -e "$work/table/model.gonio" ]
+bundle measured "$work/t.bsdf" --formats $quick
+whole measured ""
+check "a table is no model file" [ ! -e "$work/measured/model.gonio" ]
 
 # ---- whole or not at all ----
 exits "a folder that is there" 2 "$GONIO" bundle $colour "$work/every"

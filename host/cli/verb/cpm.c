@@ -226,7 +226,7 @@ static int run(int argc, char **argv) {
     gonio_cpm_render_options_default(&r.how);
     gonio_cpm_options *b = &r.build;
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &r.output, NULL, "DIR",
+        {"output", 'o', CLI_OUTPUT, &r.output, NULL, "DIR",
          "build: where the map goes; a build that was stopped goes on"},
         {"resolution", 0, CLI_INT, &b->resolution, NULL, "N", "texels a side of the finest level, a power of two (32)"},
         {"points", 0, CLI_SIZE, &b->points, NULL, "N", "dense points for a finest texel, on average (1024)"},
