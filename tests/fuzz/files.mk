@@ -21,4 +21,4 @@ $(FUZZ_BINS): $(B)/%: $(B)/%.o $(B)/libgonio.a
 $(B)/tests/fuzz/make_seeds: $(B)/tests/fuzz/make_seeds.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
--include $(FUZZ_BINS:=.d)
+-include $(FUZZ_BINS:=.d) $(B)/tests/fuzz/make_seeds.d
