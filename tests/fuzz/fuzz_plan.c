@@ -1,13 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Any text as a plan: a preset, or the content of a plan file.
 #include <string.h>
+#include <strings.h>
 
 #include "gonio/plan.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static void try(const char *text) {
+static bool mentions(const uint8_t *data, size_t size, const char *word) {
+    const size_t length = strlen(word);
+    for (size_t i = 0; i + length <= size; i++) {
+        if (strncasecmp((const char *)data + i, word, length) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// furthest: how far thetas may go.
+static void try(const char *text, double furthest) {
     gonio_plan *plan;
     gonio_error error = {0};
     const gonio_status status = gonio_plan_make(text, 1, &plan, &error);
@@ -16,7 +28,7 @@ static void try(const char *text) {
     }
     for (size_t i = 0; status == GONIO_OK && i < plan->n; i++) {
         const gonio_pair *p = &plan->poses[i];
-        if (!(p->theta_i >= 0 && p->theta_i <= GONIO_PI / 2 && p->theta_o >= 0 && p->theta_o <= GONIO_PI / 2)) {
+        if (!(p->theta_i >= 0 && p->theta_i <= furthest && p->theta_o >= 0 && p->theta_o <= furthest)) {
             abort();
         }
     }
@@ -25,12 +37,15 @@ static void try(const char *text) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     char text[256];
+    // Behind the sample only where that is declared.
+    const bool behind = mentions(data, size, "transmission") || mentions(data, size, "back=");
+    const double furthest = behind ? GONIO_PI : GONIO_PI / 2;
     const size_t n = size < 40 ? size : 40;
     snprintf(text, sizeof text, "%s%.*s", size % 2 == 0 ? "uniform:" : "nusselt:", (int)n, (const char *)data);
     const double number = strtod(text + 8, NULL);
     if (text[0] == 'u' ? !(number > 0 && number < 4) : !(number > 2e4 && number <= 1e8)) {
-        try(text); // larger plans are allowed, but slow
+        try(text, furthest); // larger plans are allowed, but slow
     }
-    try(memory_file(data, size));
+    try(memory_file(data, size), furthest);
     return 0;
 }
