@@ -64,4 +64,22 @@ static inline gonio_samples *simulate_samples(const char *spec, size_t n, int ch
     return samples;
 }
 
+// One channel, the mean of all; frees what it is given. Ends the program where it cannot.
+static inline gonio_samples *simulate_channel_mean(gonio_samples *samples) {
+    gonio_samples *mean;
+    gonio_error error = {0};
+    if (gonio_samples_channel(samples, 0, &mean, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    const size_t c = (size_t)samples->channels;
+    for (size_t i = 0; i < samples->n; i++) {
+        mean->values[i] = 0;
+        for (size_t k = 0; k < c; k++) {
+            mean->values[i] += samples->values[i * c + k] / (double)c;
+        }
+    }
+    gonio_samples_free(samples);
+    return mean;
+}
+
 #endif

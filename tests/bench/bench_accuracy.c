@@ -306,23 +306,6 @@ static gonio_samples *sample_tensor(const char *path, size_t n) {
     return samples;
 }
 
-static gonio_samples *mean_of_channels(gonio_samples *samples) {
-    gonio_samples *mean;
-    gonio_error error = {0};
-    if (gonio_samples_channel(samples, 0, &mean, &error) != GONIO_OK) {
-        simulate_die(&error);
-    }
-    const size_t c = (size_t)samples->channels;
-    for (size_t i = 0; i < samples->n; i++) {
-        mean->values[i] = 0;
-        for (size_t k = 0; k < c; k++) {
-            mean->values[i] += samples->values[i * c + k] / (double)c;
-        }
-    }
-    gonio_samples_free(samples);
-    return mean;
-}
-
 // NULL where the data is absent.
 static gonio_samples *load(const material *m) {
     const char *data = getenv("GONIO_DATA");
@@ -344,7 +327,7 @@ static gonio_samples *load(const material *m) {
     if (gonio_read(path, &o, &samples, NULL, &error) != GONIO_OK) {
         simulate_die(&error);
     }
-    return m->mean ? mean_of_channels(samples) : samples;
+    return m->mean ? simulate_channel_mean(samples) : samples;
 }
 
 static gonio_fit_report fold_errors(const gonio_samples *samples, gonio_fit_options o) {

@@ -118,23 +118,6 @@ static gonio_samples *part_of(const gonio_samples *all, int seed, int fold, int 
     return part;
 }
 
-static gonio_samples *mean_of(gonio_samples *samples) {
-    gonio_samples *mean;
-    gonio_error error = {0};
-    if (gonio_samples_channel(samples, 0, &mean, &error) != GONIO_OK) {
-        simulate_die(&error);
-    }
-    const size_t c = (size_t)samples->channels;
-    for (size_t i = 0; i < samples->n; i++) {
-        mean->values[i] = 0;
-        for (size_t k = 0; k < c; k++) {
-            mean->values[i] += samples->values[i * c + k] / (double)c;
-        }
-    }
-    gonio_samples_free(samples);
-    return mean;
-}
-
 // NULL where the file is not there.
 static gonio_samples *load(const struct set *s) {
     const char *data = getenv("GONIO_DATA");
@@ -160,7 +143,7 @@ static gonio_samples *load(const struct set *s) {
     if (gonio_read(path, &o, &samples, NULL, &error) != GONIO_OK) {
         simulate_die(&error);
     }
-    return mean_of(samples);
+    return simulate_channel_mean(samples);
 }
 
 // Sums over fits of a row's errors on both halves of what it did not see.

@@ -18,6 +18,7 @@
 #include "fit/bvb/table.h"
 #include "fit/mba/mba.h"
 #include "fit/options.h"
+#include "tests/bench/dropped.h"
 #include "tests/simulate.h"
 
 static void check(gonio_status status, const gonio_error *error) {
@@ -253,30 +254,9 @@ static void table_costs(void) {
 // ---- table 6.1 ----
 
 static double dropped_rmse(const gonio_model *dense, const gonio_samples *samples, double percent) {
-    const gonio_lattice *from = gonio_lattice_model_lattice(dense);
-    gonio_lattice l;
-    gonio_model *model;
-    gonio_error error = {0};
-    gonio_coordinates coordinates;
-    gonio_transform_kind kind;
-    const gonio_transform *transform;
     gonio_errors errors;
-    check(gonio_lattice_init(&l, 3, from->level, 1, &error), &error);
-    // The magnitude below which `percent` of the points lie, by halving.
-    double low = 0, high = 1e9;
-    for (int step = 0; step < 100; step++) {
-        const double middle = 0.5 * (low + high);
-        size_t below = 0;
-        for (size_t i = 0; i < from->count; i++) {
-            below += fabs((double)from->points[i]) < middle;
-        }
-        *((double)below < percent / 100 * (double)from->count ? &low : &high) = middle;
-    }
-    for (size_t i = 0; i < from->count; i++) {
-        l.points[i] = fabs((double)from->points[i]) < low ? 0 : from->points[i];
-    }
-    gonio_lattice_model_about(dense, &coordinates, &kind, &transform);
-    check(gonio_lattice_model_new(&l, coordinates, kind, transform, dense->channel_names, &model, &error), &error);
+    gonio_error error = {0};
+    gonio_model *model = dropped_model(dense, percent);
     check(gonio_errors_model(model, samples, NULL, 1, &errors, &error), &error);
     gonio_model_free(model);
     return errors.rmse;

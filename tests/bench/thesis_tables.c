@@ -18,6 +18,7 @@
 #include "fit/options.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
+#include "tests/bench/dropped.h"
 #include "tests/simulate.h"
 
 #define LEVELS 7
@@ -243,31 +244,10 @@ static void draw_lobes(const char *name, const gonio_samples *samples, const gon
 // Table 6.1: the C % least control points of one dense lattice set to zero.
 static void drop_table(FILE *f, const char *name, const gonio_samples *samples, const gonio_model *dense) {
     static const double drops[] = {0, 50, 80, 90, 95, 99};
-    const gonio_lattice *from = gonio_lattice_model_lattice(dense);
     for (size_t d = 0; d < sizeof drops / sizeof *drops; d++) {
-        gonio_lattice l;
-        gonio_model *model;
-        gonio_error error = {0};
-        gonio_coordinates coordinates;
-        gonio_transform_kind kind;
-        const gonio_transform *transform;
         gonio_errors errors;
-        check(gonio_lattice_init(&l, 3, from->level, 1, &error), &error);
-        // The magnitude below which C % of the points lie, by bisection: no sorting needed.
-        double low = 0, high = 1e9;
-        for (int step = 0; step < 100; step++) {
-            const double middle = 0.5 * (low + high);
-            size_t below = 0;
-            for (size_t i = 0; i < from->count; i++) {
-                below += fabs((double)from->points[i]) < middle;
-            }
-            *((double)below < drops[d] / 100 * (double)from->count ? &low : &high) = middle;
-        }
-        for (size_t i = 0; i < from->count; i++) {
-            l.points[i] = fabs((double)from->points[i]) < low ? 0 : from->points[i];
-        }
-        gonio_lattice_model_about(dense, &coordinates, &kind, &transform);
-        check(gonio_lattice_model_new(&l, coordinates, kind, transform, dense->channel_names, &model, &error), &error);
+        gonio_error error = {0};
+        gonio_model *model = dropped_model(dense, drops[d]);
         check(gonio_errors_model(model, samples, NULL, 0, &errors, &error), &error);
         fprintf(f, "%s,%g,%.6g,%.6g,%.6g\n", name, drops[d], errors.rmse, errors.max_abs, errors.max_rel);
         gonio_model_free(model);
