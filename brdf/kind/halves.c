@@ -5,6 +5,8 @@
 // Each lives in front of the surface: a direction behind it is mirrored in it, (x, y, z) -> (x, y, -z). The direct way
 // through, wo = -wi, then becomes the mirror direction, so the coordinates, lobes and symmetries that suit reflection
 // suit transmission too. One is chosen by the signs of the two z; what is not there is 0.
+#include "brdf/kind/halves.h"
+
 #include "brdf/kind.h"
 #include "brdf/lobe_sampling.h"
 
@@ -224,14 +226,14 @@ static const gonio_model_ops *ops_of(gonio_model *const halves[GONIO_HALVES]) {
     return !has_sigma ? &ops_plain : has_support ? &ops : &ops_sigma;
 }
 
-static gonio_status build(gonio_model *const halves[GONIO_HALVES], gonio_model **out, gonio_error *error) {
-    halves_model *m = calloc(1, sizeof *m);
-    if (m == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of halves");
-    }
-    m->head = (gonio_model){.ops = ops_of(halves), .isotropic = true};
+// All that the head says of its parts.
+static void describe(halves_model *m) {
+    m->head.ops = ops_of(m->part);
+    m->head.isotropic = true;
+    m->head.bytes = m->head.control_points = 0;
+    m->head.channels = 0;
     for (int h = 0; h < GONIO_HALVES; h++) {
-        const gonio_model *part = m->part[h] = halves[h];
+        const gonio_model *part = m->part[h];
         if (part == NULL) {
             continue;
         }
@@ -243,6 +245,15 @@ static gonio_status build(gonio_model *const halves[GONIO_HALVES], gonio_model *
         m->head.bytes += part->bytes;
         m->head.control_points += part->control_points;
     }
+}
+
+static gonio_status build(gonio_model *const halves[GONIO_HALVES], gonio_model **out, gonio_error *error) {
+    halves_model *m = calloc(1, sizeof *m);
+    if (m == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of halves");
+    }
+    memcpy(m->part, halves, sizeof m->part);
+    describe(m);
     *out = &m->head;
     return GONIO_OK;
 }
@@ -277,6 +288,16 @@ gonio_status gonio_model_of_halves(gonio_model *const halves[GONIO_HALVES], goni
 
 const gonio_model *gonio_model_half(const gonio_model *model, gonio_half half) {
     return is_halves(model) ? ((const halves_model *)model)->part[half] : half == GONIO_REFLECTION ? model : NULL;
+}
+
+gonio_model *gonio_halves_part(gonio_model *model, gonio_half half) {
+    return is_halves(model) ? ((halves_model *)model)->part[half] : NULL;
+}
+
+void gonio_halves_put(gonio_model *model, gonio_half half, gonio_model *part) {
+    halves_model *m = (halves_model *)model;
+    m->part[half] = part;
+    describe(m);
 }
 
 const gonio_kind gonio_kind_halves = {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Method "bvb": the tabular form, and a B-spline volume of it (Park and Lee 2015; brdf/kind/bvb.c, fit/bvb/loft.c).
 //
-// Samples on the nodes of a grid are the table. Scattered ones are fitted by the default method first, and the table
-// is of that fit.
+// Samples on the nodes of a grid are the table. Scattered ones are fitted first (fit/tables/fill.h), and the table is
+// of that fit.
 #include "fit/bvb/bvb.h"
 
 #include <math.h>
@@ -16,6 +16,9 @@
 #include "fit/names.h"
 #include "fit/prepare/dataset.h"
 #include "fit/prepare/scatter.h"
+#include "fit/tables/fill.h"
+
+extern const gonio_method gonio_method_auto; // the default method, which fills
 
 // Chosen on the 100 materials of Bagher et al. 2012 (docs/fitting.md): a peak above SHARP times the mean value takes
 // the lowest order, as the paper advises where f_r exceeds 50, which the mean value of 0.1 that it reports makes 500.
@@ -23,8 +26,6 @@ static const struct {
     double sharp, rate, sharp_rate, log_rate;
     int intervals[2]; // of the table over 90 deg: anisotropic, isotropic
 } tuning = {500, 0.02, 0.005, 0.002, {18, 90}};
-
-extern const gonio_method gonio_method_auto; // the default method
 
 // ---- a table ----
 
@@ -163,26 +164,20 @@ static bool grid_of_samples(const gonio_samples *samples, double step, gonio_tra
 static gonio_status table_of_fit(const gonio_samples *samples, const gonio_fit_options *o, gonio_transform_kind kind,
                                  const gonio_transform *transforms, gonio_bvb_table *table, gonio_fit_report *report,
                                  gonio_error *error) {
-    gonio_model *model = NULL;
-    gonio_fit_report told = {0};
-    // All other members are at their defaults: this method does not have them (fit/options.c).
-    gonio_fit_options base = *o;
-    base.method = gonio_method_auto.name;
-    base.hold_out = 0;
-    base.folds = 0;
-    base.domain = GONIO_DOMAIN_AUTO;
-    base.order = GONIO_ORDER_AUTO;
-    gonio_status status = gonio_method_auto.fit(samples, &base, &model, &told, error);
+    gonio_fill fill;
+    gonio_status status = gonio_fill_init(&fill, samples, o, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
     const int intervals =
         o->table_step > 0 ? (int)fmax(round(90 / o->table_step), 3) : tuning.intervals[samples->isotropic];
-    status = status == GONIO_OK ? gonio_bvb_table_init(table, samples->isotropic, samples->channels, intervals, error)
-                                : status;
+    status = gonio_bvb_table_init(table, samples->isotropic, samples->channels, intervals, error);
     if (status == GONIO_OK) {
-        gonio_bvb_table_of_model(table, model, kind, transforms, o->threads);
-        snprintf(report->note, sizeof report->note, "the table is of a fit by method %s, %.200s",
-                 gonio_method_auto.name, told.options);
+        gonio_bvb_table_of_model(table, fill.model, kind, transforms, o->threads);
+        report->fill_seconds = fill.seconds;
+        snprintf(report->note, sizeof report->note, "the table is of a fit by method %s", fill.method);
     }
-    gonio_model_free(model);
+    gonio_fill_release(&fill);
     return status;
 }
 
@@ -244,23 +239,22 @@ static gonio_status fit(const gonio_samples *samples, const gonio_fit_options *o
     return status;
 }
 
-// The table, its heights, and what a pass makes of it; and what the default method takes.
+// The table, its heights, and what a pass makes of it; and what the fit before it takes.
 static double memory(const gonio_fit_size *size, double n) {
     const double theta = 1 + tuning.intervals[size->dims == 3], phi = 4 * (theta - 1) + 1;
     const double nodes = theta * theta * phi * (size->dims == 3 ? 1 : phi);
     return gonio_method_auto.memory(size, n) + nodes * (8.0 * size->channels + 4);
 }
 
-static const gonio_method_option options_of_bvb[] = {GONIO_METHOD_OPTION(domain, "linear"),
-                                                     GONIO_METHOD_OPTION(order, "2 to 4 (4; 2 of sharp peaks)"),
-                                                     GONIO_METHOD_OPTION(points, NULL),
-                                                     GONIO_METHOD_OPTION(rate, NULL),
-                                                     GONIO_METHOD_OPTION(knots, NULL),
-                                                     GONIO_METHOD_OPTION(table_step, NULL),
-                                                     {0}};
+static const gonio_method_option options_of_bvb[] = {
+    GONIO_METHOD_OPTION(domain, "linear"), GONIO_METHOD_OPTION(order, "2 to 4 (4; 2 of sharp peaks)"),
+    GONIO_METHOD_OPTION(points, NULL),     GONIO_METHOD_OPTION(rate, NULL),
+    GONIO_METHOD_OPTION(knots, NULL),      GONIO_METHOD_OPTION(table_step, NULL),
+    GONIO_METHOD_OPTION(fill, NULL),       {0}};
 
-static const gonio_method_form forms[] = {{GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LINEAR, NULL},
-                                          {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LOG, NULL}};
+static const gonio_method_form forms[] = {
+    {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LINEAR, NULL},
+    {GONIO_LEVEL_AUTO, GONIO_LEVEL_AUTO, GONIO_COORDINATES_AUTO, GONIO_LOG, NULL}};
 
 const gonio_method gonio_method_bvb = {
     .name = "bvb",

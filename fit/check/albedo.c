@@ -8,6 +8,7 @@
 #include "fit/check/albedo.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "base/vector.h"
 
@@ -55,9 +56,6 @@ void gonio_check_albedo_shares(const gonio_model *model, double theta_i_rad, dou
     const gonio_vec3 wi = gonio_direction(theta_i_rad, 0);
     const double c = cos(turn), s = sin(turn);
     double values[GONIO_CHANNELS_MAX];
-    for (size_t k = 0; k < channels * knots; k++) {
-        shares[k] = 0;
-    }
     for (int i = 0; i < nodes; i++) {
         // Of eight points in turn four go to the cosine and one to each width, as the mixture's weights say. The second
         // coordinate steps by the golden ratio within each component.
@@ -81,6 +79,7 @@ void gonio_check_albedo_shares(const gonio_model *model, double theta_i_rad, dou
 }
 
 void gonio_check_albedo_nodes(const gonio_model *model, double theta_i_rad, int nodes, double *albedo) {
+    memset(albedo, 0, (size_t)model->channels * sizeof *albedo);
     gonio_check_albedo_shares(model, theta_i_rad, 0, nodes, 1, albedo);
 }
 

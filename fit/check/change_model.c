@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/thread_pool.h"
+#include "brdf/kind/halves.h"
 #include "brdf/kind/transformed.h"
 #include "fit/check/albedo.h"
 #include "fit/check/change.h"
@@ -99,28 +100,41 @@ gonio_status gonio_change_products(const gonio_model *model, int products, int t
 
 static double theta_of(size_t knot) { return GONIO_PI / 2 * (double)knot / (KNOTS - 1); }
 
-// Albedos of every knot, azimuth and channel, shared out over theta_o.
+// Albedos of every knot, side that the light is on, azimuth and channel, shared out over theta_o. What goes through
+// counts with what is reflected.
 typedef struct albedos {
     const gonio_model *model;
     double after;   // of the knots' distance behind each knot
-    size_t rows;    // azimuths x channels
-    double *shares; // [KNOTS][rows][KNOTS]
+    size_t sides;   // 2 of a model of halves
+    size_t turns;   // azimuths
+    size_t rows;    // of a side: azimuths x channels
+    double *shares; // [KNOTS][sides][rows][KNOTS]
 } albedos;
+
+static double *shares_of(const albedos *a, size_t knot, size_t side, size_t row) {
+    return a->shares + ((knot * a->sides + side) * a->rows + row) * KNOTS;
+}
 
 static void find_shares(void *context, size_t knot) {
     const albedos *a = context;
-    const size_t channels = (size_t)a->model->channels, turns = a->rows / channels;
-    for (size_t k = 0; k < turns; k++) {
-        // The horizon itself is a limit that no light comes from.
-        gonio_check_albedo_shares(a->model, fmin(theta_of(knot) + a->after * theta_of(1), gonio_radians(89.9)),
-                                  2 * GONIO_PI * (double)k / (double)turns, NODES, KNOTS,
-                                  a->shares + (knot * a->rows + k * channels) * KNOTS);
+    // The horizon itself is a limit that no light comes from.
+    const double theta = fmin(theta_of(knot) + a->after * theta_of(1), gonio_radians(89.9));
+    for (size_t h = 0; h < 2 * a->sides; h++) {
+        const gonio_model *part = gonio_model_half(a->model, (gonio_half)h);
+        for (size_t k = 0; part != NULL && k < a->turns; k++) {
+            gonio_check_albedo_shares(part, theta, 2 * GONIO_PI * (double)k / (double)a->turns, NODES, KNOTS,
+                                      shares_of(a, knot, h / 2, k * (size_t)part->channels));
+        }
     }
 }
 
 static gonio_status albedos_of(const gonio_model *model, double after, int threads, albedos *a, gonio_error *error) {
-    *a = (albedos){.model = model, .after = after, .rows = (size_t)model->channels * (model->isotropic ? 1 : AZIMUTHS)};
-    a->shares = malloc(KNOTS * KNOTS * a->rows * sizeof *a->shares);
+    *a = (albedos){.model = model,
+                   .after = after,
+                   .sides = model->ops->both_sides ? 2 : 1,
+                   .turns = model->isotropic ? 1 : AZIMUTHS};
+    a->rows = (size_t)model->channels * a->turns;
+    a->shares = calloc(KNOTS * KNOTS * a->sides * a->rows, sizeof *a->shares);
     if (a->shares == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for albedos of %d channels", model->channels);
     }
@@ -128,17 +142,27 @@ static gonio_status albedos_of(const gonio_model *model, double after, int threa
     return GONIO_OK;
 }
 
-// The largest albedo of each knot, f times the factors c of theta_o (NULL: 1).
-static void largest_of(const albedos *a, const double *c, double *largest) {
+// The largest albedo of each knot for light on one side, f times the factors c of theta_o (NULL: 1).
+static void largest_from(const albedos *a, size_t side, const double *c, double *largest) {
     for (size_t k = 0; k < KNOTS; k++) {
-        largest[k] = -INFINITY;
         for (size_t r = 0; r < a->rows; r++) {
+            const double *shares = shares_of(a, k, side, r);
             double sum = 0;
             for (size_t j = 0; j < KNOTS; j++) {
-                sum += a->shares[(k * a->rows + r) * KNOTS + j] * (c != NULL ? c[j] : 1);
+                sum += shares[j] * (c != NULL ? c[j] : 1);
             }
             largest[k] = fmax(largest[k], sum);
         }
+    }
+}
+
+// The same on whichever side it is larger.
+static void largest_of(const albedos *a, const double *c, double *largest) {
+    for (size_t k = 0; k < KNOTS; k++) {
+        largest[k] = -INFINITY;
+    }
+    for (size_t side = 0; side < a->sides; side++) {
+        largest_from(a, side, c, largest);
     }
 }
 
@@ -191,37 +215,72 @@ static gonio_status compare(const gonio_model *model, bool swap, double *largest
 
 // ---- one transform ----
 
-static gonio_status conserve(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
-                             gonio_error *error) {
-    double largest[KNOTS] = {0}, factors[KNOTS];
-    size_t where;
-    const gonio_status status = find_albedos(model, 0, threads, largest, error);
-    const double worst = most(largest, KNOTS, &where);
-    if (status != GONIO_OK || !(worst > change->ceiling)) {
-        *out = model;
-        return status;
-    }
-    for (size_t k = 0; k < KNOTS; k++) {
-        factors[k] = gonio_change_factor(change, change->one_scalar ? worst : largest[k]);
-    }
-    const gonio_transformed_parts parts = {.what = GONIO_MADE_SCALED, .delta = 1, .knots = KNOTS, .factors = factors};
-    return gonio_transformed_new(model, &parts, out, error);
+// The half of `model` that is to be changed. A model of one reflection is its own.
+static gonio_model *part_of(gonio_model *model, int half) {
+    return model->ops->both_sides     ? gonio_halves_part(model, (gonio_half)half)
+           : half == GONIO_REFLECTION ? model
+                                      : NULL;
 }
 
-static gonio_status change_model(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
-                                 gonio_error *error) {
+// `part` takes the place of that half.
+static void put(gonio_model **model, int half, gonio_model *part) {
+    if ((*model)->ops->both_sides) {
+        gonio_halves_put(*model, (gonio_half)half, part);
+    } else {
+        *model = part;
+    }
+}
+
+static gonio_status transform(gonio_model **model, int half, const gonio_transformed_parts *parts, gonio_error *error) {
+    gonio_model *made;
+    const gonio_status status = gonio_transformed_new(part_of(*model, half), parts, &made, error);
+    if (status == GONIO_OK) {
+        put(model, half, made);
+    }
+    return status;
+}
+
+// Energy: both halves of the light's side by the same factors, for they share what comes in.
+static gonio_status conserve(gonio_model **model, const gonio_change *change, int threads, gonio_error *error) {
+    double largest[KNOTS], factors[2][KNOTS], worst = -INFINITY, of_side[2] = {0};
+    size_t where;
+    albedos a;
+    gonio_status status = albedos_of(*model, 0, threads, &a, error);
+    for (size_t side = 0; status == GONIO_OK && side < a.sides; side++) {
+        for (size_t k = 0; k < KNOTS; k++) {
+            factors[side][k] = -INFINITY;
+        }
+        largest_from(&a, side, NULL, factors[side]);
+        of_side[side] = most(factors[side], KNOTS, &where);
+        worst = fmax(worst, of_side[side]);
+    }
+    for (size_t side = 0; status == GONIO_OK && side < a.sides; side++) {
+        memcpy(largest, factors[side], sizeof largest);
+        for (size_t k = 0; k < KNOTS; k++) {
+            factors[side][k] = gonio_change_factor(change, change->one_scalar ? worst : largest[k]);
+        }
+    }
+    for (size_t h = 0; status == GONIO_OK && h < 2 * a.sides; h++) {
+        const gonio_transformed_parts parts = {
+            .what = GONIO_MADE_SCALED, .delta = 1, .knots = KNOTS, .factors = factors[h / 2]};
+        if (part_of(*model, (int)h) != NULL && (change->one_scalar ? worst : of_side[h / 2]) > change->ceiling) {
+            status = transform(model, (int)h, &parts, error);
+        }
+    }
+    free(a.shares);
+    return status;
+}
+
+static gonio_status change_half(gonio_model **model, int half, const gonio_change *change, int threads,
+                                gonio_error *error) {
     gonio_transformed_parts parts = {.delta = change->delta, .geometric = change->geometric};
     const bool swap = change->kind == GONIO_CHANGE_RECIPROCITY;
     double *tables = NULL, largest, squares;
     gonio_status status;
-    if (change->kind == GONIO_CHANGE_ENERGY) {
-        return conserve(model, change, threads, out, error);
-    }
     if (swap || change->kind == GONIO_CHANGE_ISOTROPY) {
         parts.what = swap ? GONIO_MADE_RECIPROCAL : GONIO_MADE_ISOTROPIC;
-        status = compare(model, swap, &largest, &squares, error);
+        status = compare(part_of(*model, half), swap, &largest, &squares, error);
         if (status != GONIO_OK || largest <= holds) {
-            *out = model;
             return status;
         }
     } else if (change->kind == GONIO_CHANGE_SEPARABLE) {
@@ -229,36 +288,39 @@ static gonio_status change_model(gonio_model *model, const gonio_change *change,
         parts.products = (size_t)change->products;
         parts.thetas = THETAS;
         parts.phis = 4 * THETAS;
-        status = gonio_change_products(model, change->products, THETAS, &tables, threads, error);
+        status = gonio_change_products(part_of(*model, half), change->products, THETAS, &tables, threads, error);
         parts.tables = tables;
     } else {
         status = gonio_fail(error, GONIO_E_USAGE, "%s changes samples, not a model", gonio_change_name(change->kind));
     }
-    status = status == GONIO_OK ? gonio_transformed_new(model, &parts, out, error) : status;
+    status = status == GONIO_OK ? transform(model, half, &parts, error) : status;
     free(tables);
     return status;
 }
 
-// Transmission's exchanged value is that of the other side, and what goes through counts in the albedo.
-static gonio_status refuse_halves(const gonio_model *model, gonio_error *error) {
-    return !model->ops->both_sides
-               ? GONIO_OK
-               : gonio_fail(error, GONIO_E_UNSUPPORTED,
-                            "reflection from the front alone can be changed; this model has other halves");
+// What goes through comes back, exchanged, from the other side: there is nothing on its own side to be the mean with.
+static bool stays(const gonio_change *change, int half) {
+    return change->kind == GONIO_CHANGE_RECIPROCITY && (half & GONIO_TRANSMISSION) != 0;
 }
 
 gonio_status gonio_check_change_model(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
                                       gonio_error *error) {
-    *out = NULL;
+    gonio_model *made = model;
     gonio_status status = gonio_change_check(change, error);
-    status = status == GONIO_OK ? refuse_halves(model, error) : status;
-    status = status == GONIO_OK ? change_model(model, change, threads, out, error) : status;
-    if (status != GONIO_OK) {
-        gonio_model_free(model);
-        *out = NULL;
-    } else if (*out != model) {
-        status = gonio_model_tell(*out, model->about, error);
+    if (status == GONIO_OK && change->kind == GONIO_CHANGE_ENERGY) {
+        status = conserve(&made, change, threads, error);
+    } else {
+        for (int h = 0; h < GONIO_HALVES && status == GONIO_OK; h++) {
+            status = part_of(model, h) != NULL && !stays(change, h) ? change_half(&made, h, change, threads, error)
+                                                                    : GONIO_OK;
+        }
     }
+    status = status == GONIO_OK && made != model ? gonio_model_tell(made, model->about, error) : status;
+    if (status != GONIO_OK) {
+        gonio_model_free(made);
+        made = NULL;
+    }
+    *out = made;
     return status;
 }
 
@@ -296,7 +358,8 @@ static gonio_status lower_where_above(const gonio_model *model, double *c, int t
     if (status == GONIO_OK && most(at[0], KNOTS, &where) <= 1 && most(at[1], KNOTS, &where) <= 1) {
         status = gonio_check_model(model, threads, &r, error);
         if (status == GONIO_OK) {
-            where = (size_t)fmin(r.energy_theta_rad / theta_of(1), KNOTS - 2);
+            const double theta = fmin(r.energy_theta_rad, GONIO_PI - r.energy_theta_rad); // from either side
+            where = (size_t)fmin(theta / theta_of(1), KNOTS - 2);
             at[1][where] = fmax(at[1][where], r.energy);
             gonio_check_report_free(&r);
         }
@@ -314,9 +377,40 @@ static gonio_status lower_where_above(const gonio_model *model, double *c, int t
     return GONIO_OK;
 }
 
+// The halves as they were before they were transformed.
+static void take_back(gonio_model **model, gonio_model *const before[GONIO_HALVES]) {
+    gonio_model *const given = *model;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        gonio_model *part = part_of(given, h);
+        if (part != NULL && part != before[h]) {
+            gonio_transformed_abandon(part);
+            put(model, h, before[h]);
+        }
+    }
+}
+
+// Every half times c(theta_i) c(theta_o). On failure all is as it was.
+static gonio_status scale_halves(gonio_model **model, const double *c, gonio_model *before[GONIO_HALVES],
+                                 gonio_error *error) {
+    const gonio_transformed_parts parts = {.what = GONIO_MADE_PASSIVE, .delta = 1, .knots = KNOTS, .factors = c};
+    gonio_model *const given = *model;
+    gonio_status status = GONIO_OK;
+    for (int h = 0; h < GONIO_HALVES; h++) {
+        before[h] = part_of(given, h);
+    }
+    for (int h = 0; h < GONIO_HALVES && status == GONIO_OK; h++) {
+        status = before[h] != NULL ? transform(model, h, &parts, error) : GONIO_OK;
+    }
+    if (status != GONIO_OK) {
+        take_back(model, before);
+    }
+    return status;
+}
+
 static gonio_status make_passive(gonio_model **model, int threads, gonio_physical_report *report, gonio_error *error) {
     double c[KNOTS];
     albedos a;
+    gonio_model *before[GONIO_HALVES];
     gonio_status status = lower_where_above(*model, NULL, threads, &report->energy_before, error);
     report->energy = report->energy_before;
     if (status != GONIO_OK || report->energy_before <= 1) {
@@ -331,17 +425,12 @@ static gonio_status make_passive(gonio_model **model, int threads, gonio_physica
     free(a.shares);
     // What the first quadrature and the line between knots missed is lowered where it is.
     for (int round = 0; round < CORRECTIONS && status == GONIO_OK; round++) {
-        const gonio_transformed_parts parts = {.what = GONIO_MADE_PASSIVE, .delta = 1, .knots = KNOTS, .factors = c};
-        gonio_model *made;
-        status = gonio_transformed_new(*model, &parts, &made, error);
-        status = status == GONIO_OK ? lower_where_above(made, c, threads, &report->energy, error) : status;
-        if (status == GONIO_OK && report->energy <= 1) {
-            *model = made;
+        status = scale_halves(model, c, before, error);
+        status = status == GONIO_OK ? lower_where_above(*model, c, threads, &report->energy, error) : status;
+        if (status != GONIO_OK || report->energy <= 1) {
             break;
         }
-        if (status == GONIO_OK) {
-            gonio_transformed_abandon(made);
-        }
+        take_back(model, before);
     }
     for (size_t k = 0; k < KNOTS; k++) {
         if (c[k] < report->least_factor) {
@@ -354,24 +443,38 @@ static gonio_status make_passive(gonio_model **model, int threads, gonio_physica
                : status;
 }
 
+// The halves that reflect. What goes through is made no more reciprocal: its exchanged value is the other side's.
+static gonio_status make_reciprocal(gonio_model **model, bool wanted, gonio_physical_report *report,
+                                    gonio_error *error) {
+    const gonio_transformed_parts parts = {.what = GONIO_MADE_RECIPROCAL, .delta = 1};
+    const int reflecting[] = {GONIO_REFLECTION, GONIO_REFLECTION_BACK};
+    gonio_model *const given = *model;
+    gonio_status status = GONIO_OK;
+    for (size_t k = 0; k < 2 && status == GONIO_OK; k++) {
+        const gonio_model *part = part_of(given, reflecting[k]);
+        double largest, squares;
+        if (part == NULL) {
+            continue;
+        }
+        status = compare(part, true, &largest, &squares, error);
+        report->reciprocity_before = fmax(report->reciprocity_before, squares);
+        if (status == GONIO_OK && wanted && largest > holds) {
+            status = transform(model, reflecting[k], &parts, error);
+        }
+    }
+    return status;
+}
+
 gonio_status gonio_check_make_physical(gonio_model *model, bool reciprocal, bool passive, int threads,
                                        gonio_model **out, gonio_physical_report *report, gonio_error *error) {
-    *out = NULL;
     *report = (gonio_physical_report){.least_factor = 1, .least_factor_bound = 1};
     gonio_model *made = model;
-    double largest;
-    gonio_status status = refuse_halves(model, error);
-    status = status == GONIO_OK ? compare(model, true, &largest, &report->reciprocity_before, error) : status;
-    if (status == GONIO_OK && reciprocal && largest > holds) {
-        const gonio_transformed_parts parts = {.what = GONIO_MADE_RECIPROCAL, .delta = 1};
-        status = gonio_transformed_new(model, &parts, &made, error);
-        made = status == GONIO_OK ? made : model;
-    }
+    gonio_status status = make_reciprocal(&made, reciprocal, report, error);
     status = status == GONIO_OK && passive ? make_passive(&made, threads, report, error) : status;
     if (status != GONIO_OK) {
         gonio_model_free(made);
-        return status;
+        made = NULL;
     }
     *out = made;
-    return GONIO_OK;
+    return status;
 }

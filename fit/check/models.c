@@ -160,6 +160,7 @@ gonio_status gonio_check_albedo_exactly(const gonio_model *model, double theta_i
     const gonio_status status =
         over_hemisphere(reflected, &p, theta_i, c * (size_t)azimuths, azimuths > 1, albedos, gap, error);
     for (int j = 0; status == GONIO_OK && j < azimuths; j++) {
+        memset(other, 0, sizeof other);
         gonio_check_albedo_shares(model, theta_i, 2 * GONIO_PI * j / azimuths, CONTROL, 1, other);
         for (size_t k = 0; k < c; k++) {
             double *value = &albedos[(size_t)j * c + k];

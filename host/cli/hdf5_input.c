@@ -15,15 +15,17 @@
 #include <unistd.h>
 
 #include "gonio/io.h"
-#include "gonio/session.h"
 #include "host/cli/cli.h"
+#include "host/session/hdf5.h"
 
 typedef struct answer {
     gonio_status status;
     gonio_error error;
 } answer;
 
-static void child(cli_hdf5_work *work, void *context, answer *a) {
+typedef gonio_status hdf5_work(void *context, gonio_error *error);
+
+static void child(hdf5_work *work, void *context, answer *a) {
     setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
     H5dont_atexit(); // what a damaged file leaves in the library makes its own clean-up at the end complain
     a->status = work(context, &a->error);
@@ -44,7 +46,7 @@ static int wait_for(pid_t pid) {
     return how;
 }
 
-gonio_status cli_hdf5_apart(const char *path, cli_hdf5_work *work, void *context, gonio_error *error) {
+static gonio_status apart(const char *path, hdf5_work *work, void *context, gonio_error *error) {
     answer *a = mmap(NULL, sizeof *a, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a == MAP_FAILED) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
@@ -71,14 +73,14 @@ gonio_status cli_hdf5_apart(const char *path, cli_hdf5_work *work, void *context
 }
 
 typedef struct hand_on {
-    const char *path;
+    const char *path, *made;
     int fd;
 } hand_on;
 
 static gonio_status read_and_write(void *context, gonio_error *error) {
     const hand_on *h = context;
     gonio_samples *samples;
-    gonio_status status = gonio_session_read_hdf5(h->path, &samples, error);
+    gonio_status status = gonio_h5_samples(h->path, h->made, &samples, error);
     FILE *stream = status == GONIO_OK ? fdopen(h->fd, "w") : NULL;
     if (status == GONIO_OK && stream == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the samples of %s", h->path);
@@ -100,13 +102,39 @@ static gonio_status read_csv(int fd, gonio_samples **out, gonio_error *error) {
 }
 
 gonio_status cli_hdf5_read(const char *path, gonio_samples **out, gonio_error *error) {
+    char *made;
     *out = NULL;
-    hand_on h = {path, memfd_create("samples", MFD_CLOEXEC)};
+    hand_on h = {path, NULL, memfd_create("samples", MFD_CLOEXEC)};
     if (h.fd < 0) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to read %s", path);
     }
-    gonio_status status = cli_hdf5_apart(path, read_and_write, &h, error);
+    gonio_status status = gonio_h5_folder(NULL, &made, error);
+    h.made = made;
+    status = status == GONIO_OK ? apart(path, read_and_write, &h, error) : status;
+    status = gonio_h5_folder_end(NULL, made, status, error);
     status = status == GONIO_OK ? read_csv(h.fd, out, error) : status;
     close(h.fd);
     return status;
+}
+
+// ---- the whole session ----
+
+typedef struct fill {
+    const char *path, *made;
+    gonio_progress_fn progress;
+    void *context;
+} fill;
+
+static gonio_status fill_folder(void *context, gonio_error *error) {
+    const fill *f = context;
+    return gonio_h5_fill(f->path, f->made, f->progress, f->context, error);
+}
+
+gonio_status cli_hdf5_import(const char *path, const char *session, gonio_progress_fn progress, void *context,
+                             gonio_error *error) {
+    char *made;
+    gonio_status status = gonio_h5_folder(session, &made, error);
+    const fill f = {path, made, progress, context};
+    status = status == GONIO_OK ? apart(path, fill_folder, (void *)(uintptr_t)&f, error) : status;
+    return gonio_h5_folder_end(session, made, status, error);
 }

@@ -273,10 +273,13 @@ static gonio_status stage_check(void *device, const double from_rad[GONIO_AXES],
                                 gonio_error *error) {
     const stage *s = device;
     int64_t from[GONIO_AXES];
+    unsigned axes = 0;
     for (int k = 0; k < GONIO_AXES; k++) {
         from[k] = to_steps(&s->axes[k], from_rad[k]);
+        axes |= (unsigned)(from[k] != to_steps(&s->axes[k], to_rad_[k])) << k;
     }
-    return check_way(s, from, to_rad_, ALL_AXES, error);
+    // An axis stays where it stands, be it half a step beyond; where none moves, the place itself is asked about.
+    return check_way(s, from, to_rad_, axes != 0 ? axes : ALL_AXES, error);
 }
 
 static bool stage_turns(void *device, const double from_rad[GONIO_AXES], const double to_rad_[GONIO_AXES],

@@ -107,6 +107,16 @@ gonio_status gonio_h5_put_file(const h5_file *file, int folder, const char *path
                                gonio_error *error);
 gonio_status gonio_h5_get_file(const h5_file *file, const char *name, const char *path, gonio_error *error);
 
+// ---- hdf5_read.c: gonio_session_import and gonio_session_read_hdf5 in steps. Another process may take the second ----
+// ---- step: what libhdf5's crash leaves there, the last one removes. ----
+// A new folder: beside the session to be, or (path NULL) a temporary one. *made is the last step's, NULL on failure.
+gonio_status gonio_h5_folder(const char *path, char **made, gonio_error *error);
+gonio_status gonio_h5_fill(const char *hdf5, const char *made, gonio_progress_fn progress, void *context,
+                           gonio_error *error);
+gonio_status gonio_h5_samples(const char *hdf5, const char *made, gonio_samples **out, gonio_error *error);
+// It takes its name where all went well so far, and is removed otherwise. Takes *made, which may be NULL.
+gonio_status gonio_h5_folder_end(const char *path, char *made, gonio_status status, gonio_error *error);
+
 // ---- hdf5_write.c ----
 extern const char
     *const gonio_h5_folder_files[]; // that a session's folder may hold beside journal and frames; NULL ends

@@ -63,6 +63,29 @@ static gonio_status make_folder(const char *path, char **made, gonio_error *erro
     return status;
 }
 
+// A folder of nobody else's; the caller frees *made.
+static gonio_status make_temporary(char **made, gonio_error *error) {
+    const char *folder = getenv("TMPDIR");
+    if (asprintf(made, "%s/gonio-XXXXXX", folder != NULL && folder[0] == '/' ? folder : "/tmp") < 0) {
+        *made = NULL;
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    if (mkdtemp(*made) == NULL) {
+        const gonio_status status =
+            gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot make a folder for the journal: %s", strerror(errno));
+        free(*made);
+        *made = NULL;
+        return status;
+    }
+    char *frames;
+    if (asprintf(&frames, "%s/frames", *made) < 0) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
+    }
+    const bool good = mkdir(frames, 0777) == 0;
+    free(frames);
+    return good ? GONIO_OK : gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot write there: %s", strerror(errno));
+}
+
 // Everything in a folder that this call made, and nobody else knows of.
 static void remove_folder(int parent, const char *name) {
     const int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
@@ -265,46 +288,37 @@ static gonio_status fill_folder(const h5_file *file, const char *made, const h5_
     return status == GONIO_OK && (write || version < GONIO_SESSION_VERSION) ? enter_sizes(made, error) : status;
 }
 
-gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_progress_fn progress, void *context,
-                                  gonio_error *error) {
+gonio_status gonio_h5_folder(const char *path, char **made, gonio_error *error) {
+    *made = NULL;
+    return path != NULL ? make_folder(path, made, error) : make_temporary(made, error);
+}
+
+gonio_status gonio_h5_fill(const char *hdf5, const char *made, gonio_progress_fn progress, void *context,
+                           gonio_error *error) {
     h5_file file;
-    char *made = NULL;
     gonio_status status = gonio_h5_open(hdf5, &file, error);
-    status = status == GONIO_OK ? make_folder(path, &made, error) : status;
     status = status == GONIO_OK ? fill_folder(&file, made, &(h5_progress){progress, context}, error) : status;
-    status = gonio_h5_close(&file, status, error);
-    status = status == GONIO_OK ? give_name(made, path, error) : status;
-    if (status != GONIO_OK && made != NULL) {
+    return gonio_h5_close(&file, status, error);
+}
+
+gonio_status gonio_h5_folder_end(const char *path, char *made, gonio_status status, gonio_error *error) {
+    status = status == GONIO_OK && path != NULL ? give_name(made, path, error) : status;
+    if (made != NULL && (status != GONIO_OK || path == NULL)) {
         remove_folder(AT_FDCWD, made);
     }
     free(made);
     return status;
 }
 
-// ---- the samples alone ----
-
-// A folder of nobody else's; the caller frees *made.
-static gonio_status make_temporary(char **made, gonio_error *error) {
-    const char *folder = getenv("TMPDIR");
-    if (asprintf(made, "%s/gonio-XXXXXX", folder != NULL && folder[0] == '/' ? folder : "/tmp") < 0) {
-        *made = NULL;
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
-    if (mkdtemp(*made) == NULL) {
-        const gonio_status status =
-            gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot make a folder for the journal: %s", strerror(errno));
-        free(*made);
-        *made = NULL;
-        return status;
-    }
-    char *frames;
-    if (asprintf(&frames, "%s/frames", *made) < 0) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for a path");
-    }
-    const bool good = mkdir(frames, 0777) == 0;
-    free(frames);
-    return good ? GONIO_OK : gonio_fail_line(error, GONIO_E_IO, *made, -1, "cannot write there: %s", strerror(errno));
+gonio_status gonio_session_import(const char *hdf5, const char *path, gonio_progress_fn progress, void *context,
+                                  gonio_error *error) {
+    char *made;
+    gonio_status status = gonio_h5_folder(path, &made, error);
+    status = status == GONIO_OK ? gonio_h5_fill(hdf5, made, progress, context, error) : status;
+    return gonio_h5_folder_end(path, made, status, error);
 }
+
+// ---- the samples alone ----
 
 static gonio_status read_journal(const char *made, gonio_samples **out, gonio_error *error) {
     gonio_session *session = NULL;
@@ -316,26 +330,20 @@ static gonio_status read_journal(const char *made, gonio_samples **out, gonio_er
     return status;
 }
 
-gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, gonio_error *error) {
+gonio_status gonio_h5_samples(const char *hdf5, const char *made, gonio_samples **out, gonio_error *error) {
     h5_file file;
-    char *made = NULL;
     int64_t version = 0;
     gonio_error own = {.line = -1, .byte = -1};
     *out = NULL;
     gonio_status status = gonio_h5_open(hdf5, &file, &own);
-    status = status == GONIO_OK ? make_temporary(&made, &own) : status;
     status = status == GONIO_OK ? read_versions(&file, &version, &own) : status;
     status = status == GONIO_OK ? make_database(&file, made, version, &own) : status;
     status = status == GONIO_OK ? get_files(&file, made, "session.log", &own) : status;
     status = status == GONIO_OK ? read_journal(made, out, &own) : status;
     status = gonio_h5_close(&file, status, &own);
-    if (made != NULL) {
-        remove_folder(AT_FDCWD, made);
-        if (strncmp(own.file, made, strlen(made)) == 0) {
-            snprintf(own.file, sizeof own.file, "%s", hdf5); // the folder is no more
-        }
+    if (strncmp(own.file, made, strlen(made)) == 0) {
+        snprintf(own.file, sizeof own.file, "%s", hdf5); // the folder will be no more
     }
-    free(made);
     if (status != GONIO_OK) {
         gonio_samples_free(*out);
         *out = NULL;
@@ -344,4 +352,12 @@ gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, goni
         }
     }
     return status;
+}
+
+gonio_status gonio_session_read_hdf5(const char *hdf5, gonio_samples **out, gonio_error *error) {
+    char *made;
+    *out = NULL;
+    gonio_status status = gonio_h5_folder(NULL, &made, error);
+    status = status == GONIO_OK ? gonio_h5_samples(hdf5, made, out, error) : status;
+    return gonio_h5_folder_end(NULL, made, status, error);
 }

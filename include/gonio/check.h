@@ -138,7 +138,7 @@ typedef struct gonio_change {
 gonio_status gonio_check_change(const gonio_samples *samples, const gonio_change *change, int threads,
                                 gonio_samples **out, gonio_error *error);
 // A new model, or the same one where it has the property already; takes over `model`, which is freed on failure. A
-// model stays a model: of kind "transformed", with the given one inside.
+// model stays a model: of kind "transformed", with the given one inside; one of halves keeps them, each changed so.
 gonio_status gonio_check_change_model(gonio_model *model, const gonio_change *change, int threads, gonio_model **out,
                                       gonio_error *error);
 
@@ -163,7 +163,8 @@ typedef struct gonio_physical_report {
 // A model that is reciprocal to rounding and whose albedo is at most 1 for every incidence (by two quadratures,
 // every 1.25 and 5 deg). Takes over `model`, which is freed on failure. The mean with the exchanged value makes it
 // reciprocal; where an albedo still exceeds 1, f is multiplied by c(theta_i) c(theta_o), c <= 1. Wherever c < 1 the
-// albedo is 1, so no factor could be raised by itself.
+// albedo is 1, so no factor could be raised by itself. Of a sheet the albedo is reflected and transmitted light from
+// either side, c the same for all halves, and reciprocity of its reflecting halves alone.
 gonio_status gonio_check_make_physical(gonio_model *model, bool reciprocal, bool passive, int threads,
                                        gonio_model **out, gonio_physical_report *report, gonio_error *error);
 

@@ -223,6 +223,9 @@ rig "tcp:127.0.0.1:$port" |
         -e 's/^jerk_deg_per_s3 = 40000/jerk_deg_per_s3 = 0/' >"$work/other.ini"
 exits "other arms home" 0 "$GONIO" rig home --rig "$work/other.ini" --sample $sample
 exits "and move over all of their range" 0 "$GONIO" rig move light_theta=92 light_phi=-4.5 --rig "$work/other.ini" --sample $sample
+exits "an azimuth beyond the limits is another turn's" 0 "$GONIO" rig move light_phi=358 camera_phi=-300 --rig "$work/other.ini" --sample $sample
+exits "status" 0 "$GONIO" rig status --rig "$work/other.ini" --sample $sample --json
+check "within them" grep -qE '"light_phi":-2.0.*"camera_phi":59.99' "$work/out"
 
 # An independent slave: another implementation of the protocol, with this table's first registers.
 if /usr/bin/python3 -c 'import pymodbus' 2>/dev/null; then

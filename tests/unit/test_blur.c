@@ -55,15 +55,16 @@ static gonio_samples *corrected(const sim_scan *scan, const gonio_samples *sampl
 }
 
 // 80 samples leave a fit free to bend. Near the pole, where all azimuths meet, its curvature over a disc of 0.3 deg was
-// worth up to 2.6 %, of samples that are right to 0.05 %; the BRDF itself asks for 0.09 % at most. No sample is moved
-// further than twice its stated sigma, and so it stays within 4 of the truth (of 240 normal draws 1 in 65 tests, but
-// the seed is fixed: this pins down that sigma carries the bias and not the chance).
+// worth up to 2.6 %, of samples that are right to 0.05 %; the BRDF itself asks for 0.09 % at most. No sample comes to
+// lie further than three times its stated sigma from where the truth's own curvature takes it (2.24 is the most), and
+// so it stays within 4 of the truth (of 320 normal draws 1 in 49 tests, but the seed is fixed: this pins down that
+// sigma carries the bias and not the chance).
 static void test_few_samples_stay_as_measured(void **state) {
     (void)state;
-    static const char *const methods[] = {"mba", "cbmba", "lsq"};
+    static const char *const methods[] = {"mba", "cbmba", "lsq", "auto"};
     sim_scan scan;
-    gonio_samples *samples = measure(&scan);
-    for (int m = 0; m < 3; m++) {
+    gonio_samples *samples = measure(&scan), *best = corrected(&scan, samples, gonio_sim_truth(scan.sim));
+    for (int m = 0; m < 4; m++) {
         gonio_fit_options options;
         gonio_fit_report report;
         gonio_model *model;
@@ -73,18 +74,19 @@ static void test_few_samples_stay_as_measured(void **state) {
         assert_int_equal(gonio_fit(samples, &options, &model, &report, NULL), GONIO_OK);
         gonio_samples *after = corrected(&scan, samples, model);
         for (size_t i = 0; i < POSES; i++) {
-            const double sigma = gonio_samples_sigma(after, i, 0), moved = after->values[i] - samples->values[i];
+            const double sigma = gonio_samples_sigma(after, i, 0), apart = after->values[i] - best->values[i];
             double truth;
             gonio_model_eval_pair(gonio_sim_truth(scan.sim), &samples->pairs[i], &truth);
-            if (!(fabs(moved) <= 2 * sigma && fabs(after->values[i] - truth) <= 4 * sigma)) {
-                fail_msg("%s, theta_i %.2f deg: moved by %.3f %%, off by %.3f %%, sigma %.3f %%", methods[m],
-                         gonio_degrees(samples->pairs[i].theta_i), 100 * moved / truth,
+            if (!(fabs(apart) <= 3 * sigma && fabs(after->values[i] - truth) <= 4 * sigma)) {
+                fail_msg("%s, theta_i %.2f deg: %.3f %% apart, off by %.3f %%, sigma %.3f %%", methods[m],
+                         gonio_degrees(samples->pairs[i].theta_i), 100 * apart / truth,
                          100 * (after->values[i] / truth - 1), 100 * sigma / truth);
             }
         }
         gonio_samples_free(after);
         gonio_model_free(model);
     }
+    gonio_samples_free(best);
     gonio_samples_free(samples);
     scan_close(&scan);
 }

@@ -131,11 +131,34 @@ static gonio_status read_target(const rig_request *request, const cli_rig *rig, 
     return GONIO_OK;
 }
 
+// An azimuth by whole turns: the first way to write it that the stage can reach; as it was asked for where none is.
+static void choose_turns(const gonio_rig *rig, const double from[GONIO_AXES], double target[GONIO_AXES]) {
+    static const double turns[] = {0, -1, 1, -2, 2};
+    enum { WAYS = sizeof turns / sizeof *turns };
+    const bool light = target[GONIO_LIGHT_PHI] != from[GONIO_LIGHT_PHI];
+    const bool camera = target[GONIO_CAMERA_PHI] != from[GONIO_CAMERA_PHI];
+    for (int s = 0; rig->stage->check != NULL && s < WAYS * WAYS; s++) {
+        double way[GONIO_AXES];
+        gonio_error why;
+        memcpy(way, target, sizeof way);
+        way[GONIO_LIGHT_PHI] += light ? 2 * GONIO_PI * turns[s % WAYS] : 0;
+        way[GONIO_CAMERA_PHI] += camera ? 2 * GONIO_PI * turns[s / WAYS] : 0;
+        if (rig->stage->check(rig->stage_device, from, way, &why) == GONIO_OK) {
+            memcpy(target, way, sizeof way);
+            return;
+        }
+    }
+}
+
 static gonio_status go(const rig_request *request, cli_rig *rig, bool relative, json_t **out, gonio_error *error) {
     const gonio_rig *r = &rig->rig;
-    double target[GONIO_AXES];
-    gonio_status status = r->stage->position(r->stage_device, target, error);
+    double from[GONIO_AXES], target[GONIO_AXES];
+    gonio_status status = r->stage->position(r->stage_device, from, error);
+    memcpy(target, from, sizeof target);
     status = status == GONIO_OK ? read_target(request, rig, relative, target, error) : status;
+    if (status == GONIO_OK && !relative && !request->dial) {
+        choose_turns(r, from, target);
+    }
     status = status == GONIO_OK && r->interlock != NULL ? r->interlock->check(r->interlock_device, error) : status;
     if (status == GONIO_OK) {
         const gonio_stamp stamp = {0};
@@ -365,7 +388,8 @@ const rig_action rig_actions[] = {
     {"home", "[AXIS ...]", "find the home switches, report what had drifted; clears a standing alarm", 0, GONIO_AXES,
      home, NULL},
     {"release", "[AXIS ...]", "switch motors off; those axes are not homed then", 0, GONIO_AXES, release, NULL},
-    {"move", "AXIS=DEG ...", "move to absolute positions; other axes stay", 1, GONIO_AXES, move, NULL},
+    {"move", "AXIS=DEG ...", "move to absolute positions, azimuths by whole turns within the limits; other axes stay",
+     1, GONIO_AXES, move, NULL},
     {"jog", "AXIS=DEG ...", "move by so much; --slow: one axis, homed or not, at its slow homing speed", 1, GONIO_AXES,
      jog, NULL},
     {"stop", "", "decelerate and hold", 0, 0, stop, NULL},

@@ -109,16 +109,6 @@ static bool on_progress(void *context, double fraction, const char *what, double
     return !cli_interrupted();
 }
 
-typedef struct import {
-    const char *in, *out;
-    cli_progress *progress;
-} import;
-
-static gonio_status import_session(void *context, gonio_error *error) {
-    const import *i = context;
-    return gonio_session_import(i->in, i->out, on_progress, i->progress, error);
-}
-
 static gonio_status whole(const char *in, const char *out, const convert_arguments *a, gonio_error *error) {
     if (a->plan != NULL) {
         return gonio_fail(error, GONIO_E_USAGE, "plan: a session is converted as it is");
@@ -132,8 +122,7 @@ static gonio_status whole(const char *in, const char *out, const convert_argumen
     cli_catch_interrupts();
     cli_progress_start(&progress, "converting", 1);
     if (gonio_session_is_hdf5(in)) {
-import i = {in, out, & progress };
-        status = cli_hdf5_apart(in, import_session, &i, error);
+        status = cli_hdf5_import(in, out, on_progress, &progress, error);
     } else if ((status = gonio_session_open(in, false, &session, error)) == GONIO_OK) {
         status = gonio_session_export(session, out, on_progress, &progress, error);
         gonio_session_close(session);
