@@ -24,23 +24,14 @@
 #include "brdf/channels.h"
 #include "brdf/exp_log.h"
 #include "brdf/kind.h"
+#include "brdf/kind/bvb_axis.h"
 
 #define COUNT_MAX 1024 // control points an axis
-#define BUCKETS 1024   // of an axis, in which spans are looked up
-#define ORDER_MAX GONIO_BVB_ORDER_MAX
-
-// The distinct knots of an axis, and the basis functions between them.
-typedef struct axis {
-    double *begin;   // [spans + 1], the last one infinite
-    double *inverse; // [spans]: 1 / length
-    gonio_f4 *basis; // [spans][power]: the coefficients of `order` functions, 0 in lanes beyond them
-    uint16_t *span;  // [BUCKETS]: the one at the bucket's begin
-} axis;
 
 typedef struct bvb_model {
     gonio_channels channels;
     gonio_bvb_parts parts;
-    axis axes[GONIO_BVB_AXES];
+    gonio_bvb_axis axes[GONIO_BVB_AXES];
     double *range; // [2 channels]
 } bvb_model;
 
@@ -50,107 +41,6 @@ typedef struct description {
     uint32_t reserved[8];
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
-
-// ---- basis functions ----
-
-// De Boor's recurrence on polynomials: out[function][power] of the `order` functions that are not 0 between knots
-// [k] and [k + 1], in s = (x - t_k) / (t_k+1 - t_k).
-static void span_polynomials(const double *t, size_t k, int order, double out[ORDER_MAX][ORDER_MAX]) {
-    const double length = t[k + 1] - t[k];
-    memset(out, 0, sizeof(double[ORDER_MAX][ORDER_MAX]));
-    out[0][0] = 1;
-    for (int q = 2; q <= order; q++) {
-        double next[ORDER_MAX][ORDER_MAX] = {{0}};
-        for (int f = 0; f < q; f++) {
-            // Function f of order q is number i = k - q + 1 + f; f - 1 and f of order q - 1 are i and i + 1.
-            const double *left = t + k + f + 1 - q, *right = left + 1;
-            for (int n = 0; n < q - 1; n++) {
-                if (f > 0) {
-                    const double a = out[f - 1][n] / (left[q - 1] - left[0]);
-                    next[f][n] += (t[k] - left[0]) * a;
-                    next[f][n + 1] += length * a;
-                }
-                if (f < q - 1) {
-                    const double b = out[f][n] / (right[q - 1] - right[0]);
-                    next[f][n] += (right[q - 1] - t[k]) * b;
-                    next[f][n + 1] -= length * b;
-                }
-            }
-        }
-        memcpy(out, next, sizeof next);
-    }
-}
-
-size_t gonio_bvb_basis(const double *knots, size_t count, int order, double x, double *basis) {
-    const size_t p = (size_t)order;
-    size_t k = p - 1;
-    while (k + 1 < count && x >= knots[k + 1]) {
-        k++;
-    }
-    double polynomials[ORDER_MAX][ORDER_MAX];
-    span_polynomials(knots, k, order, polynomials);
-    const double s = (x - knots[k]) / (knots[k + 1] - knots[k]);
-    for (size_t f = 0; f < p; f++) {
-        basis[f] = polynomials[f][order - 1];
-        for (int n = order - 2; n >= 0; n--) {
-            basis[f] = basis[f] * s + polynomials[f][n];
-        }
-    }
-    return k + 1 - p;
-}
-
-static void *carve(unsigned char **at, size_t bytes) {
-    void *block = *at;
-    *at += (bytes + 63) / 64 * 64;
-    return block;
-}
-
-static size_t spans_of(const gonio_bvb_parts *p, int d) { return p->count[d] + 1 - (size_t)p->order; }
-
-static void fill_axis(const gonio_bvb_parts *p, int d, axis *a) {
-    const size_t spans = spans_of(p, d);
-    const double *t = p->knots[d] + p->order - 1;
-    for (size_t k = 0; k < spans; k++) {
-        double polynomials[ORDER_MAX][ORDER_MAX];
-        a->begin[k] = t[k];
-        a->inverse[k] = 1 / (t[k + 1] - t[k]);
-        span_polynomials(p->knots[d], k + (size_t)p->order - 1, p->order, polynomials);
-        for (int n = 0; n < 4; n++) {
-            for (int f = 0; f < 4; f++) {
-                const bool there = n < p->order && f < p->order;
-                a->basis[4 * k + (size_t)n][f] = there ? (float)polynomials[f][n] : 0;
-            }
-        }
-    }
-    a->begin[spans] = INFINITY;
-    for (size_t b = 0, k = 0; b < BUCKETS; b++) {
-        while (a->begin[k + 1] <= (double)b / BUCKETS) {
-            k++;
-        }
-        a->span[b] = (uint16_t)k;
-    }
-}
-
-// The axes in one block, which axes[0].begin names.
-static gonio_status fill_axes(bvb_model *m, gonio_error *error) {
-    size_t bytes = 0;
-    for (int d = 0; d < m->parts.dims; d++) {
-        bytes += spans_of(&m->parts, d) * (2 * sizeof(double) + 64) + BUCKETS * sizeof(uint16_t) + 8 + 4 * 64;
-    }
-    unsigned char *at = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    if (at == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory for the knots of a B-spline volume");
-    }
-    for (int d = 0; d < m->parts.dims; d++) {
-        const size_t spans = spans_of(&m->parts, d);
-        m->axes[d] = (axis){.begin = carve(&at, (spans + 1) * sizeof(double)),
-                            .inverse = carve(&at, spans * sizeof(double)),
-                            .basis = carve(&at, spans * 64),
-                            .span = carve(&at, BUCKETS * sizeof(uint16_t))};
-        fill_axis(&m->parts, d, &m->axes[d]);
-    }
-    return GONIO_OK;
-}
 
 // ---- where a pair lies ----
 
@@ -181,9 +71,9 @@ GONIO_INLINE void locate(gonio_vec3 wi, gonio_vec3 wo, double x[GONIO_BVB_AXES])
 }
 
 // The span of an axis and the place within it.
-GONIO_INLINE size_t find_span(const axis *a, double x, double *place) {
-    const double at = x * BUCKETS;
-    const size_t bucket = at < BUCKETS ? (size_t)at : BUCKETS - 1;
+GONIO_INLINE size_t find_span(const gonio_bvb_axis *a, double x, double *place) {
+    const double at = x * GONIO_BVB_BUCKETS;
+    const size_t bucket = at < GONIO_BVB_BUCKETS ? (size_t)at : GONIO_BVB_BUCKETS - 1;
     size_t k = a->span[bucket];
     while (x >= a->begin[k + 1]) { // once at most where knots lie a step of a table apart
         k++;
@@ -412,7 +302,7 @@ static void eval_many(const gonio_model *model, size_t n, const gonio_vec3 *wi, 
 // The basis functions of an axis at x, and their slopes by x where `slope` is not NULL.
 static size_t axis_basis(const bvb_model *m, int d, double x, double basis[4], double *slope) {
     double s;
-    const axis *a = &m->axes[d];
+    const gonio_bvb_axis *a = &m->axes[d];
     const size_t k = find_span(a, x, &s);
     const gonio_f4 *b = a->basis + 4 * k;
     for (int f = 0; f < 4; f++) {
@@ -545,7 +435,7 @@ static gonio_status new_model(const gonio_bvb_parts *parts, gonio_transform_kind
     bvb_model *m = *out = model;
     m->parts = *parts;
     m->range = malloc(2 * c * sizeof *range);
-    status = m->range != NULL ? fill_axes(m, error)
+    status = m->range != NULL ? gonio_bvb_axes_fill(&m->parts, m->axes, error)
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory for a model of %zu channels", c);
     if (status != GONIO_OK) {
         free(m->range);
@@ -559,7 +449,7 @@ static gonio_status new_model(const gonio_bvb_parts *parts, gonio_transform_kind
     head->control_points = gonio_bvb_points(parts);
     head->bytes = points_bytes(parts) + c * (sizeof *transforms + 2 * sizeof *range) + sizeof *m;
     for (int d = 0; d < parts->dims; d++) {
-        head->bytes += spans_of(parts, d) * (2 * sizeof(double) + 64) + BUCKETS * sizeof(uint16_t);
+        head->bytes += gonio_bvb_spans(parts, d) * (2 * sizeof(double) + 64) + GONIO_BVB_BUCKETS * sizeof(uint16_t);
     }
     return GONIO_OK;
 }
