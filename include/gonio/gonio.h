@@ -23,6 +23,7 @@
 #include "gonio/io.h"
 #include "gonio/metrics.h"
 #include "gonio/model.h"
+#include "gonio/needs.h"
 #include "gonio/output.h"
 #include "gonio/patch.h"
 #include "gonio/plan.h"
