@@ -3,17 +3,14 @@
 // colour is the value's logarithm. Sets of more incidences show those next to 12 of them, evenly spread.
 #include "host/cli/samples_picture.h"
 
-#include <cairo-svg.h>
-#include <cairo.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/statistics.h"
 #include "gonio/direction.h"
-#include "gonio/output.h"
+#include "host/cli/drawing.h"
 
 enum { DISCS = 12, COLUMNS = 4, CELL = 260, RADIUS = 105, BAR = 90 };
 
@@ -96,18 +93,6 @@ static gonio_status find_incidences(picture *p, gonio_error *error) {
     return GONIO_OK;
 }
 
-// From dark blue over green to yellow: the lightness rises evenly, so that it can be read in grey too.
-static void set_colour(cairo_t *c, double t) {
-    static const double stops[5][3] = {
-        {0.27, 0.00, 0.33}, {0.23, 0.32, 0.55}, {0.13, 0.57, 0.55}, {0.37, 0.79, 0.38}, {0.99, 0.91, 0.14}};
-    const double x = fmin(fmax(t, 0), 1) * 4;
-    const int k = x >= 4 ? 3 : (int)x;
-    const double f = x - k;
-    cairo_set_source_rgb(c, stops[k][0] + f * (stops[k + 1][0] - stops[k][0]),
-                         stops[k][1] + f * (stops[k + 1][1] - stops[k][1]),
-                         stops[k][2] + f * (stops[k + 1][2] - stops[k][2]));
-}
-
 static void centred(cairo_t *c, double x, double y, const char *text) {
     cairo_text_extents_t extents;
     cairo_text_extents(c, text, &extents);
@@ -151,7 +136,7 @@ static void draw_disc(const picture *p, int disc) {
         }
         light = q;
         const double phi = turned(s, q->phi_o, q), r = RADIUS * sin(q->theta_o), value = value_of(s, i);
-        set_colour(c, value > 0 ? (log(value) - p->low) / (p->high - p->low) : 0);
+        cli_drawing_colour(c, value > 0 ? (log(value) - p->low) / (p->high - p->low) : 0);
         cairo_arc(c, x + r * cos(phi), y - r * sin(phi), 2, 0, 2 * GONIO_PI);
         cairo_fill(c);
     }
@@ -168,7 +153,7 @@ static void draw_bar(const picture *p) {
     const double x = CELL * p->columns + 10, top = 50, height = 180;
     char label[64];
     for (int k = 0; k < 60; k++) {
-        set_colour(c, 1 - (k + 0.5) / 60);
+        cli_drawing_colour(c, 1 - (k + 0.5) / 60);
         cairo_rectangle(c, x, top + height * k / 60, 14, height / 60 + 0.5);
         cairo_fill(c);
     }
@@ -186,56 +171,18 @@ static void draw_bar(const picture *p) {
     cairo_show_text(c, "ring: light");
 }
 
-static void draw(const picture *p) {
-    cairo_t *c = p->cairo;
-    cairo_set_source_rgb(c, 1, 1, 1);
-    cairo_paint(c);
-    cairo_set_line_width(c, 1);
-    cairo_select_font_face(c, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_font_size(c, 12);
+static void draw(cairo_t *cairo, void *context) {
+    picture *p = context;
+    p->cairo = cairo;
     for (int d = 0; d < p->discs; d++) {
         draw_disc(p, d);
     }
     draw_bar(p);
 }
 
-static cairo_status_t write_bytes(void *closure, const unsigned char *data, unsigned int length) {
-    return fwrite(data, 1, length, closure) == length ? CAIRO_STATUS_SUCCESS : CAIRO_STATUS_WRITE_ERROR;
-}
-
-static cairo_status_t put(picture *p, bool svg, FILE *stream) {
-    const int width = CELL * p->columns + BAR, height = CELL * p->rows + 20;
-    cairo_surface_t *surface = svg ? cairo_svg_surface_create_for_stream(write_bytes, stream, width, height)
-                                   : cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height);
-    p->cairo = cairo_create(surface);
-    draw(p);
-    cairo_status_t status = cairo_status(p->cairo);
-    cairo_destroy(p->cairo);
-    if (status == CAIRO_STATUS_SUCCESS && !svg) {
-        status = cairo_surface_write_to_png_stream(surface, write_bytes, stream);
-    }
-    cairo_surface_finish(surface);
-    status = status == CAIRO_STATUS_SUCCESS ? cairo_surface_status(surface) : status;
-    cairo_surface_destroy(surface);
-    return status;
-}
-
 gonio_status cli_samples_picture(const gonio_samples *samples, const char *path, gonio_error *error) {
     picture p = {.samples = samples};
-    gonio_output *output;
     gonio_status status = find_range(&p, error);
     status = status == GONIO_OK ? find_incidences(&p, error) : status;
-    status = status == GONIO_OK ? gonio_output_open(path, &output, error) : status;
-    if (status != GONIO_OK) {
-        return status;
-    }
-    const size_t length = strlen(path);
-    const cairo_status_t drawn =
-        put(&p, length > 4 && strcasecmp(path + length - 4, ".svg") == 0, gonio_output_stream(output));
-    if (drawn != CAIRO_STATUS_SUCCESS) {
-        gonio_output_abandon(output);
-        return gonio_fail_line(error, GONIO_E_IO, path, -1, "cannot write the picture: %s",
-                               cairo_status_to_string(drawn));
-    }
-    return gonio_output_commit(output, error);
+    return status == GONIO_OK ? cli_drawing(path, CELL * p.columns + BAR, CELL * p.rows + 20, draw, &p, error) : status;
 }

@@ -26,5 +26,6 @@
     X(calibrate)                                                                                                       \
     X(virtual)                                                                                                         \
     X(render)                                                                                                          \
+    X(scene)                                                                                                           \
     X(cpm)                                                                                                             \
     X(kinds)

@@ -31,6 +31,7 @@
 #include "gonio/rig.h"
 #include "gonio/sample.h"
 #include "gonio/scene.h"
+#include "gonio/scene_needs.h"
 #include "gonio/session.h"
 #include "gonio/session_calibration.h"
 #include "gonio/sim.h"

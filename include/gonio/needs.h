@@ -54,6 +54,8 @@ typedef struct gonio_needs_scene {
     const gonio_needs_frame *frame; // borrowed
 } gonio_needs_scene;
 
+// Does the file begin as one of needs does? False where it cannot be read.
+bool gonio_needs_file_is(const char *path);
 // GONIO_E_INPUT with file and line. The caller frees it.
 gonio_status gonio_needs_open(const char *path, gonio_needs **out, gonio_error *error);
 gonio_status gonio_needs_save(const gonio_needs *needs, const char *path, gonio_error *error);

@@ -10,6 +10,7 @@
 #include "gonio/direction.h"
 #include "gonio/export.h"
 #include "gonio/model.h"
+#include "gonio/needs.h"
 #include "gonio/status.h"
 
 GONIO_BEGIN
@@ -33,15 +34,23 @@ void gonio_scene_free(gonio_scene *scene); // NULL is allowed
 void gonio_scene_describe(const gonio_scene *scene, gonio_scene_facts *facts);
 // Of its materials, in the file's order; borrowed. NULL beyond the last one.
 const char *gonio_scene_material_name(const gonio_scene *scene, int material);
+// Of its cameras (of a scene without any: "", the one that sees all of it) and lights, likewise.
+const char *gonio_scene_camera_name(const gonio_scene *scene, int camera);
+const char *gonio_scene_light_name(const gonio_scene *scene, int light);
 const gonio_model *gonio_scene_material_model(const gonio_scene *scene, int material);
+// GONIO_E_USAGE, with a list, where there is none of that name.
+gonio_status gonio_scene_material_find(const gonio_scene *scene, const char *name, int *material, gonio_error *error);
+// Another model for a material; the scene frees it, and on failure keeps the old one. Not while another thread renders.
+gonio_status gonio_scene_set_model(gonio_scene *scene, int material, gonio_model *model, gonio_error *error);
 
 // A place where a path is lit: what a picture asks of a material. wi and wo are unit vectors in the material's own
-// frame; weight is what f_r of each of red, green and blue is multiplied by in the picture's pixel.
+// frame; weight is what f_r of each of red, green and blue is multiplied by in the picture's pixel, and light what
+// comes of it there.
 typedef struct gonio_scene_use {
     int pixel; // row x width + column
     int material;
     gonio_vec3 wi, wo;
-    double weight[3];
+    double weight[3], light[3];
 } gonio_scene_use;
 
 // gonio_scene_options_default() first, which takes what the file says.
@@ -50,6 +59,8 @@ typedef struct gonio_scene_options {
     int samples; // paths a pixel
     bool interreflection;
     const char *camera; // its name; NULL: the first
+    double turn_deg;    // the camera goes round its target, about its upward direction
+    const char *light;  // the name of the one that shines; NULL: all
     uint64_t seed;
     int threads; // 0: all; the picture does not depend on it
     // Called now and then with the fraction done; returning false stops the call, which gives GONIO_E_INTERRUPTED.

@@ -472,7 +472,7 @@ gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *o
                .started_s = gonio_clock_s()};
     gonio_status status = check(options, how, error);
     status = status == GONIO_OK
-                 ? gonio_world_camera(cpm->scene, options->camera, options->width, options->height, &f.camera, error)
+                 ? gonio_world_camera(cpm->scene, options, &f.camera, error)
                  : status;
     status = status == GONIO_OK ? allocate(&f, error) : status;
     status = status == GONIO_OK ? run(&f, error) : status;

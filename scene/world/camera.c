@@ -46,9 +46,10 @@ gonio_status gonio_world_cameras_check(const char *path, gonio_scene *scene, gon
     return GONIO_OK;
 }
 
-gonio_status gonio_world_camera(const gonio_scene *scene, const char *name, int width, int height, world_camera *camera,
+gonio_status gonio_world_camera(const gonio_scene *scene, const gonio_scene_options *options, world_camera *camera,
                                 gonio_error *error) {
     const scene_settings *s = scene->settings;
+    const char *name = options->camera;
     int found = name == NULL ? 0 : -1;
     for (int i = 0; i < s->cameras && found < 0; i++) {
         found = strcmp(s->camera[i].name, name) == 0 ? i : -1;
@@ -58,12 +59,16 @@ gonio_status gonio_world_camera(const gonio_scene *scene, const char *name, int 
     }
     const scene_camera_settings *c = &s->camera[found];
     camera->eye = vector(c->eye);
+    if (options->turn_deg != 0) {
+        const gonio_vec3 from = difference(camera->eye, vector(c->target));
+        camera->eye = sum(vector(c->target), turned(from, normalised(vector(c->up)), gonio_radians(options->turn_deg)));
+    }
     camera->ahead = normalised(difference(vector(c->target), camera->eye));
     camera->right = normalised(cross(camera->ahead, vector(c->up)));
     camera->up = cross(camera->right, camera->ahead);
-    camera->tangent = 2 * tan(gonio_radians(c->fov / 2)) / height;
-    camera->width = width;
-    camera->height = height;
+    camera->tangent = 2 * tan(gonio_radians(c->fov / 2)) / options->height;
+    camera->width = options->width;
+    camera->height = options->height;
     return GONIO_OK;
 }
 

@@ -13,8 +13,8 @@ typedef struct world_camera {
 
 // A scene without cameras gets one that sees all of it along -z. GONIO_E_INPUT for one that looks nowhere.
 gonio_status gonio_world_cameras_check(const char *path, gonio_scene *scene, gonio_error *error);
-// name NULL: the first. GONIO_E_INPUT where there is none of that name.
-gonio_status gonio_world_camera(const gonio_scene *scene, const char *name, int width, int height, world_camera *camera,
+// As the options have it. GONIO_E_INPUT where there is none of that name.
+gonio_status gonio_world_camera(const gonio_scene *scene, const gonio_scene_options *options, world_camera *camera,
                                 gonio_error *error);
 // Toward the place (x, y) of the picture, in pixels from its upper left corner.
 gonio_vec3 gonio_world_camera_ray(const world_camera *camera, double x, double y);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/clock.h"
 #include "base/random.h"
@@ -20,6 +21,7 @@ typedef struct frame {
     const gonio_scene *scene;
     const gonio_scene_options *options;
     world_camera camera;
+    int light; // 1 + the number of the one that shines; 0: all
     gonio_picture *picture;
     int tiles_across;
     size_t tiles, finished;
@@ -61,6 +63,7 @@ static uint64_t trace_pixel(frame *f, int x, int y) {
     const int pixel = y * o->width + x;
     world_path path = {.scene = f->scene,
                        .interreflection = o->interreflection,
+                       .light = f->light,
                        .seed = gonio_random(o->seed ^ gonio_random((uint64_t)pixel)),
                        .pixel = pixel,
                        .scale = 1.0 / o->samples,
@@ -110,14 +113,23 @@ static gonio_status check(const gonio_scene_options *o, gonio_error *error) {
     return GONIO_OK;
 }
 
+static gonio_status find_light(const gonio_scene *scene, const char *name, int *light, gonio_error *error) {
+    for (int i = 0; name != NULL && i < scene->settings->lights; i++) {
+        if (strcmp(scene->settings->light[i].name, name) == 0) {
+            *light = i + 1;
+            return GONIO_OK;
+        }
+    }
+    return name == NULL ? GONIO_OK : gonio_fail(error, GONIO_E_INPUT, "the scene has no [light %.80s]", name);
+}
+
 gonio_status gonio_scene_render(const gonio_scene *scene, const gonio_scene_options *options, gonio_picture **out,
                                 gonio_scene_report *report, gonio_error *error) {
     *out = NULL;
     frame f = {.scene = scene, .options = options, .started_s = gonio_clock_s()};
     gonio_status status = check(options, error);
-    status = status == GONIO_OK
-                 ? gonio_world_camera(scene, options->camera, options->width, options->height, &f.camera, error)
-                 : status;
+    status = status == GONIO_OK ? gonio_world_camera(scene, options, &f.camera, error) : status;
+    status = status == GONIO_OK ? find_light(scene, options->light, &f.light, error) : status;
     status = status == GONIO_OK ? gonio_scene_picture_new(options->width, options->height, &f.picture, error) : status;
     if (status != GONIO_OK) {
         return status;

@@ -187,18 +187,16 @@ static gonio_status add(const char *path, gonio_scene *scene, joining *j, int nu
     if (status != GONIO_OK) {
         return status;
     }
-    *m = (world_mesh){.first = j->all->triangles,
-                      .triangles = one->triangles,
-                      .vertices = one->vertices,
-                      .has_uv = one->uvs != NULL};
+    *m = (world_mesh){
+        .first = j->all->triangles, .triangles = one->triangles, .vertices = one->vertices, .has_uv = one->uvs != NULL};
     place_mesh(one, s);
     if (!s->smooth) {
         flatten(one);
     }
     if (s->material_map[0] != 0 && !m->has_uv) {
-        status = gonio_fail_line(error, GONIO_E_INPUT, s->file, -1,
-                                 "it has no texture coordinates, which material_map (%s, line %lld) needs", path,
-                                 s->line);
+        status =
+            gonio_fail_line(error, GONIO_E_INPUT, s->file, -1,
+                            "it has no texture coordinates, which material_map (%s, line %lld) needs", path, s->line);
     } else {
         status = read_map(path, s, list, n, &m->map, error);
     }

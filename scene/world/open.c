@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text.h"
 #include "base/vector.h"
 #include "gonio/sample.h"
 #include "scene/world/camera.h"
@@ -48,34 +49,49 @@ static gonio_status fail_at(const char *path, long long line, const char *what, 
                              : gonio_fail_line(error, GONIO_E_INPUT, path, line, "%s: %s", what, why->message);
 }
 
+// Takes what the model shows; m->model stays as it is.
+static gonio_status prepare_model(gonio_model *model, const char *name, bool sampled, world_material *m,
+                                  gonio_error *error) {
+    gonio_status status = model->channels > GONIO_CHANNELS_MAX
+                              ? gonio_fail(error, GONIO_E_INPUT, "a model of more than %d channels", GONIO_CHANNELS_MAX)
+                              : gonio_colour_new(model->channels, model->channel_names, &m->colour, error);
+    // Kinds that draw from their own lobes do well without a table.
+    sampled = sampled && status == GONIO_OK && model->ops->sample == NULL;
+    status = status == GONIO_OK && sampled ? gonio_model_prepare_sampling(model, error) : status;
+    m->constant = false;
+    if (status == GONIO_OK && strncmp(name, "spec:lambert:", 13) == 0 && strpbrk(name, "+|") == NULL) {
+        const gonio_vec3 up = {0, 0, 1};
+        double values[GONIO_CHANNELS_MAX];
+        gonio_model_eval(model, up, up, values);
+        gonio_colour_rgb(&m->colour, values, m->f);
+        m->constant = true;
+    }
+    return status;
+}
+
 static gonio_status open_material(const char *path, const scene_material_settings *s, bool sampled, world_material *m,
                                   gonio_error *error) {
     gonio_error why = {.line = -1, .byte = -1};
     char what[SCENE_NAME_MAX + 16];
     snprintf(what, sizeof what, "[material %s]", s->name);
     gonio_status status = gonio_model_resolve(s->model, &m->model, &why);
-    if (status == GONIO_OK && m->model->channels > GONIO_CHANNELS_MAX) {
-        status = gonio_fail(&why, GONIO_E_INPUT, "a model of more than %d channels", GONIO_CHANNELS_MAX);
-    }
-    status =
-        status == GONIO_OK ? gonio_colour_new(m->model->channels, m->model->channel_names, &m->colour, &why) : status;
-    // Kinds that draw from their own lobes do well without a table.
-    sampled = sampled && status == GONIO_OK && m->model->ops->sample == NULL;
-    status = status == GONIO_OK && sampled ? gonio_model_prepare_sampling(m->model, &why) : status;
+    status = status == GONIO_OK ? prepare_model(m->model, s->model, sampled, m, &why) : status;
     status = status == GONIO_OK && s->albedo_map[0] != 0 ? gonio_picture_read(s->albedo_map, &m->map, &why) : status;
     if (status != GONIO_OK) {
         why.status = status;
         return fail_at(path, s->line, what, &why, error);
     }
     memcpy(m->albedo, s->albedo, sizeof m->albedo);
-    if (strncmp(s->model, "spec:lambert:", 13) == 0 && strpbrk(s->model, "+|") == NULL) {
-        const gonio_vec3 up = {0, 0, 1};
-        double values[GONIO_CHANNELS_MAX];
-        gonio_model_eval(m->model, up, up, values);
-        gonio_colour_rgb(&m->colour, values, m->f);
-        m->constant = true;
-    }
     return GONIO_OK;
+}
+
+// Are directions drawn from the models?
+static bool draws(const scene_settings *s) {
+    bool drawn = s->image.interreflection;
+    for (int i = 0; i < s->lights; i++) {
+        drawn = drawn || s->light[i].kind == SCENE_LIGHT_ENVIRONMENT;
+    }
+    return drawn;
 }
 
 static gonio_status open_materials(const char *path, gonio_scene *scene, gonio_error *error) {
@@ -84,10 +100,7 @@ static gonio_status open_materials(const char *path, gonio_scene *scene, gonio_e
         s->materials = 1;
         s->material[0] = (scene_material_settings){.model = "spec:lambert:rho=0.5", .albedo = {1, 1, 1}};
     }
-    bool sampled = s->image.interreflection;
-    for (int i = 0; i < s->lights; i++) {
-        sampled = sampled || s->light[i].kind == SCENE_LIGHT_ENVIRONMENT;
-    }
+    const bool sampled = draws(s);
     scene->materials = calloc((size_t)s->materials, sizeof *scene->materials);
     gonio_status status =
         scene->materials != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a scene");
@@ -224,6 +237,41 @@ const char *gonio_scene_material_name(const gonio_scene *scene, int material) {
     return material >= 0 && material < scene->settings->materials ? scene->settings->material[material].name : NULL;
 }
 
+const char *gonio_scene_camera_name(const gonio_scene *scene, int camera) {
+    return camera >= 0 && camera < scene->settings->cameras ? scene->settings->camera[camera].name : NULL;
+}
+
+const char *gonio_scene_light_name(const gonio_scene *scene, int light) {
+    return light >= 0 && light < scene->settings->lights ? scene->settings->light[light].name : NULL;
+}
+
 const gonio_model *gonio_scene_material_model(const gonio_scene *scene, int material) {
     return material >= 0 && material < scene->settings->materials ? scene->materials[material].model : NULL;
+}
+
+gonio_status gonio_scene_material_find(const gonio_scene *scene, const char *name, int *material, gonio_error *error) {
+    char list[1000] = "";
+    for (int i = 0; i < scene->settings->materials; i++) {
+        if (strcmp(scene->settings->material[i].name, name) == 0) {
+            *material = i;
+            return GONIO_OK;
+        }
+        gonio_text_append(list, sizeof list, "%s%s", i > 0 ? ", " : "", scene->settings->material[i].name);
+    }
+    return gonio_fail(error, GONIO_E_USAGE, "the scene has no material '%.80s'; it has %s", name, list);
+}
+
+gonio_status gonio_scene_set_model(gonio_scene *scene, int material, gonio_model *model, gonio_error *error) {
+    world_material *m = &scene->materials[material], changed = *m;
+    changed.colour = (gonio_colour_weights){0};
+    const gonio_status status = prepare_model(model, "", draws(scene->settings), &changed, error);
+    if (status != GONIO_OK) {
+        gonio_colour_free(&changed.colour);
+        return status;
+    }
+    gonio_model_free(m->model);
+    gonio_colour_free(&m->colour);
+    *m = changed;
+    m->model = model;
+    return GONIO_OK;
 }

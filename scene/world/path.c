@@ -79,11 +79,20 @@ static bool reflect(const lit *l, gonio_vec3 toward, gonio_vec3 *wi, double f[3]
     return f[0] > 0 || f[1] > 0 || f[2] > 0;
 }
 
+// The environment, where it shines.
+static const world_environment *environment_of(const world_path *path) {
+    const scene_settings *s = path->scene->settings;
+    return path->light == 0 || s->light[path->light - 1].kind == SCENE_LIGHT_ENVIRONMENT ? path->scene->environment
+                                                                                         : NULL;
+}
+
 // Light of this radiance over a solid angle (or a light's irradiance), once nothing stands in its way.
 static void receive(const lit *l, gonio_vec3 wi, const double f[3], const double light[3], double weight) {
     gonio_scene_use use = {.pixel = l->path->pixel, .material = l->place->material, .wi = wi, .wo = l->wo};
     for (int c = 0; c < 3; c++) {
-        l->rgb[c] += l->throughput[c] * f[c] * light[c] * weight;
+        const double brought = l->throughput[c] * f[c] * light[c] * weight;
+        l->rgb[c] += brought;
+        use.light[c] = l->path->scale * brought;
         use.weight[c] = l->path->scale * l->throughput[c] * l->place->albedo[c] * fabs(wi.z) * light[c] * weight;
     }
     if (l->path->use != NULL) {
@@ -103,7 +112,7 @@ static void light_points(const lit *l) {
         const scene_light_settings *light = &s->light[i];
         gonio_vec3 toward = {light->toward[0], light->toward[1], light->toward[2]}, wi;
         double distance = INFINITY, f[3];
-        if (light->kind == SCENE_LIGHT_ENVIRONMENT) {
+        if (light->kind == SCENE_LIGHT_ENVIRONMENT || (l->path->light != 0 && l->path->light != i + 1)) {
             continue;
         }
         if (light->kind == SCENE_LIGHT_POINT) {
@@ -142,7 +151,7 @@ static double model_sample(const lit *l, const double u[2], gonio_vec3 *wi) {
 }
 
 static void light_environment(const lit *l, const double u[2]) {
-    const world_environment *environment = l->path->scene->environment;
+    const world_environment *environment = environment_of(l->path);
     gonio_vec3 toward, wi;
     double radiance[3], f[3];
     const double pdf = gonio_world_environment_sample(environment, u, &toward, radiance);
@@ -165,7 +174,7 @@ static bool scatter(const lit *l, const double u[2], gonio_vec3 *toward, gonio_v
 
 // What the model's own direction brings from the environment.
 static void meet_environment(const lit *l, gonio_vec3 toward, gonio_vec3 wi, const double f[3], double pdf) {
-    const world_environment *environment = l->path->scene->environment;
+    const world_environment *environment = environment_of(l->path);
     double radiance[3];
     gonio_world_environment_radiance(environment, toward, radiance);
     receive(l, wi, f, radiance, 1 / (pdf + gonio_world_environment_pdf(environment, toward)));
@@ -184,7 +193,7 @@ static bool survives(double throughput[3], int depth, double u) {
 static bool visit(lit *l, int depth, gonio_vec3 *origin, gonio_vec3 *direction, scene_hit *next, double throughput[3]) {
     world_path *path = l->path;
     const gonio_scene *scene = path->scene;
-    const bool environment = scene->environment != NULL;
+    const bool environment = environment_of(path) != NULL;
     double u[2], pdf, f[3];
     gonio_vec3 toward, wi;
     light_points(l);
@@ -228,8 +237,9 @@ void gonio_world_path_trace(world_path *path, gonio_vec3 origin, gonio_vec3 dire
     if (met != NULL) {
         *met = going;
     }
-    if (!going && scene->environment != NULL && gonio_world_environment_visible(scene->environment)) {
-        gonio_world_environment_radiance(scene->environment, direction, rgb);
+    const world_environment *environment = environment_of(path);
+    if (!going && environment != NULL && gonio_world_environment_visible(environment)) {
+        gonio_world_environment_radiance(environment, direction, rgb);
     }
     for (int depth = 0; going; depth++) {
         world_place place;

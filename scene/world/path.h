@@ -9,6 +9,7 @@
 typedef struct world_path {
     const gonio_scene *scene;
     bool interreflection;
+    int light;      // 1 + the number of the one that shines; 0: all
     uint32_t index; // of the path among those of its pixel
     uint64_t seed;  // of the pixel
     int pixel;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gonio compare: the error figures of a model on an input's samples.
+// gonio compare: the error figures of a model on an input's samples, or of a scene's pictures.
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "gonio/needs.h"
+#include "host/cli/compare_scene.h"
 #include "host/cli/input.h"
+#include "host/cli/scene_render.h"
 
 // Of samples with transmission, each half's; else none has samples.
 static gonio_status compare_halves(const gonio_model *model, const gonio_samples *samples, int threads,
@@ -52,13 +55,29 @@ static json_t *halves_json(const gonio_errors halves[GONIO_HALVES]) {
 
 static int run(int argc, char **argv) {
     cli_input in = {0};
-    const cli_option options[] = {CLI_INPUT_OPTIONS(in), {0}};
+    compare_request pictures = {.model = NULL};
+    bool turned = false;
+    const cli_option options[] = {
+        CLI_INPUT_OPTIONS(in),
+        {"truth", 0, CLI_TEXT, &pictures.truth, NULL, "MODEL",
+         "of a scene: what its pictures should be (its own model)"},
+        {"material", 0, CLI_TEXT, &pictures.material, NULL, "NAME", "... which of its materials the models are of"},
+        {"turn", 0, CLI_DOUBLE, &pictures.turn_deg, &turned, "DEG", "... its cameras go that far round their targets"},
+        {0}};
     extern const cli_verb cmd_compare;
     const char *names[2];
     int count, channels = 0;
     cli_common common;
     if (!cli_parse(&cmd_compare, options, argc, argv, names, 2, 2, &count, &common)) {
         return 2;
+    }
+    pictures.model = names[0];
+    pictures.scene = names[1];
+    if (cli_is_scene(names[1]) || gonio_needs_file_is(names[1])) {
+        return cli_compare_scene(&pictures, &common);
+    }
+    if (pictures.truth != NULL || pictures.material != NULL || turned) {
+        return cli_usage(&common, "compare: --truth, --material and --turn are options of scenes (SCENE.ini, NEEDS)");
     }
     gonio_error error = {.line = -1, .byte = -1};
     gonio_errors errors, halves[GONIO_HALVES] = {{0}};
@@ -80,5 +99,5 @@ static int run(int argc, char **argv) {
     return 0;
 }
 
-const cli_verb cmd_compare = {"compare", "MODEL INPUT [options]", "error figures of a model on an input's samples",
-                              run};
+const cli_verb cmd_compare = {"compare", "MODEL INPUT|SCENE.ini|NEEDS [options]",
+                              "error figures of a model on an input's samples, or of a scene's pictures with it", run};
