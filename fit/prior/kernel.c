@@ -20,14 +20,16 @@ static double length_of(int dims, int axis) {
     return axis < 2 ? TILT_LENGTH : dims == 3 ? DIFFERENCE_LENGTH : DIFFERENCE_LENGTH_4D;
 }
 
-static void place(int dims, const gonio_pair *pair, double *x) {
+void gonio_prior_kernel_place(const gonio_prior_kernel *k, const gonio_pair *pair, double *x) {
+    const int dims = k->dims;
     gonio_scatter_locate(GONIO_HALF_VECTOR, dims, pair, x);
     for (int d = 0; d < dims; d++) {
         x[d] = d == 2 && dims == 3 ? x[d] / length_of(dims, d) : (x[d] - 0.5) / length_of(dims, d);
     }
 }
 
-static double covariance(const gonio_prior_kernel *k, const double *x, const double *y) {
+double gonio_prior_kernel_covariance(const gonio_prior_kernel *k, const double *x, const double *y, double times) {
+    const double scale = -0.5 / (times * times);
     double sum = 0;
     for (int g = 0; g < k->images_n; g++) {
         double distance2 = 0;
@@ -35,9 +37,13 @@ static double covariance(const gonio_prior_kernel *k, const double *x, const dou
             const double by = x[d] - (k->images[g] >> d & 1 ? -y[d] : y[d]);
             distance2 += by * by;
         }
-        sum += exp(-0.5 * distance2);
+        sum += exp(scale * distance2);
     }
     return sum;
+}
+
+static double covariance(const gonio_prior_kernel *k, const double *x, const double *y) {
+    return gonio_prior_kernel_covariance(k, x, y, 1);
 }
 
 void gonio_prior_kernel_release(gonio_prior_kernel *kernel) {
@@ -47,7 +53,8 @@ void gonio_prior_kernel_release(gonio_prior_kernel *kernel) {
     *kernel = (gonio_prior_kernel){0};
 }
 
-static void set_images(gonio_prior_kernel *k, bool mirror) {
+void gonio_prior_kernel_start(gonio_prior_kernel *k, int dims, bool mirror) {
+    *k = (gonio_prior_kernel){.dims = dims};
     const unsigned swap = gonio_coordinates_swap_axes(GONIO_HALF_VECTOR, k->dims);
     const unsigned flip = gonio_coordinates_mirror_axes(GONIO_HALF_VECTOR, k->dims);
     k->images[k->images_n++] = 0;
@@ -60,18 +67,17 @@ static void set_images(gonio_prior_kernel *k, bool mirror) {
 
 gonio_status gonio_prior_kernel_init(gonio_prior_kernel *k, const gonio_dataset *data, gonio_error *error) {
     const size_t n = data->n, d = (size_t)data->dims;
-    *k = (gonio_prior_kernel){.dims = data->dims,
-                              .n = n,
-                              .x = malloc(n * d * sizeof(double)),
-                              .norm = malloc(n * sizeof(double)),
-                              .factor = malloc(n * n * sizeof(double))};
+    gonio_prior_kernel_start(k, data->dims, data->mirror);
+    k->n = n;
+    k->x = malloc(n * d * sizeof(double));
+    k->norm = malloc(n * sizeof(double));
+    k->factor = malloc(n * n * sizeof(double));
     if (k->x == NULL || k->norm == NULL || k->factor == NULL) {
         gonio_prior_kernel_release(k);
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the support of %zu samples", n);
     }
-    set_images(k, data->mirror);
     for (size_t i = 0; i < n; i++) {
-        place(k->dims, &data->pairs[i], k->x + i * d);
+        gonio_prior_kernel_place(k, &data->pairs[i], k->x + i * d);
         k->norm[i] = 1 / sqrt(covariance(k, k->x + i * d, k->x + i * d));
         for (size_t j = 0; j <= i; j++) {
             k->factor[j * n + i] =
@@ -88,7 +94,7 @@ gonio_status gonio_prior_kernel_init(gonio_prior_kernel *k, const gonio_dataset 
 // k^T (L L^T)^-1 k = |L^-1 k|^2.
 double gonio_prior_kernel_support(const gonio_prior_kernel *k, const gonio_pair *pair, double *work) {
     double x[GONIO_DIMS_MAX];
-    place(k->dims, pair, x);
+    gonio_prior_kernel_place(k, pair, x);
     const double norm = 1 / sqrt(covariance(k, x, x));
     for (size_t i = 0; i < k->n; i++) {
         work[i] = covariance(k, k->x + i * (size_t)k->dims, x) * k->norm[i] * norm;

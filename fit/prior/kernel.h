@@ -20,6 +20,13 @@ typedef struct gonio_prior_kernel {
     double *factor; // n x n: Cholesky factor of the samples' covariance, their nugget included
 } gonio_prior_kernel;
 
+// Without samples, for the two calls below it.
+void gonio_prior_kernel_start(gonio_prior_kernel *kernel, int dims, bool mirror);
+// A pair's place in the kernel's lengths; x[dims].
+void gonio_prior_kernel_place(const gonio_prior_kernel *kernel, const gonio_pair *pair, double *x);
+// Before it is scaled, of lengths that are `times` the kernel's.
+double gonio_prior_kernel_covariance(const gonio_prior_kernel *kernel, const double *x, const double *y, double times);
+
 gonio_status gonio_prior_kernel_init(gonio_prior_kernel *kernel, const gonio_dataset *data, gonio_error *error);
 void gonio_prior_kernel_release(gonio_prior_kernel *kernel);
 // The support of a pair: the part of its deviation's prior variance that the samples take away, 0 to 1. work[n] is then

@@ -8,6 +8,7 @@
 
 #include "fit/options.h"
 #include "gonio/io.h"
+#include "gonio/needs.h"
 #include "gonio/version.h"
 #include "host/acquire/rig_file.h"
 #include "host/acquire/steer.h"
@@ -38,7 +39,10 @@ static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_optio
     }
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
     gonio_plan *plan;
-    status = status == GONIO_OK ? gonio_plan_make(options->plan, options->seed, &plan, error) : status;
+    gonio_pose_costs costs = {&rig->rig, setup};
+    status = status == GONIO_OK
+                 ? gonio_plan_resolve(options->plan, options->seed, gonio_scan_pose_s, &costs, &plan, NULL, error)
+                 : status;
     if (status != GONIO_OK) {
         return status;
     }
@@ -62,7 +66,17 @@ static gonio_status put_model_place(gonio_session *session, const char *model, g
     return status;
 }
 
-// The plan as it was given; where it is a file, that too. What the plan comes to are the steps.
+// What a plan "scene:NEEDS,..." goes by.
+static gonio_status add_needs(gonio_sources *files, const char *plan, gonio_error *error) {
+    char path[4096];
+    if (strncmp(plan, "scene:", 6) != 0) {
+        return GONIO_OK;
+    }
+    snprintf(path, sizeof path, "%.*s", (int)strcspn(plan + 6, ","), plan + 6);
+    return gonio_sources_add_file(files, "needs", path, error);
+}
+
+// The plan as it was given; where it is or names a file, that too. What the plan comes to are the steps.
 static gonio_status put_plan(gonio_session *session, const gonio_measure_options *options, gonio_error *error) {
     char seed[24];
     gonio_sources files = {0};
@@ -70,6 +84,7 @@ static gonio_status put_plan(gonio_session *session, const gonio_measure_options
     gonio_status status = gonio_session_put(session, "plan", options->plan, error);
     status = status == GONIO_OK ? gonio_session_put(session, "plan.seed", seed, error) : status;
     status = status == GONIO_OK ? gonio_sources_add_file(&files, "plan", options->plan, error) : status;
+    status = status == GONIO_OK ? add_needs(&files, options->plan, error) : status;
     status = status == GONIO_OK ? gonio_sources_put(session, &files, error) : status;
     gonio_sources_free(&files);
     return status;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "gonio/fit.h"
+#include "gonio/needs.h"
 #include "gonio/plan.h"
 #include "gonio/session.h"
 #include "io/format.h"
@@ -96,7 +97,7 @@ gonio_status cli_model_sampled(const gonio_model *model, const char *plan, const
     char text[80];
     snprintf(text, sizeof text, "%s%s%s", usual, through ? ",transmission=1" : "", back ? ",back=1" : "");
     gonio_plan *poses;
-    gonio_status status = gonio_plan_make(plan != NULL ? plan : text, common->seed, &poses, error);
+    gonio_status status = gonio_plan_resolve(plan != NULL ? plan : text, common->seed, NULL, NULL, &poses, NULL, error);
     if (status == GONIO_OK) {
         status = gonio_samples_of_model(model, poses->poses, poses->n, common->threads, samples, error);
         gonio_plan_free(poses);

@@ -6,9 +6,11 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "gonio/direction.h"
 #include "gonio/export.h"
+#include "gonio/model.h"
 #include "gonio/plan.h"
 #include "gonio/status.h"
 
@@ -84,6 +86,40 @@ typedef struct gonio_needs_count {
 #define GONIO_NEEDS_LEVEL_MAX 7 // of 3 dimensions; 4: of 4
 gonio_status gonio_needs_count_cells(const gonio_needs *needs, int material, gonio_coordinates coordinates, int level,
                                      gonio_needs_count *count, gonio_error *error);
+
+// ---- plans ----
+
+// Seconds that a pose takes of the rig, settling and exposures included, where f_r is about `value`; with the way from
+// another pose where that is not NULL.
+typedef double gonio_pose_seconds(void *context, const gonio_pair *from, const gonio_pair *to, double value);
+
+typedef struct gonio_needs_plan_options {
+    size_t poses;
+    double explore;              // share of the poses that is spread over all directions
+    double theta_max_deg;        // of the poses
+    uint64_t seed;               // of that share
+    int threads;                 // 0: all
+    const gonio_model *model;    // a fit so far, whose sigma or support tells what is known already; NULL: nothing is
+    gonio_pose_seconds *seconds; // NULL: all poses take alike
+    void *seconds_context;
+} gonio_needs_plan_options;
+
+// Of the variance of the pictures, in squares of codes, where an unknown material deviates from what is expected of it
+// by as much as materials do.
+typedef struct gonio_needs_plan_report {
+    double before, after;
+} gonio_needs_plan_report;
+
+void gonio_needs_plan_options_default(gonio_needs_plan_options *options);
+// Poses in the order in which they are worth most: each makes the variance of the pictures fall most a second of the
+// rig, given those before it, so that any number of the first ones is a plan. Deterministic; the caller frees it.
+gonio_status gonio_needs_plan(const gonio_needs *needs, int material, const gonio_needs_plan_options *options,
+                              gonio_plan **out, gonio_needs_plan_report *report, gonio_error *error);
+
+// gonio_plan_make, and "scene:NEEDS[,N=400][,material=NAME][,model=MODEL][,explore=0.1][,theta_max=85]". seconds may be
+// NULL; report (may be NULL) is of such plans, else 0.
+gonio_status gonio_plan_resolve(const char *text, uint64_t seed, gonio_pose_seconds *seconds, void *seconds_context,
+                                gonio_plan **out, gonio_needs_plan_report *report, gonio_error *error);
 
 GONIO_END
 #endif

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gonio plan: the poses of a plan in the order they would be measured, and what that takes.
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/number.h"
+#include "gonio/needs.h"
 #include "gonio/output.h"
 #include "host/cli/rig_file.h"
 
@@ -11,12 +14,10 @@ static int run(int argc, char **argv);
 const cli_verb cmd_plan = {"plan", "PLAN [--rig sim|RIG.ini | --check RIG.ini] [-o CSV]",
                            "a plan's poses in measuring order, travel, time and storage; nothing moves", run};
 
-// Typical frames a pose; what bracketing really needs depends on the sample.
-#define FRAMES_A_POSE 2.5
-
 typedef struct estimate {
     size_t poses, edges_excluded, edges_flagged;
     double travel_s, total_s, storage_bytes;
+    gonio_needs_plan_report pictures; // of a plan for a scene; else 0
 } estimate;
 
 static gonio_status write_poses(const gonio_step *steps, size_t n, FILE *stream) {
@@ -53,24 +54,58 @@ static void fill(const cli_rig *rig, const gonio_setup *setup, const gonio_step 
     for (size_t i = 0; i < n; i++) {
         e->poses += steps[i].kind == GONIO_STEP_SAMPLE;
     }
-    const double frames = FRAMES_A_POSE * (double)e->poses + 2 * setup->scan.dark_frames + setup->scan.trap_frames +
-                          2 * (double)setup->scan.reference_frames;
+    const double frames = GONIO_FRAMES_A_POSE * (double)e->poses + 2 * setup->scan.dark_frames +
+                          setup->scan.trap_frames + 2 * (double)setup->scan.reference_frames;
     e->travel_s = gonio_scan_travel_s(&rig->rig, steps, n, setup->scan.settle_s);
     e->total_s = e->travel_s + frames * setup->camera.read_out_s + setup->scan.trap_frames +
                  setup->scan.dark_frames * (setup->camera.exposure_min_s + setup->camera.exposure_max_s);
     e->storage_bytes = frames * (double)pixels * setup->camera.bits / 8.0;
 }
 
-static gonio_status plan(const cli_rig_options *options, const char *text, cli_rig *rig, gonio_setup *setup,
-                         gonio_step **steps, size_t *n, gonio_error *error) {
-    gonio_plan *poses;
+// As many of the first poses as the budget (0: none) has time for.
+static gonio_status fit_budget(const cli_rig *rig, const gonio_setup *setup, gonio_plan *poses, double budget_s,
+                               gonio_error *error) {
+    size_t low = 0, high = budget_s > 0 ? poses->n + 1 : 0;
+    while (high > low + 1) {
+        gonio_step *steps;
+        size_t n;
+        estimate e = {0};
+        const gonio_plan first = {.n = low + (high - low) / 2, .poses = poses->poses};
+        const gonio_status status = gonio_scan_steps(&rig->rig, &setup->scan, &first, &steps, &n, error);
+        if (status != GONIO_OK) {
+            return status;
+        }
+        fill(rig, setup, steps, n, &e);
+        free(steps);
+        low = e.total_s <= budget_s ? first.n : low;
+        high = e.total_s <= budget_s ? high : first.n;
+    }
+    poses->n = budget_s > 0 ? low : poses->n;
+    return poses->n > 0 ? GONIO_OK
+                        : gonio_fail(error, GONIO_E_USAGE, "--budget: %g s are too short for a single pose", budget_s);
+}
+
+// A plan for a scene that names no number has as many poses as the budget could hold.
+static void complete_text(const char *text, double budget_s, const gonio_setup *setup, char *out, size_t size) {
+    const double least = setup->scan.settle_s + GONIO_FRAMES_A_POSE * setup->camera.read_out_s + 0.1;
+    const bool open = budget_s > 0 && strncmp(text, "scene:", 6) == 0 && strstr(text, ",N=") == NULL;
+    snprintf(out, size, open ? "%s,N=%.0f" : "%s", text, fmin(fmax(budget_s / least, 1), 3000));
+}
+
+static gonio_status plan(const cli_rig_options *options, const char *text, double budget_s, cli_rig *rig,
+                         gonio_setup *setup, gonio_step **steps, size_t *n, estimate *e, gonio_error *error) {
+    char whole[4200];
+    gonio_plan *poses = NULL;
+    gonio_pose_costs costs = {&rig->rig, setup};
     gonio_status status = cli_rig_open(options, rig, error);
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
-    status = status == GONIO_OK ? gonio_plan_make(text, options->seed, &poses, error) : status;
     if (status == GONIO_OK) {
-        status = gonio_scan_steps(&rig->rig, &setup->scan, poses, steps, n, error);
-        gonio_plan_free(poses);
+        complete_text(text, budget_s, setup, whole, sizeof whole);
+        status = gonio_plan_resolve(whole, options->seed, gonio_scan_pose_s, &costs, &poses, &e->pictures, error);
     }
+    status = status == GONIO_OK ? fit_budget(rig, setup, poses, budget_s, error) : status;
+    status = status == GONIO_OK ? gonio_scan_steps(&rig->rig, &setup->scan, poses, steps, n, error) : status;
+    gonio_plan_free(poses);
     return status;
 }
 
@@ -113,34 +148,62 @@ static gonio_status check_edges(const gonio_setup *setup, const gonio_step *step
                : GONIO_OK;
 }
 
+static bool parse_time(const char *text, double *seconds) {
+    static const struct {
+        const char *unit;
+        double seconds;
+    } units[] = {{"", 1}, {"s", 1}, {"min", 60}, {"h", 3600}};
+    char *end;
+    const double number = gonio_number_parse(text, &end);
+    for (size_t k = 0; k < sizeof units / sizeof *units; k++) {
+        if (end != text && strcmp(end, units[k].unit) == 0 && number > 0 && isfinite(number)) {
+            *seconds = number * units[k].seconds;
+            return true;
+        }
+    }
+    return false;
+}
+
 static int report(const cli_common *common, const char *text, const char *path, const estimate *e) {
     if (common->json) {
-        return cli_json(json_pack("{s:s,s:I,s:I,s:I,s:f,s:f,s:f,s:s?}", "plan", text, "poses", (json_int_t)e->poses,
+        json_t *pictures = e->pictures.before > 0
+                               ? json_pack("{s:f,s:f}", "before", e->pictures.before, "after", e->pictures.after)
+                               : json_null();
+        return cli_json(json_pack("{s:s,s:I,s:I,s:I,s:f,s:f,s:f,s:o,s:s?}", "plan", text, "poses", (json_int_t)e->poses,
                                   "edges_excluded", (json_int_t)e->edges_excluded, "edges_flagged",
                                   (json_int_t)e->edges_flagged, "travel_s", e->travel_s, "total_s", e->total_s,
-                                  "storage_bytes", e->storage_bytes, "output", path));
+                                  "storage_bytes", e->storage_bytes, "pictures", pictures, "output", path));
     }
     FILE *to = path != NULL ? stdout : stderr; // the poses themselves went to stdout
     fprintf(to,
             "%zu poses; moving and settling %.0f s, with dark frames and read-out %.0f s and the exposures; about "
             "%.3g MB of frames\n",
             e->poses, e->travel_s, e->total_s, e->storage_bytes / 1e6);
+    if (e->pictures.before > 0) {
+        fprintf(to, "what is unknown of a material shows as %.3g of what it does before\n",
+                sqrt(e->pictures.after / e->pictures.before));
+    }
     return 0;
 }
 
 static int run(int argc, char **argv) {
     cli_common common;
     cli_rig_options rig_options = {0};
-    const char *output = NULL, *check = NULL, *text;
+    const char *output = NULL, *check = NULL, *budget = NULL, *text;
+    double budget_s = 0;
     const cli_option options[] = {
         CLI_RIG_OPTIONS(rig_options),
         {"output", 'o', CLI_OUTPUT, &output, NULL, "CSV", "write the poses there (standard output)"},
         {"check", 0, CLI_TEXT, &check, NULL, "RIG.ini", "the same as --rig, and hold every move against its limits"},
+        {"budget", 0, CLI_TEXT, &budget, NULL, "TIME", "as many of the first poses as fit in 30min, 2h or 900s"},
         {0},
     };
     int count;
     if (!cli_parse(&cmd_plan, options, argc, argv, &text, 1, 1, &count, &common)) {
         return 2;
+    }
+    if (budget != NULL && !parse_time(budget, &budget_s)) {
+        return cli_usage(&common, "plan: --budget '%s'; expected a time above 0 as 900s, 30min or 2h", budget);
     }
     cli_rig_any_sample(&rig_options, &common);
     rig_options.rig = check != NULL ? check : rig_options.rig;
@@ -150,7 +213,7 @@ static int run(int argc, char **argv) {
     gonio_step *steps = NULL;
     size_t n = 0;
     estimate e = {0};
-    gonio_status status = plan(&rig_options, text, &rig, &setup, &steps, &n, &error);
+    gonio_status status = plan(&rig_options, text, budget_s, &rig, &setup, &steps, &n, &e, &error);
     status = status == GONIO_OK && check != NULL ? check_moves(&rig, steps, n, &error) : status;
     status = status == GONIO_OK ? check_edges(&setup, steps, n, check != NULL, &e, &error) : status;
     if (status == GONIO_OK) {

@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "gonio/io.h"
+#include "gonio/needs.h"
 #include "gonio/patch.h"
 #include "host/cli/cli.h"
 
@@ -30,7 +31,7 @@ static gonio_status measure(request *r, gonio_patch_facts *facts, gonio_virtual_
     gonio_samples *samples = NULL;
     cli_progress progress;
     gonio_status status = gonio_patch_open(r->patch, &patch, error);
-    status = status == GONIO_OK ? gonio_plan_make(r->plan, r->options.seed, &plan, error) : status;
+    status = status == GONIO_OK ? gonio_plan_resolve(r->plan, r->options.seed, NULL, NULL, &plan, NULL, error) : status;
     if (status == GONIO_OK) {
         gonio_patch_describe(patch, facts);
         *poses = plan->n;
