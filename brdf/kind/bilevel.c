@@ -2,10 +2,11 @@
 // Models of kind "cbmba": evaluation and file section.
 //
 // Section: 64 bytes of description, the transforms, the diffuse control points; then with bricks the table, the bricks,
-// and (bytes) their scales; with a hash the keys, the values and libcmph's packed block or Jenkins' moves. Each part
-// aligned.
+// and (bytes) their scales; with a hash the keys, the values and libcmph's packed block or Jenkins' moves; then, where
+// there is one, the uncertainty. Each part aligned.
 #include "brdf/kind/bilevel.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "brdf/channels.h"
@@ -22,7 +23,7 @@ typedef struct bilevel_model {
 typedef struct description {
     uint32_t diffuse_level, specular_level, coordinates, kind, storage, key_bytes; // key_bytes 0: 4
     uint64_t bricks, keys, packed, kept;                                           // bricks: of Jenkins' slots
-    uint32_t salt, more;
+    uint32_t salt, sigma; // 1 + level of the uncertainty's lattice; 0: none
 } description;
 _Static_assert(sizeof(description) == 64, "the description is one block");
 
@@ -59,11 +60,28 @@ static void eval_f32(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, flo
     }
 }
 
+// What the kept parts leave open, and what falls back to the diffuse lattice.
+static void sigma_of(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *sigma) {
+    const bilevel_model *m = (const bilevel_model *)model;
+    float v[model->channels], ln[2];
+    gonio_position position;
+    locate(m, wi, wo, &position);
+    gonio_lattice_eval_positions(&m->parts.sigma, 1, &position, ln);
+    gonio_lattice_eval_positions(&m->diffuse, 1, &position, v);
+    gonio_sparse_add(&m->parts.sparse, &position, v);
+    const double open = 1 - gonio_sparse_covered(&m->parts.sparse, &position),
+                 transformed = hypot(exp((double)ln[0]), open * exp((double)ln[1]));
+    for (int c = 0; c < model->channels; c++) {
+        sigma[c] = transformed * fabs(gonio_transform_slope(m->parts.kind, &m->channels.transforms[c], (double)v[c]));
+    }
+}
+
 // Arrays are const where a mapped file holds them; our own come from malloc.
 static void drop(const void *owned) { free((void *)(uintptr_t)owned); }
 
 void gonio_bilevel_parts_release(gonio_bilevel_parts *parts) {
     free(parts->diffuse);
+    free(parts->sigma.points);
     drop(parts->sparse.table);
     drop(parts->sparse.data);
     drop(parts->sparse.scales);
@@ -97,10 +115,12 @@ static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *er
                                .bricks = s->storage == GONIO_STORAGE_JENKINS ? s->slots : s->bricks,
                                .key_bytes = gonio_sparse_hashed(s->storage) ? (uint32_t)s->key_bytes : 0,
                                .salt = s->jenkins.salt,
+                               .sigma = m->parts.sigma.points != NULL ? 1 + (uint32_t)m->parts.sigma.level : 0,
                                .keys = s->keys,
                                .packed = s->packed_length,
                                .kept = m->parts.kept};
-    gonio_file_part parts[6] = {
+    int n = 6;
+    gonio_file_part parts[7] = {
         {&about, sizeof about},
         {m->channels.transforms, c * sizeof *m->channels.transforms},
         {m->parts.diffuse, diffuse_bytes(s->dims, m->parts.diffuse_level, model->channels)},
@@ -109,16 +129,28 @@ static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *er
         parts[3] = (gonio_file_part){s->key, gonio_sparse_key_array(s->key_bytes, s->slots)};
         parts[4] = (gonio_file_part){s->values, s->slots * c * sizeof *s->values};
         parts[5] = (gonio_file_part){s->packed, s->packed_length};
-        return gonio_model_file_write(model, stream, parts, 6, error);
+    } else {
+        const bool bytes = s->storage == GONIO_STORAGE_BYTE;
+        parts[3] = (gonio_file_part){s->table, s->side * s->side * s->side * sizeof *s->table};
+        parts[4] = (gonio_file_part){s->data, s->bricks * c * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage)};
+        parts[5] = (gonio_file_part){s->scales, bytes ? s->bricks * c * sizeof *s->scales : 0};
+        n = bytes ? 6 : 5;
     }
-    const bool bytes = s->storage == GONIO_STORAGE_BYTE;
-    parts[3] = (gonio_file_part){s->table, s->side * s->side * s->side * sizeof *s->table};
-    parts[4] = (gonio_file_part){s->data, s->bricks * c * GONIO_BRICK_POINTS * gonio_sparse_element(s->storage)};
-    parts[5] = (gonio_file_part){s->scales, bytes ? s->bricks * c * sizeof *s->scales : 0};
-    return gonio_model_file_write(model, stream, parts, bytes ? 6 : 5, error);
+    if (about.sigma != 0) {
+        parts[n++] = (gonio_file_part){m->parts.sigma.points, diffuse_bytes(s->dims, m->parts.sigma.level, 2)};
+    }
+    return gonio_model_file_write(model, stream, parts, n, error);
 }
 
 static const gonio_model_ops bilevel_ops = {
+    .kind = "cbmba",
+    .eval = eval,
+    .eval_f32 = eval_f32,
+    .sigma = sigma_of,
+    .save = save,
+    .free = release,
+};
+static const gonio_model_ops plain_ops = {
     .kind = "cbmba",
     .eval = eval,
     .eval_f32 = eval_f32,
@@ -141,10 +173,13 @@ static gonio_status new_model(const gonio_bilevel_parts *parts, const gonio_tran
     m->parts = *parts;
     m->diffuse = (gonio_lattice){s->dims, level, s->channels, gonio_bspline_size(level), diffuse, parts->diffuse};
     gonio_model *head = &m->channels.head;
-    head->ops = &bilevel_ops;
+    head->ops = parts->sigma.points != NULL ? &bilevel_ops : &plain_ops;
     head->isotropic = s->dims == 3;
     head->control_points = diffuse + parts->kept;
     head->bytes = diffuse_bytes(s->dims, level, s->channels) + gonio_sparse_bytes(s);
+    if (parts->sigma.points != NULL) {
+        head->bytes += diffuse_bytes(s->dims, parts->sigma.level, 2);
+    }
     return GONIO_OK;
 }
 
@@ -209,6 +244,20 @@ static gonio_status read_hash(gonio_mapped *mapped, size_t *at, gonio_sparse *s,
     return GONIO_OK;
 }
 
+// Behind all else.
+static gonio_status read_sigma(gonio_mapped *mapped, size_t *at, uint32_t told, gonio_bilevel_parts *parts,
+                               gonio_error *error) {
+    if (told == 0) {
+        return GONIO_OK;
+    }
+    const int dims = parts->sparse.dims, level = (int)told - 1;
+    const void *points = told <= 10 ? gonio_mapped_take(mapped, at, diffuse_bytes(dims, level, 2)) : NULL;
+    parts->sigma = (gonio_lattice){
+        dims, level, 2, gonio_bspline_size(level), gonio_lattice_count(dims, level), (void *)(uintptr_t)points};
+    return points != NULL ? GONIO_OK
+                          : gonio_mapped_fail(mapped, 0, "an uncertainty of an impossible level, or cut short", error);
+}
+
 static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts, const gonio_transform **transforms,
                                gonio_error *error) {
     size_t at = 0;
@@ -248,7 +297,9 @@ static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts,
         return gonio_mapped_fail(mapped, sizeof *about, "a channel's scale or eps that no fit makes", error);
     }
     parts->diffuse = (void *)(uintptr_t)diffuse; // never written: models are immutable
-    return gonio_sparse_hashed(s->storage) ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    const gonio_status status =
+        gonio_sparse_hashed(s->storage) ? read_hash(mapped, &at, s, error) : read_bricks(mapped, &at, s, error);
+    return status == GONIO_OK ? read_sigma(mapped, &at, about->sigma, parts, error) : status;
 }
 
 static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_error *error) {

@@ -3,6 +3,7 @@
 #ifndef GONIO_BRDF_KIND_BILEVEL_H
 #define GONIO_BRDF_KIND_BILEVEL_H
 
+#include "brdf/spline/lattice.h"
 #include "brdf/spline/sparse.h"
 #include "brdf/transform.h"
 #include "gonio/model.h"
@@ -15,6 +16,9 @@ typedef struct gonio_bilevel_parts {
     float *diffuse; // (2^D + 3)^dims x channels; sparse has the dimensions
     gonio_sparse sparse;
     size_t kept; // specular control points kept
+    // Two channels, ln of the standard uncertainty of the transformed value: where all control points of a place are
+    // kept, and what comes to it, in square, where none is. points NULL: no uncertainty.
+    gonio_lattice sigma;
 } gonio_bilevel_parts;
 
 // Make a model; takes over parts' arrays (and empties them) on success. Transforms and names are copied.

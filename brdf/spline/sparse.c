@@ -7,6 +7,7 @@
 #include "brdf/spline/sparse.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 #include "brdf/spline/rows.h"
@@ -314,4 +315,42 @@ float gonio_half_decode(uint16_t half) {
     gonio_f16 out;
     decode_halves(halves, &out);
     return out[0];
+}
+
+// ---- coverage ----
+
+static bool is_there(const gonio_sparse *s, size_t point) {
+    const size_t size = gonio_bspline_size(s->level);
+    if (s->storage == GONIO_STORAGE_JENKINS || s->storage == GONIO_STORAGE_HASH) {
+        if (s->keys == 0) {
+            return false;
+        }
+        const uint32_t key = (uint32_t)point;
+        const size_t slot = s->storage == GONIO_STORAGE_JENKINS ? gonio_jenkins_search(&s->jenkins, key)
+                                                                : gonio_perfect_hash_search(&s->hash, key);
+        return slot < s->slots && key_at(s, slot) == key;
+    }
+    const size_t k = point % size, j = point / size % size, i = point / size / size;
+    return s->table[(i / 4 * s->side + j / 4) * s->side + k / 4] != 0;
+}
+
+double gonio_sparse_covered(const gonio_sparse *s, const gonio_position *position) {
+    const size_t size = gonio_bspline_size(s->level);
+    double w[4][4], sum = 0;
+    size_t first[4];
+    for (int d = 0; d < s->dims; d++) {
+        first[d] = gonio_bspline_cell(position->x[d], s->level);
+        gonio_bspline_weights(gonio_bspline_place(position->x[d], s->level), w[d]);
+    }
+    for (size_t p = 0; p < (size_t)1 << 2 * s->dims; p++) {
+        size_t point = 0;
+        double weight = 1;
+        for (int d = 0; d < s->dims; d++) {
+            const size_t k = p >> 2 * (s->dims - 1 - d) & 3;
+            point = point * size + first[d] + k;
+            weight *= w[d][k];
+        }
+        sum += is_there(s, point) ? weight : 0;
+    }
+    return fmin(sum, 1);
 }

@@ -66,6 +66,8 @@ size_t gonio_sparse_bytes(const gonio_sparse *sparse);
 
 // The sparse lattice at the position, added to values[channels].
 void gonio_sparse_add(const gonio_sparse *sparse, const gonio_position *position, float *values);
+// The share, 0 to 1, of what would be added that stands on control points which are there.
+double gonio_sparse_covered(const gonio_sparse *sparse, const gonio_position *position);
 uint16_t gonio_half_encode(float value); // round to nearest even; beyond the range: the largest
 float gonio_half_decode(uint16_t half);
 

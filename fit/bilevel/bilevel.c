@@ -255,32 +255,43 @@ static gonio_status pack_hash(const gonio_lattice *l, const bool *keep, size_t k
     return status;
 }
 
-gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
-                                gonio_storage storage, gonio_bilevel_parts *parts, gonio_error *error) {
-    *parts = (gonio_bilevel_parts){.diffuse_level = diffuse->level};
+gonio_status gonio_bilevel_pack_points(const gonio_lattice *diffuse, const gonio_lattice *specular, const bool *keep,
+                                       size_t kept, gonio_storage storage, gonio_bilevel_parts *parts,
+                                       gonio_error *error) {
+    *parts = (gonio_bilevel_parts){.diffuse_level = diffuse->level, .kept = kept};
     parts->sparse = (gonio_sparse){
         .dims = specular->dims, .level = specular->level, .channels = specular->channels, .storage = storage};
-    bool *keep = malloc(specular->count * sizeof *keep);
-    if (keep == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", specular->count);
-    }
-    gonio_status status = choose_points(specular, drop_percent, keep, &parts->kept, error);
     const size_t bytes = diffuse->count * (size_t)diffuse->channels * sizeof(float);
     parts->diffuse = malloc(bytes);
-    if (status == GONIO_OK && parts->diffuse == NULL) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", diffuse->count);
-    }
+    gonio_status status =
+        parts->diffuse != NULL
+            ? GONIO_OK
+            : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu diffuse control points", diffuse->count);
     if (status == GONIO_OK) {
-        status = gonio_sparse_hashed(storage) ? pack_hash(specular, keep, parts->kept, &parts->sparse, error)
+        status = gonio_sparse_hashed(storage) ? pack_hash(specular, keep, kept, &parts->sparse, error)
                                               : pack_bricks(specular, keep, &parts->sparse, error);
     }
-    free(keep);
     if (status != GONIO_OK) {
         gonio_bilevel_parts_release(parts);
         return status;
     }
     memcpy(parts->diffuse, diffuse->points, bytes);
     return GONIO_OK;
+}
+
+gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
+                                gonio_storage storage, gonio_bilevel_parts *parts, gonio_error *error) {
+    size_t kept = 0;
+    *parts = (gonio_bilevel_parts){0};
+    bool *keep = malloc(specular->count * sizeof *keep);
+    if (keep == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to rank %zu control points", specular->count);
+    }
+    gonio_status status = choose_points(specular, drop_percent, keep, &kept, error);
+    status =
+        status == GONIO_OK ? gonio_bilevel_pack_points(diffuse, specular, keep, kept, storage, parts, error) : status;
+    free(keep);
+    return status;
 }
 
 static gonio_lattice diffuse_of(const gonio_bilevel_parts *parts, int channels) {

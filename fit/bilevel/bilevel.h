@@ -16,6 +16,10 @@ gonio_status gonio_bilevel_split(const gonio_scatter *scatter, const double *sta
 // for the same bytes. Release *parts with gonio_bilevel_parts_release unless a model took it over.
 gonio_status gonio_bilevel_pack(const gonio_lattice *diffuse, const gonio_lattice *specular, double drop_percent,
                                 gonio_storage storage, gonio_bilevel_parts *parts, gonio_error *error);
+// The same of the control points that keep[] tells, `kept` of them, zeros among them or not.
+gonio_status gonio_bilevel_pack_points(const gonio_lattice *diffuse, const gonio_lattice *specular, const bool *keep,
+                                       size_t kept, gonio_storage storage, gonio_bilevel_parts *parts,
+                                       gonio_error *error);
 // Beyond chapter 6, bricks only, at no byte more: what was dropped comes back as far as the parts that are left can
 // hold it. What they leave of the samples is fitted at the diffuse level and added to the diffuse control points; then
 // what remains at the specular level alone, added in the bricks; then at the diffuse level once more.

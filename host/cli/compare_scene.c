@@ -26,9 +26,8 @@ static gonio_status find_material(const gonio_scene *scene, const char *name, in
 static gonio_status set_model(gonio_scene *scene, int material, const char *name, gonio_error *error) {
     gonio_model *model;
     gonio_status status = gonio_model_resolve(name, &model, error);
-    if (status == GONIO_OK && (status = gonio_scene_set_model(scene, material, model, error)) != GONIO_OK) {
-        gonio_model_free(model);
-    }
+    status = status == GONIO_OK ? gonio_scene_exchange_model(scene, material, &model, error) : status;
+    gonio_model_free(model); // the one that the scene had
     return status;
 }
 

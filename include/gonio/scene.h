@@ -40,8 +40,9 @@ const char *gonio_scene_light_name(const gonio_scene *scene, int light);
 const gonio_model *gonio_scene_material_model(const gonio_scene *scene, int material);
 // GONIO_E_USAGE, with a list, where there is none of that name.
 gonio_status gonio_scene_material_find(const gonio_scene *scene, const char *name, int *material, gonio_error *error);
-// Another model for a material; the scene frees it, and on failure keeps the old one. Not while another thread renders.
-gonio_status gonio_scene_set_model(gonio_scene *scene, int material, gonio_model *model, gonio_error *error);
+// Another model for a material: *model becomes the one that it had, which is the caller's then. On failure nothing
+// changes. Not while another thread renders.
+gonio_status gonio_scene_exchange_model(gonio_scene *scene, int material, gonio_model **model, gonio_error *error);
 
 // A place where a path is lit: what a picture asks of a material. wi and wo are unit vectors in the material's own
 // frame; weight is what f_r of each of red, green and blue is multiplied by in the picture's pixel, and light what

@@ -261,17 +261,17 @@ gonio_status gonio_scene_material_find(const gonio_scene *scene, const char *nam
     return gonio_fail(error, GONIO_E_USAGE, "the scene has no material '%.80s'; it has %s", name, list);
 }
 
-gonio_status gonio_scene_set_model(gonio_scene *scene, int material, gonio_model *model, gonio_error *error) {
+gonio_status gonio_scene_exchange_model(gonio_scene *scene, int material, gonio_model **model, gonio_error *error) {
     world_material *m = &scene->materials[material], changed = *m;
     changed.colour = (gonio_colour_weights){0};
-    const gonio_status status = prepare_model(model, "", draws(scene->settings), &changed, error);
+    const gonio_status status = prepare_model(*model, "", draws(scene->settings), &changed, error);
     if (status != GONIO_OK) {
         gonio_colour_free(&changed.colour);
         return status;
     }
-    gonio_model_free(m->model);
     gonio_colour_free(&m->colour);
+    changed.model = *model;
+    *model = m->model;
     *m = changed;
-    m->model = model;
     return GONIO_OK;
 }

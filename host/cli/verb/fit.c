@@ -6,6 +6,7 @@
 #include "gonio/check.h"
 #include "host/cli/fit_arguments.h"
 #include "host/cli/input.h"
+#include "host/cli/scene_fit.h"
 
 typedef struct fit_arguments {
     const char *output, *physical;
@@ -13,6 +14,7 @@ typedef struct fit_arguments {
     gonio_physical_report made;
     gonio_errors physical_held; // of a fit that did not see them, made physical in the same way
     cli_input input;
+    cli_scene_fit scene;
     gonio_fit_options options;
     gonio_coverage coverage;
     gonio_mueller_report mueller;
@@ -177,8 +179,12 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     a->options.progress = on_progress;
     a->options.progress_context = &progress;
     gonio_model *model;
-    status = gonio_fit(samples, &a->options, &model, report, error);
+    status = a->scene.needs == NULL ? gonio_fit(samples, &a->options, &model, report, error) : GONIO_OK;
     cli_progress_end(&progress);
+    if (a->scene.needs != NULL) {
+        a->options.progress = NULL;
+        status = cli_scene_fit_run(&a->scene, samples, &a->options, &model, report, error);
+    }
     if (status == GONIO_OK && cli_interrupted()) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
     }
@@ -194,9 +200,9 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
 }
 
 static int run(int argc, char **argv) {
-    fit_arguments a = {0};
+    fit_arguments a = {.scene.how.turn_deg = 5};
     cli_fit_arguments arguments = {0};
-    const cli_option input_rows[] = {CLI_INPUT_OPTIONS(a.input), {0}};
+    const cli_option input_rows[] = {CLI_INPUT_OPTIONS(a.input), CLI_SCENE_FIT_OPTIONS(a.scene), {0}};
     cli_option options[2 + GONIO_FIT_KEYS + sizeof input_rows / sizeof *input_rows] = {
         {"output", 'o', CLI_OUTPUT, &a.output, NULL, "MODEL", "the model file to write"},
         {"physical", 0, CLI_TEXT, &a.physical, NULL, "LIST",
@@ -208,7 +214,8 @@ static int run(int argc, char **argv) {
     int count;
     cli_common common;
     if (!cli_parse(&cmd_fit, options, argc, argv, &input, 1, 1, &count, &common) ||
-        !cli_fit_read(&arguments, "fit", &common, &a.options) || !parse_physical(&common, &a)) {
+        !cli_fit_read(&arguments, "fit", &common, &a.options) || !parse_physical(&common, &a) ||
+        !cli_scene_fit_check(&a.scene, &common)) {
         return 2;
     }
     gonio_error error = {.line = -1, .byte = -1};
@@ -221,9 +228,15 @@ static int run(int argc, char **argv) {
         if (a.physical != NULL) {
             json_object_set_new(result, "physical", physical_json(&a));
         }
+        if (a.scene.needs != NULL) {
+            json_object_set_new(result, "scene", cli_scene_fit_json(&a.scene));
+        }
         return cli_json(result);
     }
     print(&a, &report);
+    if (a.scene.needs != NULL) {
+        cli_scene_fit_print(&a.scene);
+    }
     if (a.physical != NULL) {
         print_physical(&a, &report);
     }
