@@ -295,6 +295,10 @@ static gonio_status read_plan(const char *path, gonio_plan **out, gonio_error *e
 
 gonio_status gonio_plan_make(const char *text, uint64_t seed, gonio_plan **out, gonio_error *error) {
     *out = NULL;
+    if (strncmp(text, "adaptive:", 9) == 0) {
+        return gonio_fail(error, GONIO_E_USAGE,
+                          "the poses of plan '%.80s' are chosen while it is measured; only a measure takes it", text);
+    }
     const bool preset = strncmp(text, "uniform:", 8) == 0 || strncmp(text, "nusselt:", 8) == 0;
     const gonio_status status = preset ? make_preset(text, seed, out, error) : read_plan(text, out, error);
     if (status != GONIO_OK) {

@@ -55,6 +55,13 @@ gonio_status gonio_scan_window(const gonio_camera_info *camera, const gonio_rig_
 // reference again. The caller frees *steps.
 gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *options, const gonio_plan *plan,
                               gonio_step **steps, size_t *n, gonio_error *error);
+// The plan's poses in an order of short moves from `start`, as sample steps without an index; which[i]: the number of
+// steps[i]'s pose in the plan. steps and which: plan->n.
+gonio_status gonio_scan_tour(const gonio_rig *rig, const gonio_pair *start, const gonio_plan *plan, gonio_step *steps,
+                             size_t *which, gonio_error *error);
+// The steps behind the last pose, at the reference's, without an index; returns how many.
+size_t gonio_scan_ending(const gonio_scan_options *options, const gonio_pair *reference, gonio_step ending[2]);
+bool gonio_scan_reaches(const gonio_rig *rig, const gonio_pair *pose); // by one of its spellings
 // The axes' targets of a pose.
 void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]);
 // What a pose of a plan is thought to take (gonio_pose_seconds): the way, settling, and typical frames, whose exposures
@@ -164,6 +171,8 @@ int64_t gonio_scan_next(const gonio_scan *scan); // the first undone step
 gonio_status gonio_scan_step(gonio_scan *scan, const gonio_samples **samples, gonio_error *error);
 // The setup, calibration and steps (up to date with what was done), borrowed.
 gonio_process *gonio_scan_process(gonio_scan *scan);
+// Go on with more steps, behind the last one, which are in the journal.
+gonio_status gonio_scan_extend(gonio_scan *scan, const gonio_step *more, size_t n, gonio_error *error);
 // Stop the axes and close the shutter; callable at any time.
 void gonio_scan_halt(gonio_scan *scan);
 void gonio_scan_free(gonio_scan *scan); // NULL is allowed

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "base/text.h"
-#include "host/acquire/acquire.h"
+#include "host/acquire/adaptive.h"
 
 // A step's samples to the end of all; *clock_s: the nominal clock of every one, when its step was done.
 static gonio_status append(gonio_samples *all, const gonio_samples *set, double step_clock_s, double **clock_s,
@@ -106,6 +106,21 @@ static void count(const gonio_process *process, gonio_outcome *out) {
     out->edges_spilled = edges.spilled;
 }
 
+// What an adaptive plan came to; nothing of others.
+static gonio_status report_plan(gonio_session *session, const gonio_process *process, gonio_outcome *out,
+                                gonio_error *error) {
+    char *plan;
+    gonio_adaptive a = {0};
+    gonio_status status = gonio_session_find(session, "plan", &plan, error);
+    if (status == GONIO_OK && plan != NULL && gonio_adaptive_is(plan)) {
+        status = gonio_adaptive_get(session, process->steps, process->n, &a, error);
+        status = status == GONIO_OK ? gonio_adaptive_figures(&a, &out->adaptive, error) : status;
+    }
+    gonio_adaptive_release(&a);
+    free(plan);
+    return status;
+}
+
 static gonio_status save(gonio_session *session, const gonio_finish_options *options, gonio_outcome *out,
                          gonio_error *error) {
     gonio_status status = GONIO_OK;
@@ -127,6 +142,7 @@ gonio_status gonio_finish(gonio_session *session, gonio_process *process, const 
     count(process, out);
     gonio_status status = gonio_process_new_samples(process, &out->samples, error);
     status = status == GONIO_OK ? gonio_session_head(session, &out->samples->head, error) : status;
+    status = status == GONIO_OK ? report_plan(session, process, out, error) : status;
     status = status == GONIO_OK ? join(session, process, options->sets, out->samples, &clock_s, error) : status;
     status = status == GONIO_OK ? correct_drift(session, process, clock_s, out, &changed, error) : status;
     free(clock_s);

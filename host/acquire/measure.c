@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A plan on a rig, into a session: begin it, and drive it to its end with a fit running along.
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "fit/options.h"
 #include "gonio/io.h"
 #include "gonio/needs.h"
 #include "gonio/version.h"
+#include "host/acquire/adaptive.h"
 #include "host/acquire/rig_file.h"
 #include "host/acquire/steer.h"
 
@@ -27,8 +30,24 @@ static gonio_status check_hands(const gonio_rig_file *rig, const gonio_measure_o
                             "the reference and the sample are put on the table by hand and there is nobody to ask");
 }
 
+static gonio_status fixed_steps(const gonio_rig_file *rig, const gonio_measure_options *options,
+                                const gonio_setup *setup, gonio_step **steps, size_t *n, gonio_error *error) {
+    gonio_plan *plan;
+    gonio_pose_costs costs = {&rig->rig, setup};
+    gonio_status status =
+        gonio_plan_resolve(options->plan, options->seed, gonio_scan_pose_s, &costs, &plan, NULL, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, &setup->scan, plan, steps, n, error)
+                         : gonio_fail(error, GONIO_E_INPUT, "plan '%s' has no poses", options->plan);
+    gonio_plan_free(plan);
+    return status;
+}
+
+// *batch: what the journal is to know of an adaptive plan's first batch, which the caller frees; NULL of other plans.
 static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_options *options, gonio_setup *setup,
-                            gonio_step **steps, size_t *n, gonio_error *error) {
+                            gonio_step **steps, size_t *n, char **batch, gonio_error *error) {
     *setup = (gonio_setup){.fit = options->fit};
     setup->fit.progress = NULL;
     gonio_status status = check_hands(rig, options, error);
@@ -38,18 +57,10 @@ static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_optio
                                 : gonio_fail(error, GONIO_E_USAGE, "unknown fit method '%s'", options->fit.method);
     }
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
-    gonio_plan *plan;
-    gonio_pose_costs costs = {&rig->rig, setup};
-    status = status == GONIO_OK
-                 ? gonio_plan_resolve(options->plan, options->seed, gonio_scan_pose_s, &costs, &plan, NULL, error)
-                 : status;
-    if (status != GONIO_OK) {
-        return status;
+    if (status != GONIO_OK || !gonio_adaptive_is(options->plan)) {
+        return status == GONIO_OK ? fixed_steps(rig, options, setup, steps, n, error) : status;
     }
-    status = plan->n > 0 ? gonio_scan_steps(&rig->rig, &setup->scan, plan, steps, n, error)
-                         : gonio_fail(error, GONIO_E_INPUT, "plan '%s' has no poses", options->plan);
-    gonio_plan_free(plan);
-    return status;
+    return gonio_adaptive_begin(&rig->rig, setup, options->plan, options->seed, steps, n, batch, error);
 }
 
 // A resume may run in another folder: the model's place is kept as an absolute path.
@@ -91,12 +102,14 @@ static gonio_status put_plan(gonio_session *session, const gonio_measure_options
 }
 
 static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
-                            const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
+                            const gonio_setup *setup, const gonio_step *steps, size_t n, const char *batch,
+                            gonio_error *error) {
     gonio_status status = gonio_session_put(session, "gonio.version", gonio_version(), error);
     status = status == GONIO_OK ? put_plan(session, options, error) : status;
     status = status == GONIO_OK ? gonio_rig_file_put(session, rig, error) : status;
     status = status == GONIO_OK ? gonio_setup_put(session, setup, error) : status;
     status = status == GONIO_OK ? gonio_session_put_steps(session, steps, n, error) : status;
+    status = status == GONIO_OK && batch != NULL ? gonio_adaptive_put(session, 0, batch, error) : status;
     if (status == GONIO_OK && options->model_path != NULL) {
         status = put_model_place(session, options->model_path, error);
     }
@@ -104,10 +117,11 @@ static gonio_status put_all(gonio_session *session, const gonio_rig_file *rig, c
 }
 
 static gonio_status journal(gonio_session *session, const gonio_rig_file *rig, const gonio_measure_options *options,
-                            const gonio_setup *setup, const gonio_step *steps, size_t n, gonio_error *error) {
+                            const gonio_setup *setup, const gonio_step *steps, size_t n, const char *batch,
+                            gonio_error *error) {
     const gonio_status status = gonio_session_begin(session, error);
     return status == GONIO_OK
-               ? gonio_session_end(session, put_all(session, rig, options, setup, steps, n, error), error)
+               ? gonio_session_end(session, put_all(session, rig, options, setup, steps, n, batch, error), error)
                : status;
 }
 
@@ -116,12 +130,14 @@ gonio_status gonio_measure_begin(const char *path, const gonio_rig_file *rig, co
     *out = NULL;
     gonio_setup setup;
     gonio_step *steps = NULL;
+    char *batch = NULL;
     size_t n = 0;
-    gonio_status status = prepare(rig, options, &setup, &steps, &n, error);
+    gonio_status status = prepare(rig, options, &setup, &steps, &n, &batch, error);
     status = status == GONIO_OK ? gonio_session_create(path, out, error) : status;
     status = status == GONIO_OK && rig->scan.unsynced ? gonio_session_set_sync(*out, false, error) : status;
-    status = status == GONIO_OK ? journal(*out, rig, options, &setup, steps, n, error) : status;
+    status = status == GONIO_OK ? journal(*out, rig, options, &setup, steps, n, batch, error) : status;
     free(steps);
+    free(batch);
     if (status != GONIO_OK) {
         gonio_session_close(*out);
         *out = NULL;
@@ -138,6 +154,8 @@ typedef struct run {
     gonio_fit_stream *stream;
     bool in_order;                   // the stream was given every sample in the steps' order
     bool undone;                     // an audit took samples back that the stream was given
+    gonio_adaptive_plan adaptive;    // poses 0: the plan was made before
+    double choosing_s;               // wall clock, of its batches
     size_t done, total, done_before; // sample steps
     gonio_steer steer;
     gonio_error stopped; // why the last checkpoint within the fit said no
@@ -190,6 +208,7 @@ static gonio_status open_stream(run *r, gonio_error *error) {
         }
         gonio_samples_free(samples);
     }
+    r->total = r->adaptive.poses > r->total ? r->adaptive.poses : r->total;
     return status;
 }
 
@@ -215,9 +234,55 @@ static gonio_status pose_checkpoint(run *r, gonio_error *error) {
     return checkpoint(r, GONIO_MEASURE_POSES, fraction, "", gonio_fit_stream_error(r->stream), error);
 }
 
-static gonio_status scan_all(run *r, gonio_error *error) {
+static bool on_choice(void *context, double fraction, const char *what, double error_now) {
+    run *r = context;
+    (void)fraction, (void)error_now;
+    r->stopped = (gonio_error){.line = -1, .byte = -1};
+    const double done = r->total > 0 ? (double)r->done / (double)r->total : 1;
+    return checkpoint(r, GONIO_MEASURE_POSES, done, what, NAN, &r->stopped) == GONIO_OK;
+}
+
+// Where an adaptive plan's steps so far are done: enter more in the journal. scan NULL: it will read them there.
+static gonio_status choose_more(run *r, const gonio_rig *rig, const gonio_setup *setup, const gonio_step *steps,
+                                size_t n, gonio_error *error) {
+    const double started = gonio_clock_s();
+    gonio_step *more;
+    size_t count;
+    gonio_status status =
+        gonio_adaptive_next(r->session, rig, setup, steps, n, r->options->threads, on_choice, r, &more, &count, error);
+    if (status == GONIO_OK && count > 0 && r->scan != NULL) {
+        status = gonio_scan_extend(r->scan, more, count, error);
+    }
+    free(more);
+    r->choosing_s += gonio_clock_s() - started;
+    return status;
+}
+
+// A session that was stopped between two batches: the next one is chosen before the rig starts. Steps that no audit has
+// vouched for may be taken back, so that they are audited first.
+static gonio_status choose_before(run *r, const gonio_rig *rig, gonio_error *error) {
+    gonio_process process;
+    gonio_status status = gonio_process_begin(r->session, &process, error);
+    bool ready = status == GONIO_OK;
+    for (size_t i = 0; ready && i < process.n; i++) {
+        ready = process.steps[i].done && !process.steps[i].flagged;
+    }
+    status = ready ? choose_more(r, rig, &process.setup, process.steps, process.n, error) : status;
+    gonio_process_end(&process);
+    return status;
+}
+
+static gonio_status scan_on(run *r, const gonio_rig *rig, gonio_error *error) {
+    gonio_process *process = gonio_scan_process(r->scan);
+    return r->adaptive.poses > 0 && gonio_scan_done(r->scan)
+               ? choose_more(r, rig, &process->setup, process->steps, process->n, error)
+               : GONIO_OK;
+}
+
+static gonio_status scan_all(run *r, const gonio_rig *rig, gonio_error *error) {
     gonio_status status = gonio_steer_stored(&r->steer, 0, error);
     r->done_before = r->done;
+    status = status == GONIO_OK ? scan_on(r, rig, error) : status;
     while (status == GONIO_OK && !gonio_scan_done(r->scan)) {
         const int64_t step = gonio_scan_next(r->scan);
         status = pose_checkpoint(r, error);
@@ -227,6 +292,7 @@ static gonio_status scan_all(run *r, gonio_error *error) {
         } else if (status == GONIO_OK) {
             status = gonio_steer_stored(&r->steer, step, error);
         }
+        status = status == GONIO_OK ? scan_on(r, rig, error) : status;
     }
     return status;
 }
@@ -292,16 +358,30 @@ static gonio_status finish(run *r, gonio_outcome *outcome, gonio_error *error) {
     return status == GONIO_OK ? gonio_outcome_put(r->session, outcome, error) : status;
 }
 
+static gonio_status read_plan(run *r, gonio_error *error) {
+    char *plan;
+    gonio_status status = gonio_session_find(r->session, "plan", &plan, error);
+    if (status == GONIO_OK && plan != NULL && gonio_adaptive_is(plan)) {
+        status = gonio_adaptive_parse(plan, &r->adaptive, error);
+    }
+    free(plan);
+    return status;
+}
+
 static gonio_status run_all(run *r, const gonio_rig *rig, gonio_outcome *outcome, gonio_error *error) {
     const gonio_scan_hooks hooks = {r, r->options->hooks.mount != NULL ? ask_for_hands : NULL, note, note_undone};
     char *place; // of the model: what is wrong with it is told before hours of measuring
     bool own;
     gonio_status status = choose_place(r, &place, &own, error);
     free(place);
+    status = status == GONIO_OK ? read_plan(r, error) : status;
+    status = status == GONIO_OK && r->adaptive.poses > 0 ? choose_before(r, rig, error) : status;
     status = status == GONIO_OK ? gonio_scan_new(r->session, rig, &hooks, &r->scan, error) : status;
     status = status == GONIO_OK ? open_stream(r, error) : status;
-    status = status == GONIO_OK ? scan_all(r, error) : status;
-    return status == GONIO_OK ? finish(r, outcome, error) : status;
+    status = status == GONIO_OK ? scan_all(r, rig, error) : status;
+    status = status == GONIO_OK ? finish(r, outcome, error) : status;
+    outcome->adaptive.choosing_s = r->choosing_s;
+    return status;
 }
 
 static void tell_finished(run *r) {

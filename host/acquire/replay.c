@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "host/acquire/acquire.h"
+#include "host/acquire/adaptive.h"
 
 typedef struct replay {
     gonio_session *session;
@@ -81,6 +81,19 @@ static gonio_status prepare(replay *r, gonio_error *error) {
     return status;
 }
 
+// Were the poses of an adaptive plan chosen on the samples that the frames give now? They are not chosen again.
+static gonio_status verify_batches(const replay *r, gonio_samples *const *sets, gonio_replay_report *report,
+                                   gonio_error *error) {
+    char *plan;
+    gonio_status status = gonio_session_find(r->session, "plan", &plan, error);
+    if (status == GONIO_OK && plan != NULL && gonio_adaptive_is(plan)) {
+        status = gonio_adaptive_verify(r->session, r->process.steps, r->process.n, sets, &report->batches,
+                                       &report->batches_differing, error);
+    }
+    free(plan);
+    return status;
+}
+
 gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *options, gonio_outcome *outcome,
                           gonio_replay_report *report, gonio_error *error) {
     *outcome = (gonio_outcome){0};
@@ -94,6 +107,7 @@ gonio_status gonio_replay(gonio_session *session, const gonio_measure_options *o
     }
     status = status == GONIO_OK ? gonio_stages_steps(session, &r.process, sets, radiance, report, error) : status;
     free(radiance);
+    status = status == GONIO_OK ? verify_batches(&r, sets, report, error) : status;
     status = status == GONIO_OK ? finish(&r, sets, outcome, error) : status;
     status = status == GONIO_OK ? gonio_stages_results(session, outcome, report, error) : status;
     if (status != GONIO_OK) {

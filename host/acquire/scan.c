@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "host/acquire/acquire.h"
 #include "host/transport/clock.h"
@@ -204,6 +205,18 @@ void gonio_scan_free(gonio_scan *scan) {
 bool gonio_scan_done(const gonio_scan *scan) { return scan->next == scan->process.n; }
 
 int64_t gonio_scan_next(const gonio_scan *scan) { return (int64_t)scan->next; }
+
+gonio_status gonio_scan_extend(gonio_scan *scan, const gonio_step *more, size_t n, gonio_error *error) {
+    gonio_process *process = &scan->process;
+    gonio_step *larger = realloc(process->steps, (process->n + n) * sizeof *larger);
+    if (larger == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu steps", process->n + n);
+    }
+    process->steps = larger;
+    memcpy(larger + process->n, more, n * sizeof *more);
+    process->n += n;
+    return GONIO_OK;
+}
 
 gonio_process *gonio_scan_process(gonio_scan *scan) { return &scan->process; }
 

@@ -39,11 +39,11 @@ static void spell(double theta, double phi, int spelling, double *to_theta, doub
         flipped || turns != 0 ? gonio_angle_canonical(gonio_radians(gonio_degrees(phi) + half + 360.0 * turns)) : phi;
 }
 
-// The pose by the first of its spellings that the stage can reach; as the plan has it where none is, or nobody knows.
-// Which one does not depend on where the arms stand, so that a resume asks for the same.
-static gonio_pair reachable(const gonio_rig *rig, const gonio_pair *pose) {
-    gonio_pair best = *pose;
+// The pose by the first of its spellings that the stage can reach; false, and as the plan has it, where none is; as the
+// plan has it where nobody knows. Which one does not depend on where the arms stand, so that a resume asks for the same.
+static bool find_reachable(const gonio_rig *rig, const gonio_pair *pose, gonio_pair *best) {
     double target[GONIO_AXES];
+    *best = *pose;
     for (int s = 0; rig->stage->check != NULL && s < SPELLINGS * SPELLINGS; s++) {
         gonio_pair p;
         spell(pose->theta_i, pose->phi_i, s % SPELLINGS, &p.theta_i, &p.phi_i);
@@ -51,11 +51,22 @@ static gonio_pair reachable(const gonio_rig *rig, const gonio_pair *pose) {
         gonio_scan_target(&p, target);
         gonio_error why;
         if (rig->stage->check(rig->stage_device, target, target, &why) == GONIO_OK) {
-            best = p;
-            break;
+            *best = p;
+            return true;
         }
     }
+    return rig->stage->check == NULL;
+}
+
+static gonio_pair reachable(const gonio_rig *rig, const gonio_pair *pose) {
+    gonio_pair best;
+    find_reachable(rig, pose, &best);
     return best;
+}
+
+bool gonio_scan_reaches(const gonio_rig *rig, const gonio_pair *pose) {
+    gonio_pair best;
+    return find_reachable(rig, pose, &best);
 }
 
 static double travel_s(const gonio_rig *rig, const gonio_pair *from, const gonio_pair *to) {
@@ -128,6 +139,29 @@ static void tour(const gonio_rig *rig, const gonio_pair *start, keyed *order, si
     }
 }
 
+size_t gonio_scan_ending(const gonio_scan_options *options, const gonio_pair *reference, gonio_step ending[2]) {
+    size_t n = 0;
+    if (options->motion_check > 0) {
+        ending[n++] = (gonio_step){.kind = GONIO_STEP_CHECK, .pose = *reference};
+    }
+    ending[n++] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = *reference};
+    return n;
+}
+
+gonio_status gonio_scan_tour(const gonio_rig *rig, const gonio_pair *start, const gonio_plan *plan, gonio_step *steps,
+                             size_t *which, gonio_error *error) {
+    keyed *order = serpentine(rig, plan);
+    if (order == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu steps", plan->n);
+    }
+    tour(rig, start, order, plan->n, steps);
+    for (size_t i = 0; i < plan->n; i++) {
+        which[i] = order[i].index;
+    }
+    free(order);
+    return GONIO_OK;
+}
+
 gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *options, const gonio_plan *plan,
                               gonio_step **steps, size_t *n, gonio_error *error) {
     const size_t calibration = options->trap_frames > 0 ? 3 : 2, checks = options->motion_check > 0 ? 1 : 0;
@@ -148,10 +182,10 @@ gonio_status gonio_scan_steps(const gonio_rig *rig, const gonio_scan_options *op
     s[1] = (gonio_step){.kind = GONIO_STEP_TRAP, .pose = reference};
     s[calibration - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
     if (checks > 0) {
-        s[before - 1] = s[*n - 2] = (gonio_step){.kind = GONIO_STEP_CHECK, .pose = reference};
+        s[before - 1] = (gonio_step){.kind = GONIO_STEP_CHECK, .pose = reference};
     }
     tour(rig, &reference, order, plan->n, s + before);
-    s[*n - 1] = (gonio_step){.kind = GONIO_STEP_REFERENCE, .pose = reference};
+    gonio_scan_ending(options, &reference, s + before + plan->n);
     for (size_t i = 0; i < *n; i++) {
         s[i].index = (int64_t)i;
     }

@@ -76,6 +76,61 @@ void cli_measuring_options(cli_measuring *measuring, gonio_measure_options *opti
     options->hooks = (gonio_measure_hooks){measuring, show_progress, ask_for_hands, show_note};
 }
 
+// The error that the power law gives for so many poses.
+static double error_at(const gonio_adaptive_report *a, double poses) {
+    return a->median_rel_scale * pow(poses, -a->median_rel_power);
+}
+
+static void print_adaptive(const gonio_adaptive_report *a) {
+    if (a->batches == 0) {
+        return;
+    }
+    printf("adaptive   %zu poses in %zu batches, %.0f %% of the last one to fill the space", a->poses, a->batches,
+           100 * a->share);
+    if (isfinite(a->median_rel)) {
+        printf("; median_rel %.3g, rms_log %.3g on %zu poses before the model saw them", a->median_rel, a->rms_log,
+               a->held_out);
+    }
+    putchar('\n');
+    if (a->until > 0) {
+        printf("until      median_rel %.3g was %s\n", a->until, a->met ? "met" : "not met");
+    }
+    if (isfinite(a->median_rel_power)) {
+        const double n = (double)a->poses;
+        printf("more poses median_rel falls with poses^-%.2f: about %.3g now, %.3g with %.0f, %.3g with %.0f",
+               a->median_rel_power, error_at(a, n), error_at(a, 1.5 * n), 1.5 * n, error_at(a, 2 * n), 2 * n);
+        if (a->until > 0 && !a->met && a->median_rel_power > 0) {
+            printf("; %.3g needs about %.3g", a->until, pow(a->median_rel_scale / a->until, 1 / a->median_rel_power));
+        }
+        putchar('\n');
+    }
+}
+
+#define ADAPTIVE(member) CLI_FIGURE(gonio_adaptive_report, member)
+static const cli_figure adaptive_figures[] = {ADAPTIVE(median_rel),       ADAPTIVE(rms_log),
+                                              ADAPTIVE(until),            ADAPTIVE(share),
+                                              ADAPTIVE(median_rel_scale), ADAPTIVE(median_rel_power),
+                                              ADAPTIVE(rms_log_scale),    ADAPTIVE(rms_log_power),
+                                              ADAPTIVE(choosing_s),       {0}};
+
+static json_t *adaptive_json(const gonio_adaptive_report *a) {
+    if (a->batches == 0) {
+        return json_null();
+    }
+    json_t *object = cli_json_figures(adaptive_figures, a);
+    json_t *more = json_array();
+    for (double by = 1; by <= 2 && isfinite(a->median_rel_power); by += 0.5) {
+        json_array_append_new(more, json_pack("{s:f,s:f}", "poses", by * (double)a->poses, "median_rel",
+                                              error_at(a, by * (double)a->poses)));
+    }
+    json_object_set_new(object, "batches", json_integer((json_int_t)a->batches));
+    json_object_set_new(object, "poses", json_integer((json_int_t)a->poses));
+    json_object_set_new(object, "held_out", json_integer((json_int_t)a->held_out));
+    json_object_set_new(object, "met", json_boolean(a->met));
+    json_object_set_new(object, "more", more);
+    return object;
+}
+
 void cli_outcome_print(const gonio_outcome *outcome) {
     printf("poses      %zu, %zu frames, %zu samples\n", outcome->poses, outcome->frames, outcome->samples->n);
     if (outcome->edges_excluded + outcome->edges_spilled > 0) {
@@ -105,6 +160,7 @@ void cli_outcome_print(const gonio_outcome *outcome) {
            outcome->fit.fit_seconds);
     cli_print_errors("training", &outcome->fit.train);
     cli_print_errors("held-out", &outcome->fit.held_out);
+    print_adaptive(&outcome->adaptive);
     printf("samples    sha256 %s\nmodel      sha256 %s\n", outcome->samples_sha256, outcome->model_sha256);
 }
 
@@ -126,13 +182,14 @@ json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
     json_object_set_new(blur, "taken_median", cli_json_real(o->blur.taken_median));
     json_object_set_new(blur, "taken_max", cli_json_real(o->blur.taken_max));
     json_object_set_new(blur, "untouched", cli_json_real(o->blur.untouched));
-    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o}", "session", session, "poses",
+    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o,s:o}", "session", session, "poses",
                      (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
                      "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,
                      "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
                      o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur, "method",
                      o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train), "held_out",
-                     cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion));
+                     cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion), "adaptive",
+                     adaptive_json(&o->adaptive));
 }
 
 static void report(const cli_measuring *m, const char *session, const gonio_outcome *outcome, double seconds) {

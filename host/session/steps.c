@@ -20,7 +20,7 @@ static gonio_status put_all(gonio_session *session, const gonio_step *steps, siz
             gonio_degrees(pose->phi_i), gonio_degrees(pose->theta_o), gonio_degrees(pose->phi_o));
     }
     char count[24]; // a row that is lost later is missed
-    snprintf(count, sizeof count, "%zu", n);
+    snprintf(count, sizeof count, "%lld", n > 0 ? (long long)steps[n - 1].index + 1 : 0);
     return status == GONIO_OK ? gonio_session_put(session, "steps", count, error) : status;
 }
 

@@ -108,7 +108,10 @@ typedef struct gonio_measure_hooks {
 
 // What to measure. gonio_measure_options_default() first, then change members.
 typedef struct gonio_measure_options {
-    const char *plan;       // as gonio_plan_make takes it; the default is "nusselt:1400"
+    // As gonio_plan_make takes it, or a plan that is made while it is measured, from the model so far (docs/adaptive.md):
+    // "adaptive:N[,until=X][,batch=N][,share=X][,first=N][,theta_max=DEG][,anisotropic=1]". The default is
+    // "nusselt:1400".
+    const char *plan;
     uint64_t seed;          // of the plan; 1
     gonio_fit_options fit;  // the final fit: method, level, hold-out ...; its threads and progress are not used
     const char *model_path; // where the model goes; NULL: model.gonio in the session's folder
@@ -120,6 +123,20 @@ typedef struct gonio_measure_options {
 } gonio_measure_options;
 
 void gonio_measure_options_default(gonio_measure_options *options);
+
+// What a plan that is made while it is measured ("adaptive:N,...") came to. Figures are of poses that no model had seen
+// when it predicted them; NaN: not known yet.
+typedef struct gonio_adaptive_report {
+    size_t batches, poses; // 0 batches: the plan was made before
+    size_t held_out;       // poses that the figures are of
+    double median_rel, rms_log;
+    double until; // the median_rel that was asked for; 0: none
+    bool met;     // it was reached, and ended the measure
+    double share; // of the last batch: poses that fill the space whatever the model says
+    // How errors fall with the number of poses: about scale x poses^-power.
+    double median_rel_scale, median_rel_power, rms_log_scale, rms_log_power;
+    double choosing_s; // that choosing took, of this run
+} gonio_adaptive_report;
 
 // What a session yielded. Release with gonio_outcome_free.
 typedef struct gonio_outcome {
@@ -133,6 +150,7 @@ typedef struct gonio_outcome {
     gonio_motion motion;                  // between the frames before and after the scan
     char motion_text[256];                // where something moved: what, and in which frame
     size_t edges_excluded, edges_spilled; // poses over the sample's edge: without a sample, and flagged
+    gonio_adaptive_report adaptive;
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX];
 } gonio_outcome;
 void gonio_outcome_free(gonio_outcome *outcome); // the struct itself is the caller's; zeros are allowed
@@ -179,6 +197,9 @@ typedef struct gonio_replay_report {
     char samples_sha256[GONIO_SHA256_HEX], model_sha256[GONIO_SHA256_HEX]; // as journalled; empty: none
     gonio_stage_report stages[GONIO_STAGES];
     int first_stage; // that differs, a gonio_stage; -1: none
+    // Of an adaptive plan: its batches, and of them those that were chosen on other samples than the frames give now:
+    // steps were measured again after the choice, or samples differ. What `equal` says does not depend on it.
+    size_t batches, batches_differing;
 } gonio_replay_report;
 
 // Stored frames -> calibration -> samples -> model again, held against the journal; the session is only read. Of the

@@ -84,8 +84,8 @@ gonio_status gonio_session_event(gonio_session *session, const char *kind, const
 // the caller frees the text.
 gonio_status gonio_session_events(gonio_session *session, char **text, gonio_error *error);
 
-// The steps, entered once at the start, in one transaction (the caller's own where one is open). Poses are stored in
-// degrees: pass them through gonio_angle_canonical first and they come back bit for bit.
+// The steps, entered at the start, or behind the last one, in one transaction (the caller's own where one is open).
+// Poses are stored in degrees: pass them through gonio_angle_canonical first and they come back bit for bit.
 gonio_status gonio_session_put_steps(gonio_session *session, const gonio_step *steps, size_t n, gonio_error *error);
 gonio_status gonio_session_steps(gonio_session *session, gonio_step **steps, size_t *n,
                                  gonio_error *error); // caller frees

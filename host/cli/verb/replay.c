@@ -67,6 +67,8 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
         json_object_set_new(object, "journalled_model_sha256", cli_json_text(r->model_sha256));
         json_object_set_new(object, "finished", json_boolean(r->finished));
         json_object_set_new(object, "steps_differing", json_integer((json_int_t)r->steps_differing));
+        json_object_set_new(object, "batches", json_integer((json_int_t)r->batches));
+        json_object_set_new(object, "batches_differing", json_integer((json_int_t)r->batches_differing));
         json_object_set_new(object, "equal", json_boolean(r->equal));
         json_object_set_new(object, "verdict",
                             json_string(r->equal      ? "identical"
@@ -89,6 +91,10 @@ static int report(const cli_common *common, const char *path, const gonio_outcom
             printf("the session is not finished, so there is no result to compare with; `gonio resume` goes on\n");
         }
         print_stages(r);
+        if (r->batches > 0) {
+            printf("batches    %zu of %zu were chosen on these very samples\n", r->batches - r->batches_differing,
+                   r->batches);
+        }
     }
     if (!common->json && !r->equal) {
         print_agreement(&r->agreement, r->rounding);

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The greedy choice (fit/design/design.h).
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/thread_pool.h"
+#include "fit/design/places.h"
+#include "fit/smooth/matrix.h"
+
+// Relative standard deviation that a new sample is left with, whatever the rig: no pose is worth asking for twice for
+// the noise's sake.
+#define NOISE 0.01
+
+typedef struct choice {
+    const gonio_design *design;
+    const gonio_design_places *places;
+    double *covariance; // n x n
+    double *column;     // of the pose just chosen, before it was
+    double *worth;      // weight over sigma: of the variance, what the mean sigma falls by
+    double *gain;
+    double *travel; // seconds from the nearest pose of the batch
+    double scale;   // of the column, when the covariance is conditioned
+    size_t at;
+} choice;
+
+static double covariance(const gonio_design_places *places, const gonio_design_place *p, const gonio_design_place *q) {
+    const double sum = p->length * p->length + q->length * q->length;
+    double distance2 = 0;
+    for (int d = 0; d < places->dims; d++) {
+        distance2 += (p->x[d] - q->x[d]) * (p->x[d] - q->x[d]);
+    }
+    return p->spread * q->spread * pow(2 * p->length * q->length / sum, 0.5 * places->dims) * exp(-distance2 / sum);
+}
+
+static void fill_row(void *context, size_t i) {
+    const choice *c = context;
+    const size_t n = c->places->n;
+    for (size_t j = 0; j < n; j++) {
+        c->covariance[i * n + j] = covariance(c->places, &c->places->items[i], &c->places->items[j]);
+    }
+}
+
+static void condition_row(void *context, size_t i) {
+    const choice *c = context;
+    const size_t n = c->places->n;
+    gonio_add_scaled(n, -c->column[i] * c->scale, c->column, c->covariance + i * n);
+    c->covariance[i * n + i] = fmax(c->covariance[i * n + i], 0);
+}
+
+// Condition the covariance on a sample at the place.
+static void condition(choice *c, gonio_pool *pool, size_t at) {
+    const size_t n = c->places->n;
+    memcpy(c->column, c->covariance + at * n, n * sizeof *c->column);
+    c->scale = 1 / (c->column[at] + NOISE * NOISE);
+    gonio_pool_run(pool, n, condition_row, c);
+}
+
+static void gain_row(void *context, size_t i) {
+    const choice *c = context;
+    const size_t n = c->places->n;
+    const double *row = c->covariance + i * n;
+    double sum[4] = {0};
+    size_t j = 0;
+    if (!c->places->items[i].open) {
+        c->gain[i] = 0;
+        return;
+    }
+    for (; j + 4 <= n; j += 4) {
+        for (size_t k = 0; k < 4; k++) {
+            sum[k] += c->worth[j + k] * row[j + k] * row[j + k];
+        }
+    }
+    for (; j < n; j++) {
+        sum[0] += c->worth[j] * row[j] * row[j];
+    }
+    c->gain[i] = (sum[0] + sum[1] + sum[2] + sum[3]) / (row[i] + NOISE * NOISE);
+}
+
+// The weighted mean of sigma; and of what a fall of the variance is worth, 1 / (2 sigma) of it.
+static double weigh(choice *c) {
+    const size_t n = c->places->n;
+    double mean = 0;
+    for (size_t j = 0; j < n; j++) {
+        const double sigma = sqrt(c->covariance[j * n + j]);
+        mean += c->places->items[j].weight * sigma;
+        c->worth[j] = 0.5 * c->places->items[j].weight / (sigma + NOISE);
+    }
+    return mean;
+}
+
+static void approach(choice *c, const gonio_pair *from) {
+    for (size_t i = 0; i < c->places->n; i++) {
+        if (c->places->items[i].open) {
+            c->travel[i] =
+                fmin(c->travel[i], c->design->travel_s(c->design->context, from, &c->places->items[i].pair));
+        }
+    }
+}
+
+// The open place of the largest gain a second; false: none is left.
+static bool best_place(choice *c, size_t *best, double *seconds) {
+    double rate = 0;
+    for (size_t i = 0; i < c->places->n; i++) {
+        const gonio_design_place *p = &c->places->items[i];
+        if (p->open && c->gain[i] > 0) {
+            const double s = c->travel[i] + c->design->dwell_s(c->design->context, &p->pair, p->value);
+            if (c->gain[i] / s > rate) {
+                rate = c->gain[i] / s;
+                *best = i;
+                *seconds = s;
+            }
+        }
+    }
+    return rate > 0;
+}
+
+static size_t choose(choice *c, gonio_pool *pool, size_t n, gonio_design_pose *chosen) {
+    gonio_pool_run(pool, c->places->n, fill_row, c);
+    for (size_t k = 0; k < c->places->taken; k++) {
+        condition(c, pool, k);
+        approach(c, &c->places->items[k].pair);
+    }
+    size_t count = 0;
+    while (count < n) {
+        size_t best = 0;
+        double seconds = 0;
+        const double mean = weigh(c);
+        gonio_pool_run(pool, c->places->n, gain_row, c);
+        if (!best_place(c, &best, &seconds)) {
+            break;
+        }
+        gonio_design_place *p = &c->places->items[best];
+        chosen[count++] = (gonio_design_pose){p->pair, p->spread, mean > 0 ? c->gain[best] / mean : 0, seconds};
+        p->open = false;
+        condition(c, pool, best);
+        approach(c, &p->pair);
+    }
+    return count;
+}
+
+gonio_status gonio_design_choose(const gonio_design *design, const gonio_model *model, const gonio_samples *samples,
+                                 const gonio_pair *taken, size_t taken_n, const gonio_pair *here, size_t n,
+                                 gonio_design_pose *chosen, size_t *count, gonio_error *error) {
+    gonio_design_places places;
+    *count = 0;
+    gonio_status status = gonio_design_places_init(&places, design, model, samples, taken, taken_n, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    const size_t m = places.n;
+    choice c = {.design = design, .places = &places, .covariance = malloc((m + 4) * m * sizeof(double))};
+    if (c.covariance == NULL) {
+        status = gonio_fail(error, GONIO_E_MEMORY, "no memory to choose among %zu poses", m);
+    } else {
+        c.column = c.covariance + m * m;
+        c.worth = c.column + m;
+        c.gain = c.worth + m;
+        c.travel = c.gain + m;
+        for (size_t i = 0; i < m; i++) {
+            c.travel[i] = INFINITY;
+        }
+        approach(&c, here);
+        gonio_pool *pool = gonio_pool_new(design->threads);
+        *count = choose(&c, pool, n, chosen);
+        gonio_pool_free(pool);
+    }
+    free(c.covariance);
+    gonio_design_places_release(&places);
+    return status;
+}

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Where to measure next: the poses that take most of a model's uncertainty away for a second of the rig's time.
+//
+// The model of the samples so far tells a relative sigma s(x) everywhere. What is unknown about it is taken as a
+// Gaussian process with that spread, alike over about the distance between the samples (further apart, the samples
+// between two places part them):
+//   C(x, y) = s(x) s(y) (2 l_x l_y / (l_x^2 + l_y^2))^(d/2) exp(-|x - y|^2 / (l_x^2 + l_y^2))
+// in half-vector coordinates, l the distance to the nearest samples (Gibbs' covariance of varying length: Paciorek and
+// Schervish, "Nonstationary covariance functions for Gaussian process regression", 2003). A sample at x then takes
+// C(x, y)^2 / (C(x, x) + noise) of the variance at y away. Summed over all directions, with their need, that is the
+// gain of a pose (Cohn, "Neural network exploration using optimal experiment design", 1994); the greedy choice takes
+// the largest gain a second, conditions C on it and goes on. Beside an already chosen pose the travel is short, so that
+// what is chosen comes in sweeps.
+#ifndef GONIO_FIT_DESIGN_DESIGN_H
+#define GONIO_FIT_DESIGN_DESIGN_H
+
+#include "gonio/fit.h"
+#include "gonio/sample.h"
+
+// A place where a prediction was further from what was measured than its sigma said.
+typedef struct gonio_design_surprise {
+    gonio_pair pair;
+    double variance; // of the relative error, beyond what sigma explains
+} gonio_design_surprise;
+
+typedef struct gonio_design {
+    bool isotropic;
+    double theta_max; // rad; of both directions
+    uint64_t seed;    // of the candidates
+    int threads;      // 0: all; changes nothing
+    void *context;
+    // Required: seconds of a move, and of settling and exposures at a pose where f_r is about `value`.
+    double (*travel_s)(void *context, const gonio_pair *from, const gonio_pair *to);
+    double (*dwell_s)(void *context, const gonio_pair *pose, double value);
+    // Optional: can the rig go there; what a direction is worth (NULL: 1 everywhere).
+    bool (*allowed)(void *context, const gonio_pair *pose);
+    double (*need)(void *context, const gonio_pair *pair);
+    const gonio_design_surprise *surprises;
+    size_t surprises_n;
+    const gonio_pair *barred; // about these nothing more is asked for
+    size_t barred_n;
+} gonio_design;
+
+typedef struct gonio_design_pose {
+    gonio_pair pose;
+    double sigma; // relative, at the pose before it was chosen
+    double gain;  // of the weighted mean relative sigma, relative to all of it
+    double seconds;
+} gonio_design_pose;
+
+// n poses of model and samples (those that it was fitted to); `taken` (taken_n of them) will be measured in any case.
+// here: where the rig stands. Fewer come back where no candidate is left: *count. chosen[n].
+gonio_status gonio_design_choose(const gonio_design *design, const gonio_model *model, const gonio_samples *samples,
+                                 const gonio_pair *taken, size_t taken_n, const gonio_pair *here, size_t n,
+                                 gonio_design_pose *chosen, size_t *count, gonio_error *error);
+// The i-th pose about the mirror direction, no theta above theta_max: evenly over the tilt as half-vector coordinates
+// stretch it, so that a narrow peak is found.
+gonio_pair gonio_design_mirror_place(uint64_t i, bool isotropic, double theta_max);
+// Relative standard uncertainty of a model at a pair, as the figures have it, over (f + 1e-3); *value: f, mean over the
+// channels. 1 where the model tells none.
+double gonio_design_spread(const gonio_model *model, const gonio_pair *pair, double *value);
+
+#endif
