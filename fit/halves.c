@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/text.h"
+#include "fit/library/method.h"
 
 static bool has_halves(const gonio_samples *samples) {
     return samples->transmission && gonio_samples_halves(samples) != 1u << GONIO_REFLECTION;
@@ -60,9 +61,14 @@ gonio_status gonio_fit_halves(const gonio_method *method, const gonio_samples *s
                               const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
                               gonio_error *error) {
     if (!has_halves(samples)) {
-        return method->fit(samples, options, out, report, error);
+        return options->prior[0] != 0 ? gonio_library_method(method, samples, options, out, report, error)
+                                      : method->fit(samples, options, out, report, error);
     }
     *out = NULL;
+    if (options->prior[0] != 0) {
+        return gonio_fail(error, GONIO_E_UNSUPPORTED,
+                          "a prior is of reflection; these samples are of transmission too");
+    }
     const unsigned halves = gonio_samples_halves(samples);
     gonio_model *models[GONIO_HALVES] = {NULL};
     gonio_status status = gonio_samples_check(samples, error);

@@ -21,6 +21,8 @@ const gonio_key gonio_fit_keys[] = {
      .help = "K-fold errors instead of one hold-out"},
     {ROW(seed, SEED), .argument = "N", .help = "seed of everything random (1)"},
     {ROW(max_memory, SIZE), .late = true, .argument = "BYTES", .help = "memory that fitting may take (what is free)"},
+    {ROW(prior, TEXT), .late = true, .argument = "PRIOR",
+     .help = "what `gonio learn` made of a library: few samples are fitted by it"},
     {ROW(level, INTEGER), .automatic = -1, .low = 0, .high = GONIO_LEVEL_MAX, .argument = "N|auto",
      .help = "lattice level (auto: by held-out error)"},
     {ROW(tolerance, REAL), .low = 0, .high = INFINITY, .argument = "RMSE", .help = "the smallest level that meets it"},

@@ -9,7 +9,7 @@
 // Every member of gonio_fit_options but the number of threads, the store and the callback with its context; ends with {0}. Those
 // before GONIO_FIT_KEYS_COMMON are every method's.
 extern const gonio_key gonio_fit_keys[];
-enum { GONIO_FIT_KEYS_COMMON = 5, GONIO_FIT_KEYS = 34 };
+enum { GONIO_FIT_KEYS_COMMON = 6, GONIO_FIT_KEYS = 35 };
 
 // The method that the options ask for (the thesis' form is mba's); NULL: there is none of that name.
 const gonio_method *gonio_fit_method_of(const gonio_fit_options *options);

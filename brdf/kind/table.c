@@ -5,9 +5,11 @@
 //   linear  lies their multilinear interpolant: in four dimensions the 16 corners about the place;
 //   cubic   lies the uniform cubic B-spline of which they are the control points: the samples themselves (his control
 //           mesh, which does not pass through them), or those of the spline that does (fit/tables/).
+// Where it carries uncertainties, they are of the transformed values, at the nodes, with straight lines between them.
 // At the poles and across the azimuth where it begins nothing has an edge: the grid goes on beyond them.
 #include "brdf/kind/table.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,6 +19,7 @@ typedef struct table_model {
     gonio_grid_model base;
     gonio_grid_degree degree;
     const float *points;
+    const float *spread; // NULL: no uncertainty
 } table_model;
 
 static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
@@ -42,10 +45,26 @@ static double eval_channel(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
     return gonio_transform_invert(m->base.channels.kind, &m->base.channels.transforms[channel], sum);
 }
 
+static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *out) {
+    const table_model *m = (const table_model *)model;
+    const size_t channels = (size_t)model->channels;
+    size_t nodes[GONIO_GRID_POINTS_MAX];
+    double weights[GONIO_GRID_POINTS_MAX], x[4], sums[channels];
+    gonio_grid_locate(&m->base.grid, wi, wo, x);
+    const int n = gonio_grid_points(&m->base.grid, m->degree, x, nodes, weights);
+    gonio_grid_sum(m->points, channels, n, nodes, weights, sums);
+    const int corners = gonio_grid_points(&m->base.grid, GONIO_GRID_LINEAR, x, nodes, weights);
+    gonio_grid_sum(m->spread, channels, corners, nodes, weights, out);
+    for (size_t c = 0; c < channels; c++) {
+        out[c] *= fabs(gonio_transform_slope(m->base.channels.kind, &m->base.channels.transforms[c], sums[c]));
+    }
+}
+
 static void release(gonio_model *model) {
     table_model *m = (table_model *)model;
     if (m->base.channels.mapped.base == NULL) {
         free((void *)(uintptr_t)m->points);
+        free((void *)(uintptr_t)m->spread);
     }
     gonio_channels_free(&m->base.channels);
 }
@@ -55,13 +74,24 @@ static gonio_status save(const gonio_model *model, FILE *stream, gonio_error *er
     const size_t channels = (size_t)model->channels;
     gonio_grid_description about = gonio_grid_describe(&m->base);
     about.own[0] = (uint32_t)m->degree;
+    about.own[1] = m->spread != NULL;
+    const size_t bytes = m->base.grid.count * channels * sizeof(float);
     const gonio_file_part parts[] = {{&about, sizeof about},
                                      {m->base.channels.transforms, channels * sizeof(gonio_transform)},
-                                     {m->points, m->base.grid.count * channels * sizeof(float)}};
-    return gonio_model_file_write(model, stream, parts, 3, error);
+                                     {m->points, bytes},
+                                     {m->spread, bytes}};
+    return gonio_model_file_write(model, stream, parts, m->spread != NULL ? 4 : 3, error);
 }
 
 static const gonio_model_ops ops = {
+    .kind = "table",
+    .eval = eval,
+    .eval_channel = eval_channel,
+    .sigma = sigma,
+    .save = save,
+    .free = release,
+};
+static const gonio_model_ops ops_without = {
     .kind = "table",
     .eval = eval,
     .eval_channel = eval_channel,
@@ -69,12 +99,14 @@ static const gonio_model_ops ops = {
     .free = release,
 };
 
-static void finish(table_model *m, gonio_grid_degree degree, const float *points) {
+static void finish(table_model *m, gonio_grid_degree degree, const float *points, const float *spread) {
     gonio_model *head = &m->base.channels.head;
     m->degree = degree;
     m->points = points;
+    m->spread = spread;
+    head->ops = spread != NULL ? &ops : &ops_without;
     head->control_points = m->base.grid.count;
-    head->bytes += m->base.grid.count * (size_t)head->channels * sizeof(float);
+    head->bytes += (spread != NULL ? 2 : 1) * m->base.grid.count * (size_t)head->channels * sizeof(float);
 }
 
 gonio_status gonio_table_new(const gonio_table_parts *p, gonio_model **out, gonio_error *error) {
@@ -83,7 +115,7 @@ gonio_status gonio_table_new(const gonio_table_parts *p, gonio_model **out, goni
                                                      p->transforms, p->names, &model, error);
     *out = NULL;
     if (status == GONIO_OK) {
-        finish(model, p->degree, p->points);
+        finish(model, p->degree, p->points, p->spread);
         *out = model;
     }
     return status;
@@ -100,14 +132,16 @@ static gonio_status read_model(gonio_mapped *mapped, gonio_model **out, gonio_er
     table_model *m = model;
     const size_t points_at = at, bytes = m->base.grid.count * (size_t)mapped->channels * sizeof(float);
     const float *points = gonio_mapped_take(mapped, &at, bytes);
-    if (about->own[0] >= GONIO_GRID_DEGREES || points == NULL) {
+    const float *spread = points != NULL && about->own[1] == 1 ? gonio_mapped_take(mapped, &at, bytes) : NULL;
+    const bool nodes = points != NULL && (about->own[1] == 0 || spread != NULL);
+    if (about->own[0] >= GONIO_GRID_DEGREES || about->own[1] > 1 || !nodes) {
         gonio_channels_free(&m->base.channels);
-        return gonio_mapped_fail(mapped, points == NULL ? points_at : 0,
-                                 points == NULL ? "fewer nodes than its level and channels need"
-                                                : "a way between nodes that is neither linear nor cubic",
+        return gonio_mapped_fail(mapped, nodes ? 0 : points_at,
+                                 !nodes ? "fewer nodes than its level and channels need"
+                                        : "a way between nodes that is neither linear nor cubic, or no kind of sigma",
                                  error);
     }
-    finish(m, (gonio_grid_degree)about->own[0], points);
+    finish(m, (gonio_grid_degree)about->own[0], points, spread);
     gonio_channels_adopt(&m->base.channels, mapped);
     *out = &m->base.channels.head;
     return GONIO_OK;

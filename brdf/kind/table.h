@@ -15,9 +15,10 @@ typedef struct gonio_table_parts {
     const gonio_transform *transforms; // [channels]
     const char (*names)[32];
     float *points; // [nodes][channels], transformed
+    float *spread; // standard uncertainty of what is transformed, at the nodes, straight lines between; NULL: none
 } gonio_table_parts;
 
-// Takes over the points, on success only; the rest is copied. The caller frees the model.
+// Takes over points and spread, on success only; the rest is copied. The caller frees the model.
 gonio_status gonio_table_new(const gonio_table_parts *parts, gonio_model **out, gonio_error *error);
 
 #endif

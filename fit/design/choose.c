@@ -92,8 +92,7 @@ static double weigh(choice *c) {
 static void approach(choice *c, const gonio_pair *from) {
     for (size_t i = 0; i < c->places->n; i++) {
         if (c->places->items[i].open) {
-            c->travel[i] =
-                fmin(c->travel[i], c->design->travel_s(c->design->context, from, &c->places->items[i].pair));
+            c->travel[i] = fmin(c->travel[i], c->design->travel_s(c->design->context, from, &c->places->items[i].pair));
         }
     }
 }

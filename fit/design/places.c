@@ -162,7 +162,8 @@ static gonio_status fill(filling *f, const gonio_samples *samples, gonio_error *
 gonio_status gonio_design_places_init(gonio_design_places *places, const gonio_design *design, const gonio_model *model,
                                       const gonio_samples *samples, const gonio_pair *taken, size_t taken_n,
                                       gonio_error *error) {
-    *places = (gonio_design_places){.n = taken_n + SPREAD + MIRROR, .taken = taken_n, .dims = design->isotropic ? 3 : 4};
+    *places =
+        (gonio_design_places){.n = taken_n + SPREAD + MIRROR, .taken = taken_n, .dims = design->isotropic ? 3 : 4};
     places->items = calloc(places->n, sizeof *places->items);
     if (places->items == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to choose poses");

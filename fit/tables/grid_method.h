@@ -10,6 +10,8 @@ gonio_status gonio_grid_fit(const gonio_samples *samples, const gonio_fit_option
                             gonio_status (*filter)(const gonio_grid *grid, int channels, double *values,
                                                    gonio_error *error),
                             gonio_model **out, gonio_fit_report *report, gonio_error *error);
+// Values at the nodes -> the control points, in their place, of the cubic spline that goes through them; [nodes][channels].
+gonio_status gonio_grid_interpolate(const gonio_grid *grid, int channels, double *values, gonio_error *error);
 extern const gonio_method_option gonio_grid_options[];
 extern const gonio_method_form gonio_grid_forms[];
 enum { GONIO_GRID_FORMS = 2 };

@@ -110,7 +110,7 @@ static void along_axis(const filter *f, int axis) {
     }
 }
 
-static gonio_status interpolate(const gonio_grid *grid, int channels, double *values, gonio_error *error) {
+gonio_status gonio_grid_interpolate(const gonio_grid *grid, int channels, double *values, gonio_error *error) {
     const size_t longest = ((size_t)4 << grid->level) + 2;
     filter f = {grid, (size_t)channels, values, malloc(2 * longest * sizeof(double)),
                 malloc(2 * longest * sizeof(double))};
@@ -125,7 +125,7 @@ static gonio_status interpolate(const gonio_grid *grid, int channels, double *va
 
 static gonio_status fit(const gonio_samples *samples, const gonio_fit_options *options, gonio_model **out,
                         gonio_fit_report *report, gonio_error *error) {
-    return gonio_grid_fit(samples, options, GONIO_GRID_CUBIC, interpolate, out, report, error);
+    return gonio_grid_fit(samples, options, GONIO_GRID_CUBIC, gonio_grid_interpolate, out, report, error);
 }
 
 const gonio_method gonio_method_interpolating_spline = {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A plan that is made while it is measured: "adaptive:N,...".
 //
-// The first batch fills the space. Before each further one the samples so far are fitted, and the batch is made of
+// The first batch fills the space; with a learned prior the other part of it are the poses that the prior's plan begins
+// with. Before each further one the samples so far are fitted, and the batch is made of
 //   fill    the next poses of the nusselt plan, evenly over all pairs of directions, whatever the model says;
 //   mirror  the next poses about the mirror direction, where a peak may hide from a coarse filling;
 //   sigma   poses where the model's sigma, the need and the rig's time say that most is gained (fit/design);
-//   again   poses that gave no sample the first time.
+//   again   poses that gave no sample the first time;
+//   prior   (the first batch) poses that a library says tell most.
 // fill and mirror are the stated share of a batch, more where the model's sigma was too small about them. The model has
 // not seen the fill poses of a batch when it predicts them, and they lie where the figures are taken: they tell the
 // held-out error, and by it when to stop and what more poses would buy.
@@ -34,6 +36,7 @@ typedef enum gonio_adaptive_why {
     GONIO_ADAPTIVE_MIRROR,
     GONIO_ADAPTIVE_SIGMA,
     GONIO_ADAPTIVE_AGAIN,
+    GONIO_ADAPTIVE_PRIOR,
     GONIO_ADAPTIVE_WHYS
 } gonio_adaptive_why;
 extern const char *const gonio_adaptive_whys[]; // their names
@@ -44,11 +47,11 @@ extern const char *const gonio_adaptive_whys[]; // their names
 typedef struct gonio_adaptive_pose {
     gonio_adaptive_why why;
     size_t batch;
-    gonio_pair pose;                            // of the plan; the step may spell it otherwise
-    double sigma, gain, seconds;                // of gonio_design_pose; NaN where it was not asked
-    double predicted[GONIO_ADAPTIVE_CHANNELS];  // by the model that the batch was chosen with; NaN of the first batch
+    gonio_pair pose;                             // of the plan; the step may spell it otherwise
+    double sigma, gain, seconds;                 // of gonio_design_pose; NaN where it was not asked
+    double predicted[GONIO_ADAPTIVE_CHANNELS];   // by the model that the batch was chosen with; NaN of the first batch
     double uncertainty[GONIO_ADAPTIVE_CHANNELS]; // of that, and of the sample when it is there
-    ptrdiff_t sample;                           // its number; -1: none
+    ptrdiff_t sample;                            // its number; -1: none
 } gonio_adaptive_pose;
 
 // All that is known before a choice.
@@ -59,6 +62,7 @@ typedef struct gonio_adaptive {
     size_t n, batches;
     gonio_samples *samples; // of the poses that gave one, in their order
     double shares[2];       // of the last batch, and of the next
+    const char *prior;      // file of a learned prior, by which the first batches are chosen; borrowed; NULL: none
 } gonio_adaptive;
 
 void gonio_adaptive_release(gonio_adaptive *a);

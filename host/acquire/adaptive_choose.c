@@ -7,6 +7,7 @@
 
 #include "base/random.h"
 #include "fit/design/design.h"
+#include "gonio/library.h"
 #include "host/acquire/adaptive.h"
 
 #define FIRST_SHARE 6 // of the poses: one part is the first batch, within
@@ -14,14 +15,14 @@
 #define FIRST_MAX 64
 #define BATCH_SHARE 4 // of the poses so far: one part is the next batch. Fits grow with the samples, and so do batches
 #define BATCH_MIN 16
-#define MIRROR_EVERY 3  // of the fill poses every third lies about the mirror direction
-#define TRIES_MAX 2     // of a pose that gives no sample
-#define SURPRISE_BEYOND 2 // sigmas
+#define MIRROR_EVERY 3      // of the fill poses every third lies about the mirror direction
+#define TRIES_MAX 2         // of a pose that gives no sample
+#define SURPRISE_BEYOND 2   // sigmas
 #define SURPRISE_SHARE 0.25 // of the excess variance: the fit has learnt the rest from the sample itself
-#define TINY 1e-3         // of the figures
-#define POSES_APART 65536 // seeds have mirror poses of their own
+#define TINY 1e-3           // of the figures
+#define POSES_APART 65536   // seeds have mirror poses of their own
 
-const char *const gonio_adaptive_whys[] = {"fill", "mirror", "sigma", "again"};
+const char *const gonio_adaptive_whys[] = {"fill", "mirror", "sigma", "again", "prior"};
 
 void gonio_adaptive_release(gonio_adaptive *a) {
     free(a->poses);
@@ -69,10 +70,10 @@ static gonio_status add_fill(gonio_adaptive *a, size_t n, gonio_error *error) {
     size_t mirror = status == GONIO_OK ? count_why(a, GONIO_ADAPTIVE_MIRROR) : 0;
     for (size_t k = 0; k < n && status == GONIO_OK; k++) {
         const bool about = (spread + mirror) % MIRROR_EVERY == MIRROR_EVERY - 1;
-        const gonio_pair pose = about ? gonio_design_mirror_place(gonio_random(a->seed) % 65536 * POSES_APART + mirror,
-                                                                  !a->plan.anisotropic,
-                                                                  gonio_radians(a->plan.theta_max_deg))
-                                      : plan->poses[spread];
+        const gonio_pair pose =
+            about ? gonio_design_mirror_place(gonio_random(a->seed) % 65536 * POSES_APART + mirror,
+                                              !a->plan.anisotropic, gonio_radians(a->plan.theta_max_deg))
+                  : plan->poses[spread];
         const gonio_adaptive_pose p = plain(about ? GONIO_ADAPTIVE_MIRROR : GONIO_ADAPTIVE_FILL, pose);
         status = append(a, &p, error);
         mirror += about;
@@ -154,6 +155,15 @@ static gonio_status fit_live(const gonio_adaptive *a, const gonio_adaptive_how *
     options.threads = how->threads;
     options.progress = how->progress;
     options.progress_context = how->context;
+    if (a->prior != NULL) {
+        snprintf(options.prior, sizeof options.prior, "%s", a->prior);
+        gonio_error unlike = {0};
+        const gonio_status status = gonio_fit(a->samples, &options, model, NULL, &unlike);
+        if (status != GONIO_E_MISMATCH) {
+            return status == GONIO_OK ? status : gonio_fail(error, status, "%s", unlike.message);
+        }
+        options.prior[0] = 0; // the sample is not like the library
+    }
     return gonio_fit(a->samples, &options, model, NULL, error);
 }
 
@@ -251,6 +261,30 @@ static gonio_status next_batch(gonio_adaptive *a, const gonio_adaptive_how *how,
     return status;
 }
 
+// The stated share fills the space, the rest is what the prior asks for.
+static gonio_status begin_with_prior(gonio_adaptive *a, size_t n, int threads, gonio_error *error) {
+    const size_t fill = (size_t)ceil(a->plan.share * (double)n);
+    gonio_library *library;
+    gonio_plan *plan = NULL;
+    gonio_status status = a->plan.anisotropic
+                              ? gonio_fail(error, GONIO_E_USAGE, "a prior is of isotropic reflection; the plan is not")
+                              : gonio_library_open(a->prior, &library, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    if (fill < n) {
+        status =
+            gonio_library_plan(library, n - fill, gonio_radians(a->plan.theta_max_deg), a->seed, threads, &plan, error);
+    }
+    gonio_library_free(library);
+    for (size_t i = 0; plan != NULL && i < plan->n && status == GONIO_OK; i++) {
+        const gonio_adaptive_pose p = plain(GONIO_ADAPTIVE_PRIOR, plan->poses[i]);
+        status = append(a, &p, error);
+    }
+    gonio_plan_free(plan);
+    return status == GONIO_OK ? add_fill(a, fill, error) : status;
+}
+
 gonio_status gonio_adaptive_choose(gonio_adaptive *a, const gonio_adaptive_how *how, size_t *count,
                                    gonio_error *error) {
     const size_t before = a->n;
@@ -258,8 +292,9 @@ gonio_status gonio_adaptive_choose(gonio_adaptive *a, const gonio_adaptive_how *
     a->shares[1] = a->batches == 0 ? 1 : gonio_adaptive_share(a);
     if (a->batches == 0 || a->samples == NULL || a->samples->n == 0) {
         // Without a sample there is no model; the space is filled on.
-        const size_t left = a->plan.poses - a->n, n = first_batch(&a->plan);
-        status = add_fill(a, n < left ? n : left, error);
+        const size_t left = a->plan.poses - a->n, wanted = first_batch(&a->plan), n = wanted < left ? wanted : left;
+        status =
+            a->batches == 0 && a->prior != NULL ? begin_with_prior(a, n, how->threads, error) : add_fill(a, n, error);
     } else {
         gonio_model *model = NULL;
         gonio_pair *barred = calloc(a->n + 1, sizeof *barred);

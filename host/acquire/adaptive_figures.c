@@ -9,10 +9,10 @@
 // The figures are of the last batches that have this many fill poses together: their median's standard error is then
 // about a fifth.
 #define HELD_OUT_MIN 24
-#define UNTIL_MIN 12     // fewer do not end a measure
-#define POINTS_MIN 4     // fill poses of a batch that are a point of the power law
-#define SHARE_MAX 0.9    // something is left to the model in any case
-#define RESIDUALS_MIN 6  // fewer say nothing about sigma
+#define UNTIL_MIN 12    // fewer do not end a measure
+#define POINTS_MIN 4    // fill poses of a batch that are a point of the power law
+#define SHARE_MAX 0.9   // something is left to the model in any case
+#define RESIDUALS_MIN 6 // fewer say nothing about sigma
 
 static bool is_held_out(const gonio_adaptive *a, size_t i, bool mirror) {
     const gonio_adaptive_pose *p = &a->poses[i];

@@ -58,9 +58,9 @@ static gonio_status describe_batch(const gonio_adaptive *a, size_t first, size_t
     for (size_t i = first; i < a->n; i++) {
         json_array_append_new(poses, pose_json(&a->poses[i], channels));
     }
-    json_t *object = json_pack("{s:I,s:f,s:I,s:s,s:o}", "first_step", (json_int_t)first_step, "share", a->shares[0],
-                               "samples", (json_int_t)(a->samples != NULL ? a->samples->n : 0), "samples_sha256", hex,
-                               "poses", poses);
+    json_t *object =
+        json_pack("{s:I,s:f,s:I,s:s,s:o}", "first_step", (json_int_t)first_step, "share", a->shares[0], "samples",
+                  (json_int_t)(a->samples != NULL ? a->samples->n : 0), "samples_sha256", hex, "poses", poses);
     *record = object != NULL ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(17) | JSON_PRESERVE_ORDER) : NULL;
     json_decref(object);
     return *record != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for a batch's record");
@@ -100,13 +100,13 @@ static bool take_pose(const json_t *object, gonio_adaptive_pose *p) {
         k++;
     }
     take_numbers(json_object_get(object, "pose_deg"), deg, 4);
-    *p = (gonio_adaptive_pose){.why = (gonio_adaptive_why)k,
-                               .pose = {gonio_radians(deg[0]), gonio_radians(deg[1]), gonio_radians(deg[2]),
-                                        gonio_radians(deg[3])},
-                               .sigma = take_number(object, "sigma"),
-                               .gain = take_number(object, "gain"),
-                               .seconds = take_number(object, "seconds"),
-                               .sample = -1};
+    *p = (gonio_adaptive_pose){
+        .why = (gonio_adaptive_why)k,
+        .pose = {gonio_radians(deg[0]), gonio_radians(deg[1]), gonio_radians(deg[2]), gonio_radians(deg[3])},
+        .sigma = take_number(object, "sigma"),
+        .gain = take_number(object, "gain"),
+        .seconds = take_number(object, "seconds"),
+        .sample = -1};
     take_numbers(json_object_get(object, "predicted"), p->predicted, GONIO_ADAPTIVE_CHANNELS);
     take_numbers(json_object_get(object, "predicted_sigma"), p->uncertainty, GONIO_ADAPTIVE_CHANNELS);
     return why != NULL && k < GONIO_ADAPTIVE_WHYS && fabs(deg[0]) <= 720 && fabs(deg[1]) <= 720 &&
@@ -126,10 +126,10 @@ static gonio_status take_sample(gonio_adaptive *a, gonio_adaptive_pose *p, const
             return status;
         }
         a->samples->isotropic = !a->plan.anisotropic;
-        memcpy(a->samples->channel_names, set->channel_names,
-               (size_t)set->channels * sizeof *set->channel_names);
+        memcpy(a->samples->channel_names, set->channel_names, (size_t)set->channels * sizeof *set->channel_names);
     }
-    status = gonio_samples_add(a->samples, &set->pairs[0], set->values, set->sigma_random, set->sigma_systematic, error);
+    status =
+        gonio_samples_add(a->samples, &set->pairs[0], set->values, set->sigma_random, set->sigma_systematic, error);
     p->sample = status == GONIO_OK ? (ptrdiff_t)a->samples->n - 1 : -1;
     for (int c = 0; status == GONIO_OK && c < set->channels && c < GONIO_ADAPTIVE_CHANNELS; c++) {
         p->uncertainty[c] = hypot(p->uncertainty[c], gonio_samples_sigma(set, 0, c));
@@ -231,8 +231,7 @@ gonio_status gonio_adaptive_get(gonio_session *session, const gonio_step *steps,
 }
 
 gonio_status gonio_adaptive_verify(gonio_session *session, const gonio_step *steps, size_t n,
-                                   gonio_samples *const *sets, size_t *batches, size_t *differing,
-                                   gonio_error *error) {
+                                   gonio_samples *const *sets, size_t *batches, size_t *differing, gonio_error *error) {
     const source from = {session, steps, n, sets};
     gonio_adaptive a = {0};
     json_t *object = NULL;
@@ -295,7 +294,7 @@ static gonio_status refuse(const gonio_setup *setup, gonio_error *error) {
 
 gonio_status gonio_adaptive_begin(const gonio_rig *rig, const gonio_setup *setup, const char *plan, uint64_t seed,
                                   gonio_step **steps, size_t *n, char **record, gonio_error *error) {
-    gonio_adaptive a = {.seed = seed};
+    gonio_adaptive a = {.seed = seed, .prior = setup->fit.prior[0] != 0 ? setup->fit.prior : NULL};
     const gonio_plan none = {0};
     const gonio_pose_time time = gonio_pose_time_of(rig, setup);
     gonio_adaptive_how how = {.time = &time};
@@ -396,6 +395,7 @@ gonio_status gonio_adaptive_next(gonio_session *session, const gonio_rig *rig, c
     gonio_adaptive_how how = {.threads = threads, .progress = progress, .context = context};
     char *record = NULL;
     gonio_status status = gonio_adaptive_get(session, steps, n, &a, error);
+    a.prior = setup->fit.prior[0] != 0 ? setup->fit.prior : NULL;
     status = status == GONIO_OK ? gonio_adaptive_figures(&a, &report, error) : status;
     if (status == GONIO_OK && !gonio_adaptive_over(&a, &report)) {
         status = choose_next(&a, rig, setup, steps, n, &how, more, count, &record, error);

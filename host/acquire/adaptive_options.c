@@ -45,8 +45,8 @@ static gonio_status unknown(const char *plan, const char *at, gonio_error *error
 static gonio_status take(const char *plan, const char **at, gonio_adaptive_plan *out, gonio_error *error) {
     const char *item = *at;
     size_t k = 0;
-    while (k < OPTIONS && (strncmp(item, options[k].name, strlen(options[k].name)) != 0 ||
-                           item[strlen(options[k].name)] != '=')) {
+    while (k < OPTIONS &&
+           (strncmp(item, options[k].name, strlen(options[k].name)) != 0 || item[strlen(options[k].name)] != '=')) {
         k++;
     }
     if (k == OPTIONS) {
@@ -79,8 +79,8 @@ gonio_status gonio_adaptive_parse(const char *plan, gonio_adaptive_plan *out, go
     char *end;
     const double poses = gonio_number_parse(at, &end);
     if (end == at || (*end != 0 && *end != ',') || !(poses >= 8 && poses <= POSES_MAX) || poses != floor(poses)) {
-        return gonio_fail(error, GONIO_E_USAGE, "plan '%.80s', character %zu: found '%.*s', expected 8 to %d poses", plan,
-                          (size_t)(at - plan) + 1, (int)strcspn(at, ","), at, POSES_MAX);
+        return gonio_fail(error, GONIO_E_USAGE, "plan '%.80s', character %zu: found '%.*s', expected 8 to %d poses",
+                          plan, (size_t)(at - plan) + 1, (int)strcspn(at, ","), at, POSES_MAX);
     }
     out->poses = (size_t)poses;
     gonio_status status = GONIO_OK;

@@ -304,15 +304,16 @@ static gonio_status check_setup(gonio_session *session, const gonio_setup *setup
     return gonio_spec_check_file(setup->facts.reference_brdf, gonio_session_path(session), error);
 }
 
-// Files that the facts name are the rig's; the session keeps its own copies.
+// Files that the setup names are the rig's or a library's; the session keeps its own copies.
 static const struct own_file {
     const char *what, *name;
-    size_t offset; // of the path in gonio_rig_facts, 256 bytes
+    size_t offset; // of the path in gonio_setup, 256 bytes
     int64_t limit; // bytes
 } own_files[] = {
-    {"response curve", "response.csv", offsetof(gonio_rig_facts, response_path), 1 << 24},
-    {"reference's BRDF", "reference.model", offsetof(gonio_rig_facts, reference_brdf), 1 << 30},
-    {"flat field", "flat.map", offsetof(gonio_rig_facts, flat_path), 17 * PIXELS_MAX},
+    {"response curve", "response.csv", offsetof(gonio_setup, facts.response_path), 1 << 24},
+    {"reference's BRDF", "reference.model", offsetof(gonio_setup, facts.reference_brdf), 1 << 30},
+    {"flat field", "flat.map", offsetof(gonio_setup, facts.flat_path), 17 * PIXELS_MAX},
+    {"prior", "library.prior", offsetof(gonio_setup, fit.prior), 1 << 30},
 };
 #define OWN_FILES (sizeof own_files / sizeof *own_files)
 
@@ -354,7 +355,7 @@ gonio_status gonio_setup_put(gonio_session *session, const gonio_setup *setup, g
         status = put(session, &parts[i], setup, error);
     }
     for (size_t i = 0; status == GONIO_OK && i < OWN_FILES; i++) {
-        const char *from = (const char *)&setup->facts + own_files[i].offset;
+        const char *from = (const char *)setup + own_files[i].offset;
         if (is_file(from)) {
             status = own_path(session, &own_files[i], path, error);
             status = status == GONIO_OK ? copy_file(session, own_files[i].what, from, own_files[i].name, path, error)
@@ -372,7 +373,7 @@ gonio_status gonio_setup_get(gonio_session *session, gonio_setup *setup, gonio_e
         status = get(session, &parts[i], setup, error);
     }
     for (size_t i = 0; status == GONIO_OK && i < OWN_FILES; i++) {
-        char *path = (char *)&setup->facts + own_files[i].offset;
+        char *path = (char *)setup + own_files[i].offset;
         if (is_file(path)) {
             status = own_path(session, &own_files[i], path, error);
             status = status == GONIO_OK
@@ -410,6 +411,7 @@ gonio_fit_options gonio_setup_slope_fit(const gonio_setup *setup) {
     // Samples do not depend on what the clock or the machine's memory allowed.
     options.max_ns = options.max_seconds = 0;
     options.max_memory = 0;
+    options.prior[0] = 0;
     if (setup->facts.sphere) {
         gonio_fit_options_for(&options, "mba");
     }

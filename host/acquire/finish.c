@@ -71,6 +71,23 @@ static gonio_status correct_drift(gonio_session *session, gonio_process *process
     return status;
 }
 
+// A sample that turns out not to be like the library of its prior is fitted without.
+static gonio_status fit_final(const gonio_samples *samples, const gonio_fit_options *options, gonio_outcome *out,
+                              gonio_error *error) {
+    gonio_error why = {.line = -1, .byte = -1};
+    gonio_status status = gonio_fit(samples, options, &out->model, &out->fit, &why);
+    if (status == GONIO_E_MISMATCH && options->prior[0] != 0) {
+        gonio_fit_options without = *options;
+        without.prior[0] = 0;
+        status = gonio_fit(samples, &without, &out->model, &out->fit, error);
+        gonio_text_append(out->fit.note, sizeof out->fit.note, "%sthe prior was not used: %s",
+                          out->fit.note[0] != 0 ? "; " : "", why.message);
+    } else if (status != GONIO_OK && error != NULL) {
+        *error = why;
+    }
+    return status;
+}
+
 static gonio_status fit_twice(const gonio_process *process, gonio_fit_stream *stream, const gonio_fit_options *options,
                               gonio_outcome *out, gonio_error *error) {
     gonio_model *first;
@@ -85,7 +102,7 @@ static gonio_status fit_twice(const gonio_process *process, gonio_fit_stream *st
     }
     status = gonio_calib_pointing(&process->setup.facts, first, out->samples, error);
     gonio_model_free(first);
-    return status == GONIO_OK ? gonio_fit(out->samples, options, &out->model, &out->fit, error) : status;
+    return status == GONIO_OK ? fit_final(out->samples, options, out, error) : status;
 }
 
 // The model's own words go into its file, and so into its checksum.

@@ -40,7 +40,8 @@ static void spell(double theta, double phi, int spelling, double *to_theta, doub
 }
 
 // The pose by the first of its spellings that the stage can reach; false, and as the plan has it, where none is; as the
-// plan has it where nobody knows. Which one does not depend on where the arms stand, so that a resume asks for the same.
+// plan has it where nobody knows. Which one does not depend on where the arms stand, so that a resume asks for the
+// same.
 static bool find_reachable(const gonio_rig *rig, const gonio_pair *pose, gonio_pair *best) {
     double target[GONIO_AXES];
     *best = *pose;

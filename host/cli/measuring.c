@@ -107,11 +107,16 @@ static void print_adaptive(const gonio_adaptive_report *a) {
 }
 
 #define ADAPTIVE(member) CLI_FIGURE(gonio_adaptive_report, member)
-static const cli_figure adaptive_figures[] = {ADAPTIVE(median_rel),       ADAPTIVE(rms_log),
-                                              ADAPTIVE(until),            ADAPTIVE(share),
-                                              ADAPTIVE(median_rel_scale), ADAPTIVE(median_rel_power),
-                                              ADAPTIVE(rms_log_scale),    ADAPTIVE(rms_log_power),
-                                              ADAPTIVE(choosing_s),       {0}};
+static const cli_figure adaptive_figures[] = {ADAPTIVE(median_rel),
+                                              ADAPTIVE(rms_log),
+                                              ADAPTIVE(until),
+                                              ADAPTIVE(share),
+                                              ADAPTIVE(median_rel_scale),
+                                              ADAPTIVE(median_rel_power),
+                                              ADAPTIVE(rms_log_scale),
+                                              ADAPTIVE(rms_log_power),
+                                              ADAPTIVE(choosing_s),
+                                              {0}};
 
 static json_t *adaptive_json(const gonio_adaptive_report *a) {
     if (a->batches == 0) {
@@ -149,9 +154,10 @@ void cli_outcome_print(const gonio_outcome *outcome) {
         printf("drift      %+.3f %% between the references\n", 100 * (outcome->drift_ratio - 1));
     }
     const gonio_blur *blur = &outcome->blur;
-    printf("blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; took %.2g %% of bias out of the "
-           "samples (at most %.2g %%)",
-           blur->light_deg, blur->aperture_deg, blur->region_deg, 100 * blur->taken_median, 100 * blur->taken_max);
+    printf(
+        "blur       light +-%.3g deg, aperture +-%.3g deg, averaged disc +-%.3g deg; took %.2g %% of bias out of the "
+        "samples (at most %.2g %%)",
+        blur->light_deg, blur->aperture_deg, blur->region_deg, 100 * blur->taken_median, 100 * blur->taken_max);
     if (blur->untouched > 0) {
         printf(", nothing out of %.0f %% of them, where it is not known: their sigma holds it", 100 * blur->untouched);
     }
@@ -182,14 +188,14 @@ json_t *cli_outcome_json(const char *session, const gonio_outcome *o) {
     json_object_set_new(blur, "taken_median", cli_json_real(o->blur.taken_median));
     json_object_set_new(blur, "taken_max", cli_json_real(o->blur.taken_max));
     json_object_set_new(blur, "untouched", cli_json_real(o->blur.untouched));
-    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o,s:o}", "session", session, "poses",
-                     (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples", (json_int_t)o->samples->n,
-                     "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged", (json_int_t)o->edges_spilled,
-                     "channels", o->samples->channels, "samples_sha256", o->samples_sha256, "model_sha256",
-                     o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio), "blur", blur, "method",
-                     o->fit.method, "level", o->fit.level, "train", cli_json_errors(&o->fit.train), "held_out",
-                     cli_json_errors(&o->fit.held_out), "motion", motion_json(&o->motion), "adaptive",
-                     adaptive_json(&o->adaptive));
+    return json_pack("{s:s,s:I,s:I,s:I,s:I,s:I,s:i,s:s,s:s,s:o,s:o,s:s,s:i,s:o,s:o,s:o,s:o}", "session", session,
+                     "poses", (json_int_t)o->poses, "frames", (json_int_t)o->frames, "samples",
+                     (json_int_t)o->samples->n, "edges_excluded", (json_int_t)o->edges_excluded, "edges_flagged",
+                     (json_int_t)o->edges_spilled, "channels", o->samples->channels, "samples_sha256",
+                     o->samples_sha256, "model_sha256", o->model_sha256, "drift_ratio", cli_json_real(o->drift_ratio),
+                     "blur", blur, "method", o->fit.method, "level", o->fit.level, "train",
+                     cli_json_errors(&o->fit.train), "held_out", cli_json_errors(&o->fit.held_out), "motion",
+                     motion_json(&o->motion), "adaptive", adaptive_json(&o->adaptive));
 }
 
 static void report(const cli_measuring *m, const char *session, const gonio_outcome *outcome, double seconds) {

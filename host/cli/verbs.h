@@ -16,6 +16,7 @@
     X(drivers)                                                                                                         \
     X(look)                                                                                                            \
     X(fit)                                                                                                             \
+    X(learn)                                                                                                           \
     X(eval)                                                                                                            \
     X(compare)                                                                                                         \
     X(tradeoff)                                                                                                        \

@@ -64,10 +64,10 @@ typedef struct gonio_rig_file_options {
 // GONIO_E_INPUT with file and line for unknown keys and bad values, GONIO_E_USAGE for bad settings, GONIO_E_DEVICE for
 // a device that does not answer. On failure *out is NULL.
 gonio_status gonio_rig_file_open(const gonio_rig_file_options *options, gonio_rig_file **out, gonio_error *error);
-// The rig that the session was begun with, from the journal. The journal then says "resumed". options: settings for what
-// has changed since (a port, a fault that is gone), threads, hooks and control; path: the rig file as it is now, of which
-// only where devices are reached may have changed (GONIO_E_INPUT with its line); the rest is not used. NULL: none.
-// GONIO_E_USAGE where the session's rig has real devices that no such file names and `trust` does not allow them.
+// The rig that the session was begun with, from the journal. The journal then says "resumed". options: settings for
+// what has changed since (a port, a fault that is gone), threads, hooks and control; path: the rig file as it is now,
+// of which only where devices are reached may have changed (GONIO_E_INPUT with its line); the rest is not used. NULL:
+// none. GONIO_E_USAGE where the session's rig has real devices that no such file names and `trust` does not allow them.
 gonio_status gonio_rig_file_reopen(gonio_session *session, const gonio_rig_file_options *options, gonio_rig_file **out,
                                    gonio_error *error);
 void gonio_rig_file_close(gonio_rig_file *rig); // NULL is allowed
@@ -108,9 +108,9 @@ typedef struct gonio_measure_hooks {
 
 // What to measure. gonio_measure_options_default() first, then change members.
 typedef struct gonio_measure_options {
-    // As gonio_plan_make takes it, or a plan that is made while it is measured, from the model so far (docs/adaptive.md):
-    // "adaptive:N[,until=X][,batch=N][,share=X][,first=N][,theta_max=DEG][,anisotropic=1]". The default is
-    // "nusselt:1400".
+    // As gonio_plan_make takes it, or a plan that is made while it is measured, from the model so far
+    // (docs/adaptive.md): "adaptive:N[,until=X][,batch=N][,share=X][,first=N][,theta_max=DEG][,anisotropic=1]". The
+    // default is "nusselt:1400".
     const char *plan;
     uint64_t seed;          // of the plan; 1
     gonio_fit_options fit;  // the final fit: method, level, hold-out ...; its threads and progress are not used
@@ -183,7 +183,7 @@ typedef struct gonio_stage_report {
     bool known, equal;                                          // known: both are there
     size_t steps_differing; // up to GONIO_STAGE_SAMPLES; of frames none: each is verified as it is read
     long long first_step;   // of them; -1: none
-    double largest;         // relative difference: of a step's mean radiance, of a value beside its sigma; NaN: not known
+    double largest; // relative difference: of a step's mean radiance, of a value beside its sigma; NaN: not known
 } gonio_stage_report;
 
 typedef struct gonio_replay_report {

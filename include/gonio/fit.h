@@ -93,6 +93,7 @@ typedef struct gonio_fit_options {
     double hold_out;    // fraction of the unique geometries; 0: none
     int folds;          // >= 2: K-fold instead of one hold-out
     uint64_t seed;
+    char prior[256];            // file of a learned prior (gonio/library.h) by which few samples are fitted; empty: none
     size_t max_memory;          // bytes that fitting may take, the samples included; 0: what the machine has free
     int threads;                // 0: all
     gonio_progress_fn progress; // NULL: none

@@ -21,6 +21,7 @@
 #include "gonio/direction.h"
 #include "gonio/fit.h"
 #include "gonio/io.h"
+#include "gonio/library.h"
 #include "gonio/metrics.h"
 #include "gonio/model.h"
 #include "gonio/needs.h"

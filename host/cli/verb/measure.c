@@ -43,8 +43,9 @@ static int run(int argc, char **argv) {
     const cli_option own[] = {
         CLI_RIG_OPTIONS(r.rig),
         {"plan", 0, CLI_TEXT, &r.measure.plan, NULL, "PLAN",
-         "uniform:STEP, nusselt:N (nusselt:1400), adaptive:N[,until=X] (the next poses where the model so far knows least), "
-         "or a CSV of poses"},
+         "uniform:STEP, nusselt:N (nusselt:1400), adaptive:N[,until=X] (the next poses where the model so far knows "
+         "least), "
+         "prior:PRIOR,N=20 (of `gonio learn`), or a CSV of poses"},
         {"model", 0, CLI_TEXT, &r.measuring.model, NULL, "OUT", "where the model goes (SESSION/model.gonio)"},
         {"operator", 0, CLI_TEXT, &r.rig.operator_name, NULL, "NAME", "stored in the session"},
         {"sample-id", 0, CLI_TEXT, &r.rig.sample_id, NULL, "TEXT", "stored in the session"},
