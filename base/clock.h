@@ -14,6 +14,16 @@ static inline int64_t gonio_clock_ns(void) {
 
 static inline double gonio_clock_s(void) { return 1e-9 * (double)gonio_clock_ns(); }
 
+// What a thread has computed, and what all of the process have, in seconds of a processor: others' load is no part of
+// it.
+static inline double gonio_clock_cpu_s(clockid_t clock) {
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+static inline double gonio_clock_thread_s(void) { return gonio_clock_cpu_s(CLOCK_THREAD_CPUTIME_ID); }
+static inline double gonio_clock_process_s(void) { return gonio_clock_cpu_s(CLOCK_PROCESS_CPUTIME_ID); }
+
 // The wall clock, seconds since 1970: may be set, and is for people.
 static inline double gonio_clock_utc_s(void) {
     struct timespec now;

@@ -214,6 +214,11 @@ void gonio_scene_caster_surface(const scene_caster *caster, size_t triangle, dou
 
 unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gonio_vec3 *origins,
                                     const gonio_vec3 *directions) {
+    return gonio_scene_caster_stopped_within(caster, n, origins, directions, NULL);
+}
+
+unsigned gonio_scene_caster_stopped_within(const scene_caster *caster, int n, const gonio_vec3 *origins,
+                                           const gonio_vec3 *directions, const double *distances) {
     _Alignas(64) struct RTCRay16 ray;
     _Alignas(64) int valid[SCENE_CASTER_PACKET];
     struct RTCIntersectContext context;
@@ -228,7 +233,7 @@ unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gon
         ray.dir_y[k] = (float)directions[from].y;
         ray.dir_z[k] = (float)directions[from].z;
         ray.tnear[k] = 0;
-        ray.tfar[k] = INFINITY;
+        ray.tfar[k] = distances == NULL ? INFINITY : (float)fmax(0, distances[from] - 2 * caster->lift);
         ray.time[k] = 0;
         ray.mask[k] = ~0u;
         ray.id[k] = (unsigned)k;

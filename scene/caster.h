@@ -38,9 +38,12 @@ gonio_vec3 gonio_scene_caster_leave(const scene_caster *caster, gonio_vec3 point
 void gonio_scene_caster_surface(const scene_caster *caster, size_t triangle, double u, double v, gonio_vec3 toward_eye,
                                 scene_hit *hit);
 #define SCENE_CASTER_PACKET 16
-// Of up to SCENE_CASTER_PACKET rays the bits of those that something stops; origins have left their surfaces.
+// Of up to SCENE_CASTER_PACKET rays the bits of those that something stops; origins have left their surfaces. Within:
+// nearer than these distances.
 unsigned gonio_scene_caster_stopped(const scene_caster *caster, int n, const gonio_vec3 *origins,
                                     const gonio_vec3 *directions);
+unsigned gonio_scene_caster_stopped_within(const scene_caster *caster, int n, const gonio_vec3 *origins,
+                                           const gonio_vec3 *directions, const double *distances);
 bool gonio_scene_caster_shadowed(const scene_caster *caster, const scene_hit *hit, gonio_vec3 toward_light);
 // The direction in the sample's frame.
 static inline gonio_vec3 scene_into_frame(const scene_hit *hit, gonio_vec3 w) {

@@ -9,14 +9,18 @@
 
 GONIO_BEGIN
 
+// What a texel is the mean over: its own square, or one twice as wide whose weight falls off linearly.
+typedef enum gonio_cpm_filter { GONIO_CPM_BOX, GONIO_CPM_TENT } gonio_cpm_filter;
+
 // gonio_cpm_options_default() first.
 typedef struct gonio_cpm_options {
-    int resolution;  // texels a side of the finest level, a power of two, 1 to 1024
-    size_t points;   // dense points for a finest texel, on average
-    size_t dense;    // a coarser texel's at most
-    size_t batch;    // columns of one matrix at most
-    int pairs;       // of directions
-    double snr_db;   // that the chosen points must reach
+    int resolution; // texels a side of the finest level, a power of two, 1 to 1024
+    size_t points;  // dense points for a finest texel, on average
+    size_t dense;   // a coarser texel's at most
+    size_t batch;   // columns of one matrix at most
+    int pairs;      // of directions
+    double snr_db;  // that the chosen points must reach at pairs of other directions
+    gonio_cpm_filter filter;
     size_t most;     // points of a texel and channel at most
     int faces;       // pixels a side of the cube's faces over which the visible area is kept: a power of two, 4 to 64
     double keep;     // share of its Haar coefficients
@@ -45,6 +49,8 @@ typedef struct gonio_cpm_facts {
     uint64_t bytes;
     double mean_snr_db;
     double seconds; // of this call of gonio_cpm_build; 0 of an open map
+    // Of the whole build, of all threads together: visible areas, reflectances, the choice of points; 0: not known.
+    double area_s, reflectance_s, choice_s;
 } gonio_cpm_facts;
 
 // Builds the map of all of a scene's meshes into a folder, which is made. A build that was stopped or killed goes on
@@ -59,15 +65,20 @@ gonio_status gonio_cpm_open(const char *folder, const gonio_scene *scene, gonio_
 void gonio_cpm_free(gonio_cpm *cpm); // NULL is allowed
 void gonio_cpm_describe(const gonio_cpm *cpm, gonio_cpm_facts *facts);
 
-typedef enum gonio_cpm_show { GONIO_CPM_LIGHT, GONIO_CPM_LEVELS, GONIO_CPM_DENSITY } gonio_cpm_show;
+typedef enum gonio_cpm_show {
+    GONIO_CPM_LIGHT,
+    GONIO_CPM_LEVELS,  // as colours
+    GONIO_CPM_DENSITY, // points of texels, 1 for the most
+    GONIO_CPM_COVERAGE // 1 where the object covers a pixel wholly
+} gonio_cpm_show;
 
 typedef struct gonio_cpm_render_options {
-    gonio_cpm_show show; // levels and points of texels as colours
-    double bias;         // of the level; below 0: finer
-    int fallback;        // paths in place of a ray whose texel would be finer than the finest
-    int edge;            // rays of a pixel at an edge of what is seen
-    int sky;             // directions that a texel takes of an environment
-    double near;         // a point light is this many texel sizes away, or a finer level is taken
+    gonio_cpm_show show;
+    double bias;  // of the level; below 0: finer
+    int fallback; // paths in place of a ray whose texel would be finer than the finest
+    int edge;     // rays that tell how much of a pixel at an edge is covered
+    int sky;      // directions that a texel takes of an environment, for all its points
+    double near;  // a point light is this many texel sizes away, or a finer level is taken
 } gonio_cpm_render_options;
 void gonio_cpm_render_options_default(gonio_cpm_render_options *options);
 
@@ -81,6 +92,9 @@ typedef struct gonio_cpm_render_report {
 gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *options,
                               const gonio_cpm_render_options *how, gonio_picture **out, gonio_cpm_render_report *report,
                               gonio_error *error);
+// What it competes with: the simplified mesh with the original's normals and materials, options->samples a pixel.
+gonio_status gonio_cpm_render_normal_map(const gonio_cpm *cpm, const gonio_scene_options *options, gonio_picture **out,
+                                         double *seconds, gonio_error *error);
 
 GONIO_END
 #endif

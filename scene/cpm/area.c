@@ -2,6 +2,7 @@
 #include "scene/cpm/area.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -118,18 +119,68 @@ void gonio_cpm_area_restore(const cpm_coefficient *kept, size_t n, float scale, 
     gonio_cpm_haar_back(values, side);
 }
 
-double gonio_cpm_area_at(const float *values, int side, gonio_vec3 w) {
+// The four pixels of a face that a direction lies between.
+typedef struct corners {
+    int face, x, y;          // of the first
+    double weight[2], up[2]; // along x and y
+} corners;
+
+static corners find_corners(int side, gonio_vec3 w) {
     const double v[3] = {w.x, w.y, w.z};
     int axis = fabs(w.x) >= fabs(w.y) ? 0 : 1;
     axis = fabs(v[axis]) >= fabs(w.z) ? axis : 2;
     const double along = fabs(v[axis]);
     const double x = (v[(axis + 1) % 3] / along + 1) / 2 * side - 0.5,
                  y = (v[(axis + 2) % 3] / along + 1) / 2 * side - 0.5;
-    const float *face = values + (size_t)(2 * axis + (v[axis] < 0)) * (size_t)(side * side);
     const double left = fmin(fmax(x, 0), side - 1), top = fmin(fmax(y, 0), side - 1);
     const int i = (int)fmin(floor(left), side - 2), j = (int)fmin(floor(top), side - 2);
-    const double p = left - i, q = top - j;
-    const float *at = face + j * side + i;
-    return (1 - q) * ((1 - p) * (double)at[0] + p * (double)at[1]) +
-           q * ((1 - p) * (double)at[side] + p * (double)at[side + 1]);
+    return (corners){2 * axis + (v[axis] < 0), i, j, {1 - left + i, left - i}, {1 - top + j, top - j}};
+}
+
+double gonio_cpm_area_at(const float *values, int side, gonio_vec3 w) {
+    const corners c = find_corners(side, w);
+    const float *at = values + (c.face * side + c.y) * side + c.x;
+    return c.up[0] * (c.weight[0] * (double)at[0] + c.weight[1] * (double)at[1]) +
+           c.up[1] * (c.weight[0] * (double)at[side] + c.weight[1] * (double)at[side + 1]);
+}
+
+// What a coefficient's function is along one axis, between two pixels: 1 over the support that begins at `start`, or
+// (fine) 1 over its first half and -1 over the second.
+static double along_axis(int first, const double weight[2], int start, int support, bool fine) {
+    double sum = 0;
+    for (int k = 0; k < 2; k++) {
+        const int at = first + k - start;
+        if (at >= 0 && at < support) {
+            sum += fine && at >= support / 2 ? -weight[k] : weight[k];
+        }
+    }
+    return sum;
+}
+
+// Only a few coefficients' functions reach a pixel; all of a face's are looked at, which is less than its transform.
+double gonio_cpm_area_of(const cpm_coefficient *kept, size_t n, float scale, int side, gonio_vec3 w) {
+    const corners c = find_corners(side, w);
+    const size_t pixels = (size_t)(side * side), begin = (size_t)c.face * pixels;
+    size_t low = 0, high = n;
+    while (low < high) {
+        const size_t middle = (low + high) / 2;
+        if (kept[middle].index < begin) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    double total = 0;
+    for (size_t k = low; k < n && kept[k].index < begin + pixels; k++) {
+        const int index = (int)(kept[k].index - begin), x = index % side, y = index / side;
+        int half = 1; // side of the square of coarser coefficients
+        while (2 * half <= (x > y ? x : y)) {
+            half *= 2;
+        }
+        const bool coarsest = index == 0, fine_x = !coarsest && x >= half, fine_y = !coarsest && y >= half;
+        const int support = side / half, i = fine_x ? x - half : x, j = fine_y ? y - half : y;
+        total += (double)kept[k].value / support * along_axis(c.x, c.weight, i * support, support, fine_x) *
+                 along_axis(c.y, c.up, j * support, support, fine_y);
+    }
+    return total * (double)scale;
 }

@@ -24,7 +24,8 @@ void gonio_cpm_haar_back(float *values, int side);
 size_t gonio_cpm_area_keep(const float *transformed, int side, size_t keep, cpm_coefficient *kept, float *scale);
 // The values again.
 void gonio_cpm_area_restore(const cpm_coefficient *kept, size_t n, float scale, int side, float *values);
-// Between the middles of pixels, within a face.
+// Between the middles of pixels, within a face: of the values, and of the coefficients that they come from.
 double gonio_cpm_area_at(const float *values, int side, gonio_vec3 direction);
+double gonio_cpm_area_of(const cpm_coefficient *kept, size_t n, float scale, int side, gonio_vec3 direction);
 
 #endif

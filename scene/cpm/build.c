@@ -29,6 +29,7 @@ typedef struct build {
     int level;
     uint32_t first;
     cpm_record *records[CPM_PART];
+    cpm_seconds texel_seconds[PIECE], seconds;
     bool no_memory; // of any texel
     size_t done, all;
     double started_s;
@@ -112,7 +113,7 @@ uint64_t gonio_cpm_scene_fingerprint(const gonio_scene *scene) {
 static uint64_t fingerprint(const gonio_cpm_options *o, uint64_t scene) {
     const double values[] = {o->resolution, (double)o->points, (double)o->dense, (double)o->batch, o->pairs,
                              o->snr_db,     (double)o->most,   o->faces,         o->keep,          o->share,
-                             o->own_charts, o->separate,       o->paper,         o->energy};
+                             o->own_charts, o->separate,       o->paper,         o->energy,        o->filter};
     gonio_checksum sum = gonio_checksum_begin();
     gonio_checksum_add(&sum, values, sizeof values);
     gonio_checksum_add(&sum, &o->seed, sizeof o->seed);
@@ -125,22 +126,27 @@ static uint64_t fingerprint(const gonio_cpm_options *o, uint64_t scene) {
 static void make_texel(void *context, size_t item) {
     build *b = context;
     const uint32_t texel = b->first + (uint32_t)item;
-    size_t first, n;
-    gonio_cpm_points_of(&b->points, b->level, texel, &first, &n);
-    if (n == 0) {
+    const uint64_t seed = gonio_random(b->options->seed ^ gonio_random(((uint64_t)b->level << 40) + texel));
+    cpm_dense dense;
+    if (!gonio_cpm_dense_new(&b->points, b->options->filter, b->level, b->options->resolution, texel, b->options->dense,
+                             &dense)) {
+        b->no_memory = true;
         return;
     }
-    const uint64_t seed = gonio_random(b->options->seed ^ gonio_random(((uint64_t)b->level << 40) + texel));
-    b->records[item] = gonio_cpm_texel_make(b->scene, b->points.points + first, n, b->points.area, &b->texel, seed);
-    b->no_memory = b->no_memory || b->records[item] == NULL;
+    if (dense.n > 0) {
+        b->records[item] = gonio_cpm_texel_make(b->scene, &dense, &b->texel, seed, &b->texel_seconds[item]);
+        b->no_memory = b->no_memory || b->records[item] == NULL;
+    }
+    gonio_cpm_dense_free(&dense);
 }
 
 // How many texels may be in work at a time.
 static int threads_for(const gonio_cpm_options *o) {
     const size_t threads = gonio_pool_threads(o->threads);
     const size_t columns = o->batch < o->dense ? o->batch : o->dense;
-    const size_t one = (size_t)o->pairs * 3 * columns * sizeof(float) * (o->separate ? 2 : 1) +
-                       (size_t)o->pairs / 4 * o->dense + o->most * columns * sizeof(double);
+    // Both sheets of its matrix, what is seen from their directions, and the products of chosen columns.
+    const size_t one = (size_t)o->pairs * 15 / 4 * columns * sizeof(float) + (size_t)o->pairs * 3 / 8 * o->dense +
+                       (o->most + (o->paper ? 3 * columns : 0)) * columns * sizeof(double);
     const size_t fit = o->memory > 0 ? o->memory / one : threads;
     return (int)(fit < 1 ? 1 : fit < threads ? fit : threads);
 }
@@ -164,9 +170,15 @@ static gonio_status make_texels(build *b, gonio_pool *pool, size_t n, gonio_erro
         build piece = *b;
         piece.first = b->first + (uint32_t)at;
         memset(piece.records, 0, sizeof piece.records);
+        memset(piece.texel_seconds, 0, sizeof piece.texel_seconds);
         gonio_pool_run(pool, few, make_texel, &piece);
         memcpy(b->records + at, piece.records, few * sizeof *b->records);
         b->done += few;
+        for (size_t k = 0; k < few; k++) {
+            b->seconds.area += piece.texel_seconds[k].area;
+            b->seconds.reflectance += piece.texel_seconds[k].reflectance;
+            b->seconds.choice += piece.texel_seconds[k].choice;
+        }
         if (piece.no_memory) {
             return gonio_fail(error, GONIO_E_MEMORY, "no memory for a texel's matrix; --batch or --pairs less");
         }
@@ -174,7 +186,9 @@ static gonio_status make_texels(build *b, gonio_pool *pool, size_t n, gonio_erro
             return stopped(b, error);
         }
     }
-    return gonio_cpm_part_write(b->folder, b->level, b->first, b->head.fingerprint, n, b->records, error);
+    const gonio_status status =
+        gonio_cpm_part_write(b->folder, b->level, b->first, b->head.fingerprint, n, b->records, error);
+    return status == GONIO_OK ? gonio_cpm_seconds_write(b->folder, &b->seconds, error) : status;
 }
 
 static gonio_status make_part(build *b, gonio_pool *pool, size_t n, gonio_error *error) {
@@ -195,6 +209,7 @@ static gonio_status make_part(build *b, gonio_pool *pool, size_t n, gonio_error 
 
 static gonio_status make_all(build *b, gonio_error *error) {
     gonio_pool *pool = gonio_pool_new(threads_for(b->options));
+    gonio_cpm_seconds_read(b->folder, &b->seconds);
     gonio_status status = GONIO_OK;
     b->all = gonio_cpm_level_start(b->options->resolution, (int)b->head.levels);
     for (b->level = 0; b->level < (int)b->head.levels && status == GONIO_OK; b->level++) {
@@ -272,11 +287,11 @@ gonio_status gonio_cpm_build(const gonio_scene *scene, const char *folder, const
     b->options = o;
     b->folder = folder;
     b->started_s = gonio_clock_s();
-    b->texel = (cpm_texel_options){o->pairs, o->snr_db, o->most,     o->dense, o->batch,
-                                   o->faces, o->keep,   o->separate, o->paper, o->energy};
+    b->texel = (cpm_texel_options){o->pairs, o->snr_db,   o->most,  o->batch, o->faces,
+                                   o->keep,  o->separate, o->paper, o->energy};
     b->head.scene = gonio_cpm_scene_fingerprint(scene);
     b->head.fingerprint = fingerprint(o, b->head.scene);
-    b->head.version = 1;
+    b->head.version = CPM_VERSION;
     b->head.resolution = (uint32_t)o->resolution;
     b->head.levels = (uint32_t)gonio_cpm_levels(o->resolution);
     b->head.side = (uint32_t)o->faces;
@@ -290,6 +305,7 @@ gonio_status gonio_cpm_build(const gonio_scene *scene, const char *folder, const
     if (status == GONIO_OK && facts != NULL) {
         *facts = b->head.facts;
         facts->seconds = gonio_clock_s() - b->started_s;
+        gonio_cpm_seconds_tell(folder, facts);
     }
     gonio_cpm_points_free(&b->points);
     gonio_cpm_surface_free(b->surface);

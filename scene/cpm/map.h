@@ -13,8 +13,8 @@ struct gonio_cpm {
 
 // What the scene's meshes and materials are; lights, cameras and sizes do not count.
 uint64_t gonio_cpm_scene_fingerprint(const gonio_scene *scene);
-// The texel's mean radiance toward the eye, by its characteristic points. sky: directions of an environment. false:
-// next to nothing of it is seen from there.
+// The texel's mean radiance toward the eye, by its characteristic points. sky: directions of an environment, which its
+// points share. false: next to nothing of it is seen from there.
 bool gonio_cpm_texel_light(const gonio_cpm *cpm, const cpm_record *record, gonio_vec3 eye, int sky, uint64_t seed,
                            double rgb[3]);
 

@@ -11,6 +11,14 @@
 
 #define CHUNK 4096
 
+static void places_of(uint32_t code, int *x, int *y) {
+    *x = *y = 0;
+    for (int bit = 0; bit < 16; bit++) {
+        *x |= (int)(code >> (2 * bit) & 1) << bit;
+        *y |= (int)(code >> (2 * bit + 1) & 1) << bit;
+    }
+}
+
 uint32_t gonio_cpm_morton(uint32_t x, uint32_t y) {
     uint32_t code = 0;
     for (int bit = 0; bit < 16; bit++) {
@@ -65,13 +73,17 @@ static uint32_t cell(double at, int resolution) {
 
 static void find_texels(void *context, size_t item) {
     const finding *f = context;
+    size_t near = 0;
     for (size_t k = item * CHUNK; k < f->points->n && k < (item + 1) * CHUNK; k++) {
         cpm_point *p = &f->points->points[k];
         scene_hit hit;
         cpm_spot spot;
         gonio_scene_caster_surface(f->scene->caster, p->triangle, (double)p->u, (double)p->v, (gonio_vec3){0, 0, 1},
                                    &hit);
-        gonio_cpm_surface_nearest(f->surface, hit.point, &spot);
+        gonio_cpm_surface_nearest(f->surface, hit.point, near, &spot);
+        near = spot.triangle;
+        p->s = (float)spot.s;
+        p->t = (float)spot.t;
         p->texel = gonio_cpm_morton(cell(spot.s, f->resolution), cell(spot.t, f->resolution));
     }
 }
@@ -124,7 +136,71 @@ static size_t lower(const cpm_points *points, uint64_t texel) {
     return low;
 }
 
-void gonio_cpm_points_of(const cpm_points *points, int level, uint32_t texel, size_t *first, size_t *n) {
-    *first = lower(points, (uint64_t)texel << (2 * level));
-    *n = lower(points, (uint64_t)(texel + 1) << (2 * level)) - *first;
+// ---- a texel's ----
+
+// The runs of points that it needs: its own, or those of the three by three around it.
+typedef struct reach {
+    size_t first[9], n[9], total;
+    int runs, x, y, side;
+} reach;
+
+static void find_reach(const cpm_points *points, gonio_cpm_filter filter, int level, uint32_t texel, reach *r) {
+    const int wide = filter == GONIO_CPM_TENT ? 1 : 0;
+    places_of(texel, &r->x, &r->y);
+    for (int y = r->y - wide; y <= r->y + wide; y++) {
+        for (int x = r->x - wide; x <= r->x + wide; x++) {
+            if (x >= 0 && y >= 0 && x < r->side && y < r->side) {
+                const uint64_t code = gonio_cpm_morton((uint32_t)x, (uint32_t)y);
+                const size_t first = lower(points, code << (2 * level));
+                r->first[r->runs] = first;
+                r->n[r->runs] = lower(points, (code + 1) << (2 * level)) - first;
+                r->total += r->n[r->runs++];
+            }
+        }
+    }
+}
+
+static double tent(double x) { return fmax(0, 1 - fabs(x)); }
+
+// The weight of the k-th of all its points.
+static double weigh(const cpm_points *points, const reach *r, gonio_cpm_filter filter, size_t k, cpm_point *point) {
+    int run = 0;
+    while (k >= r->n[run]) {
+        k -= r->n[run++];
+    }
+    *point = points->points[r->first[run] + k];
+    return filter == GONIO_CPM_BOX
+               ? 1
+               : tent((double)point->s * r->side - r->x - 0.5) * tent((double)point->t * r->side - r->y - 0.5);
+}
+
+bool gonio_cpm_dense_new(const cpm_points *points, gonio_cpm_filter filter, int level, int resolution, uint32_t texel,
+                         size_t most, cpm_dense *dense) {
+    reach r = {.side = resolution >> level};
+    find_reach(points, filter, level, texel, &r);
+    const size_t looked = r.total < 4 * most ? r.total : 4 * most; // of a tent's some weigh nothing
+    *dense = (cpm_dense){.points = malloc(looked * sizeof *dense->points + 1),
+                         .areas = malloc(looked * sizeof *dense->areas + 1)};
+    if (dense->points == NULL || dense->areas == NULL) {
+        gonio_cpm_dense_free(dense);
+        return false;
+    }
+    size_t found = 0;
+    for (size_t k = 0; k < looked; k++) {
+        const double weight = weigh(points, &r, filter, k * r.total / looked, &dense->points[found]);
+        dense->areas[found] = weight * points->area * (double)r.total / (double)looked;
+        found += weight > 0;
+    }
+    dense->n = found < most ? found : most;
+    for (size_t k = 0; k < dense->n; k++) {
+        dense->points[k] = dense->points[k * found / dense->n];
+        dense->areas[k] = dense->areas[k * found / dense->n] * (double)found / (double)dense->n;
+    }
+    return true;
+}
+
+void gonio_cpm_dense_free(cpm_dense *dense) {
+    free(dense->points);
+    free(dense->areas);
+    *dense = (cpm_dense){0};
 }

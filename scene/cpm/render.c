@@ -21,7 +21,9 @@
 
 #define SAMPLES_MAX 4096
 #define EDGE_TEXELS 4
-#define GRAZING 0.5 // cosine below which a pixel's print on the surface grows no further
+#define EDGE_RAYS 16                 // of a pixel at an edge that bring light; how much of it is covered more rays tell
+#define RAYS_MAX ((size_t)256 << 20) // bytes of rays that are kept between the two passes
+#define GRAZING 0.5                  // cosine below which a pixel's print on the surface grows no further
 
 typedef enum fate { MISSES, MAPPED, ORIGINAL } fate;
 typedef struct ray {
@@ -38,6 +40,7 @@ typedef struct frame {
     int samples, resolution, levels;
     unsigned char *edges;  // [pixels]: what is known of it
     unsigned char *beside; // [pixels]: an edge is near
+    ray *rays;             // pixels x samples; NULL: they are followed twice
     atomic_uchar *marks;   // [texels of all levels]
     float (*light)[3];     // the same
     uint32_t *wanted;      // texels that are marked
@@ -51,7 +54,7 @@ typedef struct frame {
 } frame;
 
 void gonio_cpm_render_options_default(gonio_cpm_render_options *options) {
-    *options = (gonio_cpm_render_options){.bias = -1, .fallback = 4, .edge = 64, .sky = 64, .near = 8};
+    *options = (gonio_cpm_render_options){.bias = -1, .fallback = 4, .edge = 64, .sky = 256, .near = 8};
 }
 
 static bool is_stopped(frame *f) {
@@ -111,20 +114,26 @@ static double level_of_lights(const frame *f, const cpm_spot *spot) {
     return most;
 }
 
-static void follow_ray(const frame *f, int pixel, int k, ray *r) {
-    const gonio_scene *scene = f->cpm->scene;
-    world_path path = {.index = (uint32_t)k, .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
+static gonio_vec3 direction_of(const frame *f, int pixel, int k) {
+    const world_path path = {.index = (uint32_t)k,
+                             .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
     double u[2];
+    gonio_world_path_random(&path, 0, u);
+    return gonio_world_camera_ray(&f->camera, pixel % f->options->width + u[0], pixel / f->options->width + u[1]);
+}
+
+// *near: a triangle of M_1 close by, such as the last ray's.
+static void follow_ray(const frame *f, int pixel, int k, size_t *near, ray *r) {
+    const gonio_scene *scene = f->cpm->scene;
     scene_hit hit;
     cpm_spot spot;
-    gonio_world_path_random(&path, 0, u);
-    const gonio_vec3 direction =
-        gonio_world_camera_ray(&f->camera, pixel % f->options->width + u[0], pixel / f->options->width + u[1]);
-    r->fate = MISSES;
+    const gonio_vec3 direction = direction_of(f, pixel, k);
+    *r = (ray){.fate = MISSES};
     if (!gonio_scene_caster_hit(scene->caster, f->camera.eye, direction, &hit)) {
         return;
     }
-    gonio_cpm_surface_nearest(f->cpm->store.surface, hit.point, &spot);
+    gonio_cpm_surface_nearest(f->cpm->store.surface, hit.point, *near, &spot);
+    *near = spot.triangle;
     const double level = log2(fmax(print_of(f, &spot, direction, hit.distance), 1e-9)) + f->how->bias;
     const double bounded = fmin(fmin(level, level_of_lights(f, &spot)), f->levels - 1);
     *r = (ray){(float)spot.s, (float)spot.t, (float)fmax(bounded, 0), bounded < -0.5 ? ORIGINAL : MAPPED};
@@ -174,9 +183,16 @@ static int all_taps(const frame *f, const ray *r, tap taps[8]) {
     return n;
 }
 
-// Where its rays end on the map; those that find no texel with points near go to the original.
-static int land(const frame *f, int pixel, int k, ray *r, tap taps[8]) {
-    follow_ray(f, pixel, k, r);
+// Where a ray ends on the map; those that find no texel with points near go to the original. near NULL: it was followed
+// before.
+static int land(const frame *f, int pixel, int k, size_t *near, ray *r, tap taps[8]) {
+    const bool kept = f->rays != NULL && near == NULL && k < f->samples;
+    size_t any = 0;
+    if (kept) {
+        *r = f->rays[(size_t)pixel * (size_t)f->samples + (size_t)k];
+    } else {
+        follow_ray(f, pixel, k, near != NULL ? near : &any, r);
+    }
     const int n = r->fate == MAPPED ? all_taps(f, r, taps) : 0;
     r->fate = r->fate == MAPPED && n == 0 ? ORIGINAL : r->fate;
     return n;
@@ -193,14 +209,18 @@ static bool are_apart(const frame *f, const ray *a, const ray *b) {
 enum { EDGE = 1, HITS = 2, MISSES_TOO = 4 };
 
 static int rays_of(const frame *f, int pixel) {
-    return (f->edges[pixel] & EDGE) != 0 && f->how->edge > f->samples ? f->how->edge : f->samples;
+    const int edge = f->how->edge < EDGE_RAYS ? f->how->edge : EDGE_RAYS;
+    return (f->edges[pixel] & EDGE) != 0 && edge > f->samples ? edge : f->samples;
 }
 
-static void follow_pixel(frame *f, int pixel) {
+static void follow_pixel(frame *f, int pixel, size_t *near) {
     ray first, r;
     for (int k = 0; k < rays_of(f, pixel); k++) {
         tap taps[8];
-        const int n = land(f, pixel, k, &r, taps);
+        const int n = land(f, pixel, k, near, &r, taps);
+        if (f->rays != NULL && k < f->samples) {
+            f->rays[(size_t)pixel * (size_t)f->samples + (size_t)k] = r;
+        }
         for (int i = 0; i < n; i++) {
             atomic_store_explicit(&f->marks[taps[i].texel], 1, memory_order_relaxed);
         }
@@ -236,10 +256,11 @@ static void look_beside_row(void *context, size_t y) {
 static void follow_beside_row(void *context, size_t y) {
     frame *f = context;
     const int width = f->options->width;
+    size_t near = 0;
     for (int pixel = (int)y * width; pixel < (int)(y + 1) * width; pixel++) {
         if (f->beside[pixel] != 0) {
             f->edges[pixel] |= EDGE;
-            follow_pixel(f, pixel);
+            follow_pixel(f, pixel, &near);
         }
     }
 }
@@ -247,8 +268,9 @@ static void follow_beside_row(void *context, size_t y) {
 static void follow_row(void *context, size_t y) {
     frame *f = context;
     const int width = f->options->width;
+    size_t near = 0;
     for (int x = 0; x < width && (x > 0 || !is_stopped(f)); x++) {
-        follow_pixel(f, (int)y * width + x);
+        follow_pixel(f, (int)y * width + x, &near);
     }
 }
 
@@ -354,34 +376,80 @@ static bool mix_taps(const frame *f, const tap *taps, int n, double rgb[3]) {
 static void see_background(const frame *f, int pixel, int k, double rgb[3]) {
     const world_environment *environment = f->cpm->scene->environment;
     if (environment != NULL && gonio_world_environment_visible(environment)) {
-        double u[2];
-        const world_path path = {.index = (uint32_t)k,
-                                 .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
-        const int width = f->options->width;
-        gonio_world_path_random(&path, 0, u);
-        gonio_world_environment_radiance(
-            environment, gonio_world_camera_ray(&f->camera, pixel % width + u[0], pixel / width + u[1]), rgb);
+        gonio_world_environment_radiance(environment, direction_of(f, pixel, k), rgb);
     }
 }
 
-static void add_ray(frame *f, int pixel, int k, double rgb[3]) {
-    double one[3] = {0};
+// false: it misses the object.
+static bool see(frame *f, int pixel, int k, double rgb[3]) {
     ray r;
     tap taps[8];
-    const int n = land(f, pixel, k, &r, taps);
+    const int n = land(f, pixel, k, NULL, &r, taps);
     if (r.fate == MISSES) {
-        see_background(f, pixel, k, one);
+        see_background(f, pixel, k, rgb);
+    } else if (f->how->show == GONIO_CPM_COVERAGE) {
+        rgb[0] = rgb[1] = rgb[2] = 1;
     } else if (f->how->show == GONIO_CPM_LEVELS) {
         if (r.fate == MAPPED) {
-            colour_of_level((double)r.level, f->levels, one);
+            colour_of_level((double)r.level, f->levels, rgb);
         }
-    } else if (r.fate == ORIGINAL || !mix_taps(f, taps, n, one)) {
+    } else if (r.fate == ORIGINAL || !mix_taps(f, taps, n, rgb)) {
         if (f->how->show == GONIO_CPM_LIGHT) {
-            trace_original(f, pixel, k, one);
+            trace_original(f, pixel, k, rgb);
         }
     }
+    return r.fate != MISSES;
+}
+
+// How much of a pixel at an edge is covered; *hit and *miss: a ray that does and one that does not, -1: none.
+static double coverage_of(const frame *f, int pixel, int *hit, int *miss) {
+    gonio_vec3 eyes[SCENE_CASTER_PACKET], directions[SCENE_CASTER_PACKET];
+    int covered = 0;
+    *hit = *miss = -1;
+    for (int first = 0; first < f->how->edge; first += SCENE_CASTER_PACKET) {
+        const int n = f->how->edge - first < SCENE_CASTER_PACKET ? f->how->edge - first : SCENE_CASTER_PACKET;
+        for (int k = 0; k < n; k++) {
+            eyes[k] = f->camera.eye;
+            directions[k] = direction_of(f, pixel, first + k);
+        }
+        const unsigned stopped = gonio_scene_caster_stopped(f->cpm->scene->caster, n, eyes, directions);
+        for (int k = 0; k < n; k++) {
+            const bool met = (stopped >> k & 1) != 0;
+            covered += met;
+            *(met ? hit : miss) = first + k;
+        }
+    }
+    return (double)covered / f->how->edge;
+}
+
+// The mean light of the rays that hit, and of those that miss, in proportion to what is covered.
+static void mix_pixel(frame *f, int pixel, double rgb[3]) {
+    const int rays = rays_of(f, pixel);
+    double light[2][3] = {{0}};
+    int count[2] = {0}, some[2] = {-1, -1}; // of the background, and of the object
+    for (int k = 0; k < rays; k++) {
+        double one[3] = {0};
+        const int met = see(f, pixel, k, one);
+        count[met]++;
+        for (int c = 0; c < 3; c++) {
+            light[met][c] += one[c];
+        }
+    }
+    double covered = (double)count[1] / rays;
+    if ((f->edges[pixel] & EDGE) != 0 && f->how->edge > rays) {
+        covered = coverage_of(f, pixel, &some[1], &some[0]);
+    }
+    if (count[0] == 0 && some[0] >= 0) {
+        count[0] = 1;
+        see_background(f, pixel, some[0], light[0]);
+    }
+    if (count[1] == 0 && some[1] >= 0 && f->how->show == GONIO_CPM_LIGHT) { // a sliver that no other ray met
+        count[1] = 1;
+        trace_original(f, pixel, some[1], light[1]);
+    }
     for (int c = 0; c < 3; c++) {
-        rgb[c] += one[c] / rays_of(f, pixel);
+        rgb[c] = (count[1] > 0 ? covered * light[1][c] / count[1] : 0) +
+                 (count[0] > 0 ? (1 - covered) * light[0][c] / count[0] : 0);
     }
 }
 
@@ -393,10 +461,8 @@ static void mix_row(void *context, size_t y) {
     }
     for (int x = 0; x < width; x++) {
         const int pixel = (int)y * width + x;
-        double rgb[3] = {0};
-        for (int k = 0; k < rays_of(f, pixel); k++) {
-            add_ray(f, pixel, k, rgb);
-        }
+        double rgb[3];
+        mix_pixel(f, pixel, rgb);
         for (int c = 0; c < 3; c++) {
             f->picture->rgb[3 * (size_t)pixel + (size_t)c] = (float)rgb[c];
         }
@@ -412,6 +478,8 @@ static gonio_status allocate(frame *f, gonio_error *error) {
     if (status == GONIO_OK) {
         f->edges = calloc(pixels, sizeof *f->edges);
         f->beside = calloc(pixels, sizeof *f->beside);
+        const size_t rays = pixels * (size_t)f->samples;
+        f->rays = rays <= RAYS_MAX / sizeof *f->rays ? calloc(rays, sizeof *f->rays) : NULL;
         f->marks = calloc(texels, sizeof *f->marks);
         f->light = calloc(texels, sizeof *f->light);
         if (f->edges == NULL || f->beside == NULL || f->marks == NULL || f->light == NULL) {
@@ -430,7 +498,7 @@ static gonio_status run(frame *f, gonio_error *error) {
     gonio_pool_run(pool, rows, look_beside_row, f);
     gonio_pool_run(pool, rows, follow_beside_row, f);
     gonio_status status = list_marked(f) ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory for the texels");
-    if (status == GONIO_OK && f->how->show != GONIO_CPM_LEVELS) {
+    if (status == GONIO_OK && f->how->show != GONIO_CPM_LEVELS && f->how->show != GONIO_CPM_COVERAGE) {
         f->steps = 2 * rows + f->wanted_count / 16;
         gonio_pool_run(pool, f->wanted_count, evaluate, f);
     }
@@ -485,6 +553,7 @@ gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *o
     }
     free(f.edges);
     free(f.beside);
+    free(f.rays);
     free(f.marks);
     free(f.light);
     free(f.wanted);

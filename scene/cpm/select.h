@@ -7,21 +7,33 @@
 #include <stddef.h>
 #include <stdint.h>
 
+// Some rows of the matrix and what is wanted of them, usually the sum of their columns.
+typedef struct cpm_rows {
+    size_t n, stride;
+    const float *a;  // a column after the other, `stride` apart
+    const double *b; // [n]
+} cpm_rows;
+
 typedef struct cpm_matrix {
-    size_t rows, columns;
-    const float *a;  // a column after the other
-    const double *b; // [rows]: what is wanted; usually the sum of the columns
+    size_t columns;
+    cpm_rows fit;  // what columns are chosen and weighted by
+    cpm_rows held; // what decides whether there are enough; none: the same
 } cpm_matrix;
 
 typedef struct cpm_choice {
     size_t n;        // columns chosen
     size_t *columns; // room for `most` of them
     double *weights;
-    double snr_db; // 10 log10 |b|^2 / |b - A w|^2
+    double snr_db; // 10 log10 |b|^2 / |b - A w|^2, of the rows held out where there are some
 } cpm_choice;
 
+// That figure of some rows.
+double gonio_cpm_snr(const cpm_rows *rows, size_t n, const size_t *columns, const double *weights);
+
 // Greedy: each step takes the column that lies along the rest best, then fits all weights anew by non-negative least
-// squares (Lawson and Hanson 1974), until the signal-to-noise ratio is reached or there are `most`. false: no memory.
+// squares (Lawson and Hanson 1974), held to equal weights as far as the rows leave them open, until the signal-to-noise
+// ratio is reached, there are `most`, or more columns no longer help the rows held out; the best is kept. false: no
+// memory.
 bool gonio_cpm_select_greedy(const cpm_matrix *matrix, double snr_db, size_t most, cpm_choice *choice);
 
 // The paper's (Wu, Dorsey and Rushmeier 2009, table 2, after Drineas, Mahoney and Muthukrishnan 2006): columns drawn by

@@ -58,24 +58,24 @@ static bool allocate(sampled *s) {
 
 static void multiply(sampled *s) {
     const cpm_matrix *m = s->m;
-    for (size_t q = 0; q < m->rows; q++) {
-        s->target2 += m->b[q] * m->b[q];
+    for (size_t q = 0; q < m->fit.n; q++) {
+        s->target2 += m->fit.b[q] * m->fit.b[q];
     }
     for (size_t i = 0; i < s->n; i++) {
-        const float *a = m->a + i * m->rows;
-        for (size_t q = 0; q < m->rows; q++) {
-            s->wanted[i] += (double)a[q] * m->b[q];
+        const float *a = m->fit.a + i * m->fit.stride;
+        for (size_t q = 0; q < m->fit.n; q++) {
+            s->wanted[i] += (double)a[q] * m->fit.b[q];
         }
         for (size_t j = 0; j <= i; j++) {
-            const float *b = m->a + j * m->rows;
+            const float *b = m->fit.a + j * m->fit.stride;
             double part[4] = {0};
             size_t q = 0;
-            for (; q + 4 <= m->rows; q += 4) {
+            for (; q + 4 <= m->fit.n; q += 4) {
                 for (size_t k = 0; k < 4; k++) {
                     part[k] += (double)a[q + k] * (double)b[q + k];
                 }
             }
-            for (; q < m->rows; q++) {
+            for (; q < m->fit.n; q++) {
                 part[0] += (double)a[q] * (double)b[q];
             }
             s->gram[i * s->n + j] = s->gram[j * s->n + i] = part[0] + part[1] + part[2] + part[3];
@@ -221,7 +221,8 @@ static size_t draw(sampled *s, size_t c, uint64_t seed) {
     return n;
 }
 
-// Least squares of the drawn columns; negative weights become 0. Returns the signal-to-noise ratio then.
+// Least squares of the drawn columns; negative weights become 0. Returns the signal-to-noise ratio then, of the rows
+// that decide.
 static double weigh(sampled *s, size_t n) {
     double *l = s->room, mean = 0;
     for (size_t i = 0; i < n; i++) {
@@ -253,6 +254,9 @@ static double weigh(sampled *s, size_t n) {
     double rest = s->target2;
     for (size_t i = 0; i < n; i++) {
         s->weights[i] = fmax(0, s->weights[i]);
+    }
+    if (s->m->held.n > 0) {
+        return gonio_cpm_snr(&s->m->held, n, s->drawn, s->weights);
     }
     for (size_t i = 0; i < n; i++) {
         rest -= 2 * s->weights[i] * s->wanted[s->drawn[i]];

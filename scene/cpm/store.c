@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -129,6 +130,43 @@ gonio_status gonio_cpm_part_write(const char *folder, int level, uint32_t first,
     return status;
 }
 
+// ---- seconds ----
+
+// Milliseconds, which no locale writes otherwise.
+void gonio_cpm_seconds_read(const char *folder, cpm_seconds *seconds) {
+    char path[PATH_SIZE];
+    uint64_t ms[3];
+    *seconds = (cpm_seconds){0};
+    snprintf(path, sizeof path, "%s/milliseconds", folder);
+    FILE *file = fopen(path, "re");
+    if (file != NULL && fscanf(file, "%15" SCNu64 " %15" SCNu64 " %15" SCNu64, &ms[0], &ms[1], &ms[2]) == 3) {
+        *seconds = (cpm_seconds){(double)ms[0] / 1e3, (double)ms[1] / 1e3, (double)ms[2] / 1e3};
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+}
+
+gonio_status gonio_cpm_seconds_write(const char *folder, const cpm_seconds *s, gonio_error *error) {
+    char path[PATH_SIZE];
+    gonio_output *output;
+    snprintf(path, sizeof path, "%s/milliseconds", folder);
+    const gonio_status status = gonio_output_open(path, &output, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    fprintf(gonio_output_stream(output), "%.0f %.0f %.0f\n", 1e3 * s->area, 1e3 * s->reflectance, 1e3 * s->choice);
+    return gonio_output_commit(output, error);
+}
+
+void gonio_cpm_seconds_tell(const char *folder, gonio_cpm_facts *facts) {
+    cpm_seconds seconds;
+    gonio_cpm_seconds_read(folder, &seconds);
+    facts->area_s = seconds.area;
+    facts->reflectance_s = seconds.reflectance;
+    facts->choice_s = seconds.choice;
+}
+
 // ---- joining ----
 
 static void add_facts(gonio_cpm_facts *facts, const cpm_record *record) {
@@ -251,9 +289,10 @@ void gonio_cpm_store_release(cpm_store *store) {
 
 static bool is_sound(const cpm_store *s) {
     const cpm_head *h = &s->head;
-    if (memcmp(h->magic, MAGIC, sizeof h->magic) != 0 || h->version != 1 || h->bytes != s->size || h->resolution < 1 ||
-        h->resolution > 1024 || (int)h->levels != gonio_cpm_levels((int)h->resolution) || h->side < 4 ||
-        h->side > CPM_FACE_MAX || h->surface != sizeof *h || h->table < h->surface || h->table > s->size) {
+    if (memcmp(h->magic, MAGIC, sizeof h->magic) != 0 || h->version != CPM_VERSION || h->bytes != s->size ||
+        h->resolution < 1 || h->resolution > 1024 || (int)h->levels != gonio_cpm_levels((int)h->resolution) ||
+        h->side < 4 || h->side > CPM_FACE_MAX || h->surface != sizeof *h || h->table < h->surface ||
+        h->table > s->size) {
         return false;
     }
     const size_t texels = gonio_cpm_level_start((int)h->resolution, (int)h->levels);

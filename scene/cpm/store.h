@@ -7,6 +7,7 @@
 #include "scene/cpm/texel.h"
 
 #define CPM_PART 64 // texels of one part
+#define CPM_VERSION 2
 
 typedef struct cpm_head {
     char magic[8];
@@ -32,6 +33,10 @@ bool gonio_cpm_part_read(const char *folder, int level, uint32_t first, uint64_t
                          cpm_record **records);
 gonio_status gonio_cpm_part_write(const char *folder, int level, uint32_t first, uint64_t fingerprint, size_t n,
                                   cpm_record *const *records, gonio_error *error);
+// What the build took so far, in a file of its own, since no two builds take the same; 0 where there is none.
+void gonio_cpm_seconds_read(const char *folder, cpm_seconds *seconds);
+gonio_status gonio_cpm_seconds_write(const char *folder, const cpm_seconds *seconds, gonio_error *error);
+void gonio_cpm_seconds_tell(const char *folder, gonio_cpm_facts *facts);
 // All parts become the map, and vanish.
 gonio_status gonio_cpm_store_join(const char *folder, cpm_head *head, const cpm_surface *surface, gonio_error *error);
 

@@ -12,6 +12,7 @@
 
 #include "base/vector.h"
 
+#define LIFT 1e-5      // of the largest coordinate
 #define ERROR_MAX 0.2f // of the mesh's extent, beyond which simplification stops
 
 struct cpm_surface {
@@ -22,6 +23,7 @@ struct cpm_surface {
     bool file_charts;
     RTCDevice device;
     RTCScene scene;
+    double lift; // by which rays leave it
 };
 
 void gonio_cpm_surface_free(cpm_surface *s) {
@@ -125,6 +127,10 @@ static bool build(cpm_surface *s) {
         return false;
     }
     s->scene = rtcNewScene(s->device);
+    rtcSetSceneFlags(s->scene, RTC_SCENE_FLAG_ROBUST); // no rays through shared edges
+    for (size_t i = 0; i < 3 * s->vertices; i++) {
+        s->lift = fmax(s->lift, LIFT * fabs((double)s->positions[i]));
+    }
     RTCGeometry geometry = rtcNewGeometry(s->device, RTC_GEOMETRY_TYPE_TRIANGLE);
     float *positions =
         rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), s->vertices);
@@ -177,29 +183,42 @@ static void nearest_of(gonio_vec3 p, gonio_vec3 a, gonio_vec3 b, gonio_vec3 c, d
     }
 }
 
-static bool on_triangle(struct RTCPointQueryFunctionArguments *args) {
-    query *q = args->userPtr;
+// Is it nearer than what was found? Of equal ones the first in number, in whatever order they are shown.
+static bool look_at(query *q, size_t triangle) {
     const cpm_surface *s = q->surface;
-    const gonio_vec3 a = corner(s, args->primID, 0), b = corner(s, args->primID, 1), c = corner(s, args->primID, 2);
+    const gonio_vec3 a = corner(s, triangle, 0), b = corner(s, triangle, 1), c = corner(s, triangle, 2);
     double u, v;
     nearest_of(q->point, a, b, c, &u, &v);
     const gonio_vec3 at = sum(scaled(a, 1 - u - v), sum(scaled(b, u), scaled(c, v))), d = difference(at, q->point);
-    // Of equal ones the first in number, in whatever order they are shown.
-    if (dot(d, d) < q->distance2 || (dot(d, d) == q->distance2 && args->primID < q->spot->triangle)) {
+    if (dot(d, d) < q->distance2 || (dot(d, d) == q->distance2 && triangle < q->spot->triangle)) {
         q->distance2 = dot(d, d);
-        *q->spot = (cpm_spot){.triangle = args->primID, .u = u, .v = v, .point = at};
-        // A little more, so that what is as near is shown, too.
-        args->query->radius = (float)(sqrt(q->distance2) * 1.00001 + 1e-30);
+        *q->spot = (cpm_spot){.triangle = triangle, .u = u, .v = v, .point = at};
         return true;
     }
     return false;
 }
 
-void gonio_cpm_surface_nearest(const cpm_surface *s, gonio_vec3 point, cpm_spot *spot) {
-    struct RTCPointQuery q = {.x = (float)point.x, .y = (float)point.y, .z = (float)point.z, .radius = INFINITY};
+// A little more than the distance, so that what is as near is shown, too; and than float32 is off by.
+static float radius_of(const query *q, gonio_vec3 p) {
+    return (float)(sqrt(q->distance2) * 1.00001 + 1e-6 * (fabs(p.x) + fabs(p.y) + fabs(p.z)) + 1e-30);
+}
+
+static bool on_triangle(struct RTCPointQueryFunctionArguments *args) {
+    query *q = args->userPtr;
+    if (look_at(q, args->primID)) {
+        args->query->radius = radius_of(q, q->point);
+        return true;
+    }
+    return false;
+}
+
+void gonio_cpm_surface_nearest(const cpm_surface *s, gonio_vec3 point, size_t near, cpm_spot *spot) {
     struct RTCPointQueryContext context;
     query mine = {s, point, INFINITY, spot};
     *spot = (cpm_spot){.triangle = SIZE_MAX};
+    look_at(&mine, near);
+    struct RTCPointQuery q = {
+        .x = (float)point.x, .y = (float)point.y, .z = (float)point.z, .radius = radius_of(&mine, point)};
     rtcInitPointQueryContext(&context);
     rtcPointQuery(s->scene, &q, &context, on_triangle, &mine);
     if (spot->triangle == SIZE_MAX) { // not for finite points
@@ -210,6 +229,49 @@ void gonio_cpm_surface_nearest(const cpm_surface *s, gonio_vec3 point, cpm_spot 
     spot->s = w * (double)uv[0] + spot->u * (double)uv[2] + spot->v * (double)uv[4];
     spot->t = w * (double)uv[1] + spot->u * (double)uv[3] + spot->v * (double)uv[5];
 }
+
+// ---- rays ----
+
+static struct RTCRay make_ray(gonio_vec3 origin, gonio_vec3 direction, double distance) {
+    return (struct RTCRay){.org_x = (float)origin.x,
+                           .org_y = (float)origin.y,
+                           .org_z = (float)origin.z,
+                           .dir_x = (float)direction.x,
+                           .dir_y = (float)direction.y,
+                           .dir_z = (float)direction.z,
+                           .tfar = (float)distance,
+                           .mask = ~0u};
+}
+
+bool gonio_cpm_surface_hit(const cpm_surface *s, gonio_vec3 origin, gonio_vec3 direction, gonio_vec3 *point,
+                           gonio_vec3 *normal) {
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRayHit ray = {.ray = make_ray(origin, direction, INFINITY), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
+    rtcIntersect1(s->scene, &context, &ray);
+    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+        return false;
+    }
+    const size_t t = ray.hit.primID;
+    const double u = (double)ray.hit.u, v = (double)ray.hit.v;
+    *point = sum(scaled(corner(s, t, 0), 1 - u - v), sum(scaled(corner(s, t, 1), u), scaled(corner(s, t, 2), v)));
+    *normal = gonio_cpm_surface_normal(s, t);
+    if (dot(*normal, direction) > 0) {
+        *normal = scaled(*normal, -1);
+    }
+    return true;
+}
+
+bool gonio_cpm_surface_blocked(const cpm_surface *s, gonio_vec3 point, gonio_vec3 normal, gonio_vec3 direction,
+                               double distance) {
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRay ray = make_ray(sum(point, scaled(normal, s->lift)), direction, fmax(0, distance - 2 * s->lift));
+    rtcOccluded1(s->scene, &context, &ray);
+    return ray.tfar < 0; // Embree's mark of an occluded ray
+}
+
+// ---- the texture ----
 
 // Along the triangle a step is x ab + y ac, by least squares.
 void gonio_cpm_surface_gradient(const cpm_surface *s, const cpm_spot *spot, gonio_vec3 step, double *ds, double *dt) {

@@ -33,8 +33,14 @@ void gonio_cpm_surface_pack(const cpm_surface *surface, void *bytes);
 cpm_surface *gonio_cpm_surface_unpack(const void *bytes, size_t size);
 size_t gonio_cpm_surface_triangles(const cpm_surface *surface);
 bool gonio_cpm_surface_has_file_charts(const cpm_surface *surface);
-// The place of M_1 that is nearest to a point. Any number of threads.
-void gonio_cpm_surface_nearest(const cpm_surface *surface, gonio_vec3 point, cpm_spot *spot);
+// The place of M_1 that is nearest to a point. Any number of threads. near: a triangle that may be near it (below the
+// number of triangles), so that little needs to be looked at; it changes no result.
+void gonio_cpm_surface_nearest(const cpm_surface *surface, gonio_vec3 point, size_t near, cpm_spot *spot);
+// Where a ray meets it, and the unit normal there, toward the ray's origin; and does it stop one that leaves it?
+bool gonio_cpm_surface_hit(const cpm_surface *surface, gonio_vec3 origin, gonio_vec3 direction, gonio_vec3 *point,
+                           gonio_vec3 *normal);
+bool gonio_cpm_surface_blocked(const cpm_surface *surface, gonio_vec3 point, gonio_vec3 normal, gonio_vec3 direction,
+                               double distance);
 // How fast the texture runs along the surface there: d(s, t) for a step in space, which is taken along the triangle.
 void gonio_cpm_surface_gradient(const cpm_surface *surface, const cpm_spot *spot, gonio_vec3 step, double *ds,
                                 double *dt);

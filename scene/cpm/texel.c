@@ -9,11 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "base/random.h"
 #include "base/vector.h"
 
-#define SHARES 4    // pairs for each direction
-#define MARGIN_DB 2 // above what is asked for: other directions than the matrix's are met less well
+#define SHARES 4      // pairs for each direction
+#define HELD_SHARES 2 // of those held out, which are half as many
+#define BATCH_DB 3 // that the points of a batch reach above what is asked for, since more are dropped of them together
 #define AREA_FLOOR 0.02
 #define REPEATS 5
 
@@ -30,31 +32,39 @@ const cpm_coefficient *gonio_cpm_record_coefficients(const cpm_record *r) {
 
 // ---- the matrix ----
 
-typedef struct making {
-    const gonio_scene *scene;
-    const cpm_texel_options *options;
-    const cpm_point *points;
-    size_t n;          // dense points used
-    double area;       // that each stands for
-    cpm_place *places; // [n]
+// Pairs of directions, and the points' reflectances at them: what is fitted, or what is held out.
+typedef struct sheet {
     cpm_views views;
     size_t pairs;      // rows for each channel
     uint32_t *wi, *wo; // [pairs]: of the views' directions
-    int channels;      // 1 where all three are alike
     float *a;          // columns of the matrix
     double *b, *whole; // what is wanted of a batch, and of all
+} sheet;
+enum { FIT, HELD, SHEETS };
+
+typedef struct making {
+    const gonio_scene *scene;
+    const cpm_texel_options *options;
+    const cpm_dense *dense;
+    cpm_place *places; // of each
+    sheet sheets[SHEETS];
+    int channels; // 1 where all three are alike
     cpm_choice choice;
     uint64_t seed;
+    cpm_seconds seconds;
 } making;
 
 static void release(making *m) {
     free(m->places);
-    gonio_cpm_views_free(&m->views);
-    free(m->wi);
-    free(m->wo);
-    free(m->a);
-    free(m->b);
-    free(m->whole);
+    for (int k = 0; k < SHEETS; k++) {
+        sheet *s = &m->sheets[k];
+        gonio_cpm_views_free(&s->views);
+        free(s->wi);
+        free(s->wo);
+        free(s->a);
+        free(s->b);
+        free(s->whole);
+    }
     free(m->choice.columns);
     free(m->choice.weights);
 }
@@ -71,93 +81,118 @@ static void shuffle(uint32_t *order, size_t n, uint64_t seed) {
     }
 }
 
-// Every direction is wi of SHARES pairs and wo of as many; the partners are drawn.
-static bool pair_up(making *m) {
-    const size_t n = m->views.n;
+// Every direction is wi of that many pairs and wo of as many; the partners are drawn.
+static bool pair_up(sheet *s, size_t shares, uint64_t seed) {
+    const size_t n = s->views.n;
     uint32_t *order = malloc((n + 1) * sizeof *order);
-    m->pairs = n * SHARES;
-    m->wi = malloc((m->pairs + 1) * sizeof *m->wi);
-    m->wo = malloc((m->pairs + 1) * sizeof *m->wo);
-    const bool good = order != NULL && m->wi != NULL && m->wo != NULL;
-    for (size_t s = 0; good && s < SHARES; s++) {
-        shuffle(order, n, gonio_random(m->seed + 100 + s));
-        for (size_t k = 0; k < n; k++) {
-            m->wi[s * n + k] = (uint32_t)k;
-            m->wo[s * n + k] = order[k];
+    s->pairs = n * shares;
+    s->wi = malloc((s->pairs + 1) * sizeof *s->wi);
+    s->wo = malloc((s->pairs + 1) * sizeof *s->wo);
+    const bool good = order != NULL && s->wi != NULL && s->wo != NULL;
+    for (size_t k = 0; good && k < shares; k++) {
+        shuffle(order, n, gonio_random(seed + 100 + k));
+        for (size_t i = 0; i < n; i++) {
+            s->wi[k * n + i] = (uint32_t)i;
+            s->wo[k * n + i] = order[i];
         }
     }
     free(order);
     return good;
 }
 
-static void fill_column(const making *m, size_t point, float *column) {
-    const cpm_views *v = &m->views;
-    for (size_t q = 0; q < m->pairs; q++) {
-        const size_t i = m->wi[q], o = m->wo[q];
+static size_t rows_of(const making *m, const sheet *s) { return s->pairs * (size_t)m->channels; }
+
+static void fill_column(const making *m, const sheet *s, size_t point, float *column) {
+    const cpm_views *v = &s->views;
+    for (size_t q = 0; q < s->pairs; q++) {
+        const size_t i = s->wi[q], o = s->wo[q];
         double f[3] = {0};
         if (v->seen[i * v->points + point] != 0 && v->seen[o * v->points + point] != 0) {
             gonio_cpm_apparent(m->scene, &m->places[point], v->directions[i], v->directions[o], f);
         }
         for (int c = 0; c < m->channels; c++) {
-            column[(size_t)c * m->pairs + q] = (float)(f[c] * m->area / v->area[o]);
+            column[(size_t)c * s->pairs + q] = (float)(f[c] * m->dense->areas[point] / v->area[o]);
         }
     }
 }
 
-static void add_column(const making *m, const float *column, double *sum) {
-    for (size_t q = 0; q < m->pairs * (size_t)m->channels; q++) {
-        sum[q] += (double)column[q];
+// The columns of these points, and their sum.
+static void fill(making *m, const size_t *which, size_t n) {
+    const double started_s = gonio_clock_thread_s();
+    for (int k = 0; k < SHEETS; k++) {
+        sheet *s = &m->sheets[k];
+        const size_t rows = rows_of(m, s);
+        memset(s->b, 0, rows * sizeof *s->b);
+        for (size_t j = 0; j < n; j++) {
+            float *column = s->a + j * rows;
+            fill_column(m, s, which[j], column);
+            for (size_t q = 0; q < rows; q++) {
+                s->b[q] += (double)column[q];
+            }
+        }
     }
+    m->seconds.reflectance += gonio_clock_thread_s() - started_s;
 }
 
 // ---- choosing ----
 
-static bool choose(making *m, const cpm_matrix *matrix) {
-    const cpm_texel_options *o = m->options;
-    return o->paper ? gonio_cpm_select_sampled(matrix, o->snr_db + MARGIN_DB, o->most, o->energy, REPEATS, m->seed,
-                                               &m->choice)
-                    : gonio_cpm_select_greedy(matrix, o->snr_db + MARGIN_DB, o->most, &m->choice);
+// Of a batch, or (whole) of all; of one channel, or (-1) of all.
+static cpm_rows part_of(const making *m, const sheet *s, bool whole, int channel) {
+    const size_t rows = rows_of(m, s), first = channel > 0 ? (size_t)channel * s->pairs : 0;
+    return (cpm_rows){channel < 0 ? rows : s->pairs, rows, s->a + first, (whole ? s->whole : s->b) + first};
 }
 
-// The columns of these points; *wanted: their sum. Rows of one channel, or of all.
-static void fill(making *m, const size_t *which, size_t n, double *wanted) {
-    const size_t rows = m->pairs * (size_t)m->channels;
-    memset(wanted, 0, rows * sizeof *wanted);
-    for (size_t k = 0; k < n; k++) {
-        fill_column(m, which[k], m->a + k * rows);
-        add_column(m, m->a + k * rows, wanted);
+static bool choose(making *m, size_t columns, bool whole, int channel, double snr_db) {
+    const cpm_texel_options *o = m->options;
+    cpm_matrix matrix = {columns, part_of(m, &m->sheets[FIT], whole, channel),
+                         part_of(m, &m->sheets[HELD], whole, channel)};
+    bool any = false;
+    for (size_t q = 0; q < matrix.held.n; q++) {
+        any = any || matrix.held.b[q] > 0;
+    }
+    matrix.held.n = any ? matrix.held.n : 0; // of nothing there is no ratio
+    const double started_s = gonio_clock_thread_s();
+    const bool good = o->paper
+                          ? gonio_cpm_select_sampled(&matrix, snr_db, o->most, o->energy, REPEATS, m->seed, &m->choice)
+                          : gonio_cpm_select_greedy(&matrix, snr_db, o->most, &m->choice);
+    m->seconds.choice += gonio_clock_thread_s() - started_s;
+    return good;
+}
+
+static void add_to_whole(making *m) {
+    for (int k = 0; k < SHEETS; k++) {
+        sheet *s = &m->sheets[k];
+        for (size_t q = 0; q < rows_of(m, s); q++) {
+            s->whole[q] += s->b[q];
+        }
     }
 }
 
 // In batches where there are many points: the points chosen of each, and of those together the ones for the whole.
 // which: room for n; it becomes the candidates, whose number comes back. SIZE_MAX: no memory.
 static size_t reduce(making *m, size_t *which) {
-    const size_t rows = m->pairs * (size_t)m->channels, batch = m->options->batch;
+    const size_t n = m->dense->n, batch = m->options->batch, batches = (n + batch - 1) / batch;
     size_t kept = 0;
-    memset(m->whole, 0, rows * sizeof *m->whole);
-    for (size_t start = 0; start < m->n; start += batch) {
+    for (size_t start = 0; start < batches; start++) {
         // Every batch is spread over the whole texel.
-        const size_t batches = (m->n + batch - 1) / batch;
-        size_t own[batch], n = 0;
-        for (size_t k = start / batch; k < m->n && n < batch; k += batches) {
-            own[n++] = k;
+        size_t own[batch], few = 0;
+        for (size_t k = start; k < n && few < batch; k += batches) {
+            own[few++] = k;
         }
-        fill(m, own, n, m->b);
-        for (size_t q = 0; q < rows; q++) {
-            m->whole[q] += m->b[q];
+        fill(m, own, few);
+        add_to_whole(m);
+        if (batches == 1) {
+            memcpy(which, own, few * sizeof *own);
+            return few;
         }
-        if (m->n <= batch) {
-            memcpy(which, own, n * sizeof *own);
-            return n;
-        }
-        if (!choose(m, &(cpm_matrix){rows, n, m->a, m->b})) {
+        if (!choose(m, few, false, -1, m->options->snr_db + BATCH_DB)) {
             return SIZE_MAX;
         }
         for (size_t k = 0; k < m->choice.n && kept < batch; k++) {
             which[kept++] = own[m->choice.columns[k]];
         }
     }
-    fill(m, which, kept, m->b);
+    fill(m, which, kept);
     return kept;
 }
 
@@ -169,8 +204,9 @@ typedef struct result {
 
 static void put(const making *m, const size_t *which, int channel, result *r) {
     for (size_t k = 0; k < m->choice.n; k++) {
-        const cpm_point *from = &m->points[which[m->choice.columns[k]]];
-        const float weight = (float)(m->choice.weights[k] * m->area);
+        const size_t j = which[m->choice.columns[k]];
+        const cpm_point *from = &m->dense->points[j];
+        const float weight = (float)(m->choice.weights[k] * m->dense->areas[j]);
         cpm_record_point *to = &r->points[r->n++];
         *to = (cpm_record_point){from->triangle, from->u, from->v, {weight, weight, weight}};
         for (int c = 0; c < 3 && channel >= 0; c++) {
@@ -180,41 +216,21 @@ static void put(const making *m, const size_t *which, int channel, result *r) {
     r->snr_db = fmin(r->snr_db, m->choice.snr_db);
 }
 
-// The rows of one channel alone, in place.
-static void pack_channel(making *m, size_t columns, int channel, float *packed) {
-    for (size_t k = 0; k < columns; k++) {
-        memcpy(packed + k * m->pairs, m->a + k * m->pairs * 3 + (size_t)channel * m->pairs, m->pairs * sizeof *packed);
-    }
-}
-
-static bool choose_separately(making *m, const size_t *which, size_t n, result *r) {
-    float *packed = malloc(n * m->pairs * sizeof *packed + 1);
-    bool good = packed != NULL;
-    for (int c = 0; c < 3 && good; c++) {
-        pack_channel(m, n, c, packed);
-        good = choose(m, &(cpm_matrix){m->pairs, n, packed, m->whole + (size_t)c * m->pairs});
-        if (good) {
-            put(m, which, c, r);
-        }
-    }
-    free(packed);
-    return good;
-}
-
 // ---- the visible area ----
 
 // Returns the number of coefficients; 0 is also what it is without memory.
-static size_t describe_area(const making *m, cpm_coefficient *kept, cpm_record *record) {
+static size_t describe_area(making *m, cpm_coefficient *kept, cpm_record *record) {
+    const double started_s = gonio_clock_thread_s();
     const int side = m->options->side;
     const size_t values = (size_t)(6 * side * side);
     float *area = malloc(values * sizeof *area);
-    uint8_t *room = malloc(m->n);
+    uint8_t *room = malloc(m->dense->n + 1);
     size_t n = 0;
     if (area != NULL && room != NULL) {
         float largest = 0;
         for (size_t i = 0; i < values; i++) {
-            area[i] =
-                (float)gonio_cpm_area_seen(m->scene, m->places, m->n, m->area, gonio_cpm_area_direction(side, i), room);
+            area[i] = (float)gonio_cpm_area_seen(m->scene, m->places, m->dense->n, m->dense->areas,
+                                                 gonio_cpm_area_direction(side, i), room);
             largest = fmaxf(largest, area[i]);
         }
         record->floor = (float)AREA_FLOOR * largest;
@@ -223,13 +239,14 @@ static size_t describe_area(const making *m, cpm_coefficient *kept, cpm_record *
     }
     free(area);
     free(room);
+    m->seconds.area += gonio_clock_thread_s() - started_s;
     return n;
 }
 
 // ---- all ----
 
 static bool is_grey(const making *m) {
-    for (size_t j = 0; j < m->n; j++) {
+    for (size_t j = 0; j < m->dense->n; j++) {
         const world_place *p = &m->places[j].place;
         const world_material *material = &m->scene->materials[p->material];
         const bool alike = material->constant ? material->f[0] == material->f[1] && material->f[1] == material->f[2]
@@ -243,13 +260,13 @@ static bool is_grey(const making *m) {
 
 static void find_extent(const making *m, cpm_record *record) {
     double centre[3] = {0}, radius = 0;
-    for (size_t j = 0; j < m->n; j++) {
+    for (size_t j = 0; j < m->dense->n; j++) {
         const gonio_vec3 p = m->places[j].place.hit.point;
-        centre[0] += p.x / (double)m->n;
-        centre[1] += p.y / (double)m->n;
-        centre[2] += p.z / (double)m->n;
+        centre[0] += p.x / (double)m->dense->n;
+        centre[1] += p.y / (double)m->dense->n;
+        centre[2] += p.z / (double)m->dense->n;
     }
-    for (size_t j = 0; j < m->n; j++) {
+    for (size_t j = 0; j < m->dense->n; j++) {
         const gonio_vec3 d = difference(m->places[j].place.hit.point, (gonio_vec3){centre[0], centre[1], centre[2]});
         radius = fmax(radius, sqrt(dot(d, d)));
     }
@@ -259,70 +276,71 @@ static void find_extent(const making *m, cpm_record *record) {
     record->radius = (float)radius;
 }
 
-static bool prepare(making *m, size_t given) {
+static bool prepare_sheet(making *m, int k) {
     const cpm_texel_options *o = m->options;
-    m->n = given < o->dense ? given : o->dense;
-    m->area *= (double)given / (double)m->n;
-    m->places = malloc(m->n * sizeof *m->places);
-    if (m->places == NULL) {
+    sheet *s = &m->sheets[k];
+    const size_t directions = (size_t)(o->pairs / SHARES / (k == HELD ? 2 : 1)), n = m->dense->n;
+    const uint64_t seed = gonio_random(m->seed + (uint64_t)k);
+    if (!gonio_cpm_views_new(m->scene, m->places, n, m->dense->areas, directions, seed, &s->views) ||
+        !pair_up(s, k == HELD ? HELD_SHARES : SHARES, seed)) {
         return false;
     }
-    for (size_t j = 0; j < m->n; j++) {
-        const cpm_point *p = &m->points[j];
+    const size_t rows = rows_of(m, s), columns = n < o->batch ? n : o->batch;
+    s->a = malloc(rows * columns * sizeof *s->a + 1);
+    s->b = malloc(rows * sizeof *s->b + 1);
+    s->whole = calloc(rows + 1, sizeof *s->whole);
+    return s->a != NULL && s->b != NULL && s->whole != NULL;
+}
+
+static bool prepare(making *m) {
+    m->places = malloc(m->dense->n * sizeof *m->places + 1);
+    m->choice.columns = malloc(m->options->most * sizeof *m->choice.columns);
+    m->choice.weights = malloc(m->options->most * sizeof *m->choice.weights);
+    if (m->places == NULL || m->choice.columns == NULL || m->choice.weights == NULL) {
+        return false;
+    }
+    for (size_t j = 0; j < m->dense->n; j++) {
+        const cpm_point *p = &m->dense->points[j];
         gonio_cpm_place(m->scene, p->triangle, (double)p->u, (double)p->v, &m->places[j]);
     }
     m->channels = is_grey(m) ? 1 : 3;
-    const size_t directions = (size_t)o->pairs / SHARES;
-    if (!gonio_cpm_views_new(m->scene, m->places, m->n, m->area, directions, m->seed, &m->views) || !pair_up(m)) {
-        return false;
-    }
-    const size_t rows = m->pairs * (size_t)m->channels, columns = m->n < o->batch ? m->n : o->batch;
-    m->a = malloc(rows * columns * sizeof *m->a + 1);
-    m->b = malloc(rows * sizeof *m->b + 1);
-    m->whole = malloc(rows * sizeof *m->whole + 1);
-    m->choice.columns = malloc(o->most * sizeof *m->choice.columns);
-    m->choice.weights = malloc(o->most * sizeof *m->choice.weights);
-    return m->a != NULL && m->b != NULL && m->whole != NULL && m->choice.columns != NULL && m->choice.weights != NULL;
+    const double started_s = gonio_clock_thread_s();
+    const bool good = prepare_sheet(m, FIT) && prepare_sheet(m, HELD);
+    m->seconds.reflectance += gonio_clock_thread_s() - started_s;
+    return good;
 }
 
 // false: no memory.
 static bool choose_points(making *m, result *r) {
-    size_t *which = malloc((m->n > m->options->batch ? m->n : m->options->batch) * sizeof *which);
-    if (which == NULL || m->pairs == 0) { // of no pairs: it is seen from nowhere
+    const size_t dense = m->dense->n, batch = m->options->batch;
+    size_t *which = malloc((dense > batch ? dense : batch) * sizeof *which);
+    if (which == NULL || m->sheets[FIT].pairs == 0) { // of no pairs: it is seen from nowhere
         free(which);
         return which != NULL;
     }
     const size_t n = reduce(m, which);
+    const int first = m->options->separate && m->channels == 3 ? 0 : -1, last = first == 0 ? 2 : -1;
     bool good = n != SIZE_MAX;
-    if (good && m->options->separate && m->channels == 3) {
-        good = choose_separately(m, which, n, r);
-    } else if (good) {
-        good = choose(m, &(cpm_matrix){m->pairs * (size_t)m->channels, n, m->a, m->whole});
+    for (int channel = first; channel <= last && good; channel++) {
+        good = choose(m, n, true, channel, m->options->snr_db);
         if (good) {
-            put(m, which, -1, r);
+            put(m, which, channel, r);
         }
     }
     free(which);
     return good;
 }
 
-cpm_record *gonio_cpm_texel_make(const gonio_scene *scene, const cpm_point *points, size_t n, double area,
-                                 const cpm_texel_options *options, uint64_t seed) {
+cpm_record *gonio_cpm_texel_make(const gonio_scene *scene, const cpm_dense *dense, const cpm_texel_options *options,
+                                 uint64_t seed, cpm_seconds *seconds) {
     const size_t coefficients = (size_t)(6 * options->side * options->side);
-    making m = {.scene = scene, .options = options, .area = area, .seed = seed};
+    making m = {.scene = scene, .options = options, .dense = dense, .seed = seed};
     result r = {.points = malloc(3 * options->most * sizeof *r.points), .snr_db = INFINITY};
     cpm_coefficient *kept = malloc(coefficients * sizeof *kept);
-    cpm_point *spread = malloc(n * sizeof *spread);
     cpm_record *record = NULL;
-    if (r.points != NULL && kept != NULL && spread != NULL) {
-        // Where not all are used, every so many-th.
-        const size_t used = n < options->dense ? n : options->dense;
-        for (size_t k = 0; k < used; k++) {
-            spread[k] = points[k * n / used];
-        }
-        m.points = spread;
-        cpm_record head = {.dense = (uint32_t)used};
-        if (prepare(&m, n) && choose_points(&m, &r)) {
+    if (r.points != NULL && kept != NULL) {
+        cpm_record head = {.dense = (uint32_t)dense->n};
+        if (prepare(&m) && choose_points(&m, &r)) {
             find_extent(&m, &head);
             head.coefficients = (uint32_t)describe_area(&m, kept, &head);
             head.points = (uint32_t)r.n;
@@ -335,9 +353,9 @@ cpm_record *gonio_cpm_texel_make(const gonio_scene *scene, const cpm_point *poin
             memcpy((char *)(record + 1) + r.n * sizeof *r.points, kept, head.coefficients * sizeof *kept);
         }
     }
+    *seconds = m.seconds;
     release(&m);
     free(r.points);
     free(kept);
-    free(spread);
     return record;
 }

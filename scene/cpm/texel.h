@@ -21,7 +21,7 @@ typedef struct cpm_record {
     float centre[3], radius; // of all its dense points
     float floor;             // below this visible area the texel counts as this large
     float scale;             // of the coefficients
-    float snr_db;            // over the pairs of directions it was chosen by
+    float snr_db;            // at pairs of directions that it was not chosen by
     uint32_t dense;          // points it was chosen from
 } cpm_record;
 
@@ -31,9 +31,8 @@ const cpm_coefficient *gonio_cpm_record_coefficients(const cpm_record *record);
 
 typedef struct cpm_texel_options {
     int pairs;     // of directions: rows of the matrix
-    double snr_db; // that the points must reach
+    double snr_db; // that the points must reach at other pairs
     size_t most;   // points of one texel
-    size_t dense;  // dense points that a texel is chosen from at most
     size_t batch;  // columns of a matrix at most
     int side;      // of the faces of the visible area
     double keep;   // share of its coefficients
@@ -58,16 +57,21 @@ typedef struct cpm_views {
     uint8_t *seen; // n x points
     double *area;  // [n]
 } cpm_views;
-// About n directions, evenly spread over those from which some of it is seen. false: no memory.
-bool gonio_cpm_views_new(const gonio_scene *scene, const cpm_place *places, size_t points, double area, size_t n,
-                         uint64_t seed, cpm_views *views);
+// About n directions, evenly spread over those from which some of it is seen; areas: that each point stands for.
+// false: no memory.
+bool gonio_cpm_views_new(const gonio_scene *scene, const cpm_place *places, size_t points, const double *areas,
+                         size_t n, uint64_t seed, cpm_views *views);
 void gonio_cpm_views_free(cpm_views *views);
 // The area seen from one direction; room for a byte a point.
-double gonio_cpm_area_seen(const gonio_scene *scene, const cpm_place *places, size_t points, double area, gonio_vec3 w,
-                           uint8_t *room);
+double gonio_cpm_area_seen(const gonio_scene *scene, const cpm_place *places, size_t points, const double *areas,
+                           gonio_vec3 w, uint8_t *room);
 
-// The record of n dense points, each of which stands for that area; malloc'd. NULL: no memory.
-cpm_record *gonio_cpm_texel_make(const gonio_scene *scene, const cpm_point *points, size_t n, double area,
-                                 const cpm_texel_options *options, uint64_t seed);
+// What a texel took.
+typedef struct cpm_seconds {
+    double area, reflectance, choice;
+} cpm_seconds;
+// The record of a texel's dense points; malloc'd. NULL: no memory.
+cpm_record *gonio_cpm_texel_make(const gonio_scene *scene, const cpm_dense *dense, const cpm_texel_options *options,
+                                 uint64_t seed, cpm_seconds *seconds);
 
 #endif

@@ -46,7 +46,7 @@ void gonio_cpm_apparent(const gonio_scene *scene, const cpm_place *place, gonio_
 }
 
 // Which of the points are seen from there; returns the area seen.
-static double look(const gonio_scene *scene, const cpm_place *places, size_t points, double area, gonio_vec3 w,
+static double look(const gonio_scene *scene, const cpm_place *places, size_t points, const double *areas, gonio_vec3 w,
                    uint8_t *seen) {
     double total = 0;
     gonio_vec3 start[SCENE_CASTER_PACKET], direction[SCENE_CASTER_PACKET];
@@ -64,7 +64,7 @@ static double look(const gonio_scene *scene, const cpm_place *places, size_t poi
             const unsigned stopped = gonio_scene_caster_stopped(scene->caster, n, start, direction);
             for (int k = 0; k < n; k++) {
                 seen[which[k]] = (stopped >> k & 1) == 0;
-                total += seen[which[k]] != 0 ? dot(places[which[k]].place.hit.facet, w) * area : 0;
+                total += seen[which[k]] != 0 ? dot(places[which[k]].place.hit.facet, w) * areas[which[k]] : 0;
             }
             n = 0;
         }
@@ -72,9 +72,9 @@ static double look(const gonio_scene *scene, const cpm_place *places, size_t poi
     return total;
 }
 
-double gonio_cpm_area_seen(const gonio_scene *scene, const cpm_place *places, size_t points, double area, gonio_vec3 w,
-                           uint8_t *room) {
-    return look(scene, places, points, area, w, room);
+double gonio_cpm_area_seen(const gonio_scene *scene, const cpm_place *places, size_t points, const double *areas,
+                           gonio_vec3 w, uint8_t *room) {
+    return look(scene, places, points, areas, w, room);
 }
 
 void gonio_cpm_views_free(cpm_views *views) {
@@ -104,8 +104,8 @@ static size_t candidates(const cpm_place *places, size_t points, size_t n, uint6
     return found;
 }
 
-bool gonio_cpm_views_new(const gonio_scene *scene, const cpm_place *places, size_t points, double area, size_t n,
-                         uint64_t seed, cpm_views *views) {
+bool gonio_cpm_views_new(const gonio_scene *scene, const cpm_place *places, size_t points, const double *areas,
+                         size_t n, uint64_t seed, cpm_views *views) {
     *views = (cpm_views){.points = points,
                          .directions = malloc(4 * n * sizeof *views->directions),
                          .seen = malloc(n * points + 1),
@@ -118,7 +118,7 @@ bool gonio_cpm_views_new(const gonio_scene *scene, const cpm_place *places, size
     double largest = 0;
     for (size_t k = 0; k < (found < n ? found : n); k++) {
         const gonio_vec3 w = views->directions[found > n ? k * found / n : k];
-        views->area[views->n] = look(scene, places, points, area, w, views->seen + views->n * points);
+        views->area[views->n] = look(scene, places, points, areas, w, views->seen + views->n * points);
         views->directions[views->n] = w;
         largest = fmax(largest, views->area[views->n]);
         views->n++;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Characteristic points by our greedy choice and by the paper's random one (Wu, Dorsey and Rushmeier 2009): how many
-// reach the same signal-to-noise ratio, what they have at directions that were not in the matrix, and how long the
+// reach the same signal-to-noise ratio at pairs that are held out, what they have at yet others, and how long the
 // choice takes. usage: cpm_selection [TEXELS [POINTS [PAIRS]]]    (20, 512, 2048)
 #include <math.h>
 #include <stdio.h>
@@ -16,20 +16,21 @@
 #include "scene/cpm/texel.h"
 
 #define HELD_OUT_DB 30
-#define FIRST_DB 30 // asked of the matrix; then STEP_DB more, until the others reach theirs
-#define STEP_DB 2
-#define LAST_DB 46
+#define TEXELS_MAX 32
 #define MOST 400
 #define RIDGES 48
 #define ROWS 16
 
-enum { GREEDY, SAMPLED, WAYS };
+enum { GREEDY, SAMPLED, GREEDY_ALONE, SAMPLED_ALONE, WAYS };
 
 typedef struct matrix {
     size_t rows, columns;
     float *a;
     double *b;
 } matrix;
+// What is fitted, what is held out to know when to stop, and what both are judged by: other pairs of the fitted
+// directions, and pairs of directions of their own.
+enum { FIT, HELD, PAIRED, INDEPENDENT, MATRICES };
 
 // Ridges along the axis, whose two sides are yellow and blue in turn, as tools/scenes.py makes them.
 static void write_scene(const char *folder) {
@@ -90,61 +91,78 @@ static void fill(const gonio_scene *scene, const cpm_place *places, size_t point
     }
 }
 
-static double snr(const matrix *m, const cpm_choice *c) {
-    double rest = 0, all = 0;
-    for (size_t q = 0; q < m->rows; q++) {
-        double sum = 0;
-        for (size_t k = 0; k < c->n; k++) {
-            sum += c->weights[k] * (double)m->a[c->columns[k] * m->rows + q];
-        }
-        rest += (m->b[q] - sum) * (m->b[q] - sum);
-        all += m->b[q] * m->b[q];
-    }
-    return 10 * log10(all / rest);
-}
+static cpm_rows rows_of(const matrix *m) { return (cpm_rows){m->rows, m->rows, m->a, m->b}; }
 
+enum { POINTS, HELD_DB, PAIRED_DB, INDEPENDENT_DB, SECONDS, FIGURES };
 typedef struct figures {
-    double points[32], held_out[32], asked[32], seconds[32];
+    double values[FIGURES][TEXELS_MAX];
 } figures;
 
-static void measure(const gonio_scene *scene, int texel, size_t points, size_t pairs, figures *figures) {
-    cpm_place *places = malloc(points * sizeof *places);
-    cpm_views train, test;
-    matrix m, held;
+static void choose(const matrix *m, int way, int texel, figures *all) {
     size_t columns[MOST];
     double weights[MOST];
-    scatter(scene, texel, places, points);
-    gonio_cpm_views_new(scene, places, points, 1, pairs / 4, gonio_random((uint64_t)texel), &train);
-    gonio_cpm_views_new(scene, places, points, 1, pairs / 4, gonio_random((uint64_t)texel + 1000), &test);
-    fill(scene, places, points, &train, 7, 4, &m);
-    fill(scene, places, points, &test, 8, 2, &held);
-    for (int way = 0; way < WAYS; way++) {
-        cpm_choice c = {.columns = columns, .weights = weights};
-        const cpm_matrix matrix = {m.rows, m.columns, m.a, m.b};
-        double asked = FIRST_DB - STEP_DB, reached = 0, started = 0;
-        while (reached < HELD_OUT_DB && asked < LAST_DB) {
-            asked += STEP_DB;
-            started = gonio_clock_s();
-            if (way == GREEDY) {
-                gonio_cpm_select_greedy(&matrix, asked, MOST, &c);
-            } else {
-                gonio_cpm_select_sampled(&matrix, asked, MOST, 0.97, 5, 1, &c);
-            }
-            started = gonio_clock_s() - started;
-            reached = snr(&held, &c);
-        }
-        figures[way].seconds[texel] = started; // of the last choice alone
-        figures[way].points[texel] = (double)c.n;
-        figures[way].asked[texel] = asked;
-        figures[way].held_out[texel] = reached;
+    cpm_choice c = {.columns = columns, .weights = weights};
+    const bool held_out = way == GREEDY || way == SAMPLED;
+    cpm_matrix matrix = {m[FIT].columns, rows_of(&m[FIT]), held_out ? rows_of(&m[HELD]) : (cpm_rows){0}};
+    const double started = gonio_clock_thread_s();
+    if (way == GREEDY || way == GREEDY_ALONE) {
+        gonio_cpm_select_greedy(&matrix, HELD_OUT_DB, MOST, &c);
+    } else {
+        gonio_cpm_select_sampled(&matrix, HELD_OUT_DB, MOST, 0.97, 5, 1, &c);
     }
-    free(m.a);
-    free(m.b);
-    free(held.a);
-    free(held.b);
-    gonio_cpm_views_free(&train);
-    gonio_cpm_views_free(&test);
+    const cpm_rows paired = rows_of(&m[PAIRED]), independent = rows_of(&m[INDEPENDENT]);
+    all[way].values[SECONDS][texel] = gonio_clock_thread_s() - started;
+    all[way].values[POINTS][texel] = (double)c.n;
+    all[way].values[HELD_DB][texel] = c.snr_db;
+    all[way].values[PAIRED_DB][texel] = gonio_cpm_snr(&paired, c.n, columns, weights);
+    all[way].values[INDEPENDENT_DB][texel] = gonio_cpm_snr(&independent, c.n, columns, weights);
+}
+
+static void measure(const gonio_scene *scene, int texel, size_t points, size_t pairs, figures *all) {
+    cpm_place *places = malloc(points * sizeof *places);
+    double *areas = malloc(points * sizeof *areas);
+    cpm_views views[3];
+    matrix m[MATRICES];
+    scatter(scene, texel, places, points);
+    for (size_t j = 0; j < points; j++) {
+        areas[j] = 1;
+    }
+    for (int k = 0; k < 3; k++) { // as scene/cpm/texel.c has it
+        const size_t n = pairs / (k == FIT ? 4 : 8);
+        gonio_cpm_views_new(scene, places, points, areas, n, gonio_random((uint64_t)(texel + 1000 * k)), &views[k]);
+    }
+    fill(scene, places, points, &views[0], 7, 4, &m[FIT]);
+    fill(scene, places, points, &views[1], 8, 2, &m[HELD]);
+    fill(scene, places, points, &views[0], 9, 1, &m[PAIRED]);
+    fill(scene, places, points, &views[2], 10, 2, &m[INDEPENDENT]);
+    for (int way = 0; way < WAYS; way++) {
+        choose(m, way, texel, all);
+    }
+    for (int k = 0; k < MATRICES; k++) {
+        free(m[k].a);
+        free(m[k].b);
+    }
+    for (int k = 0; k < 3; k++) {
+        gonio_cpm_views_free(&views[k]);
+    }
     free(places);
+    free(areas);
+}
+
+static void print(figures *all, int texels) {
+    static const char *const names[WAYS] = {"greedy", "paper's", "greedy, alone", "paper's, alone"};
+    double median[WAYS][FIGURES];
+    printf("%-15s %8s %14s %12s %17s %10s   (medians; alone: stopped by what was fitted)\n", "choice", "points",
+           "held out, dB", "paired, dB", "independent, dB", "seconds");
+    for (int way = 0; way < WAYS; way++) {
+        for (int k = 0; k < FIGURES; k++) {
+            median[way][k] = gonio_median(all[way].values[k], (size_t)texels);
+        }
+        printf("%-15s %8.1f %14.2f %12.2f %17.2f %10.4f\n", names[way], median[way][POINTS], median[way][HELD_DB],
+               median[way][PAIRED_DB], median[way][INDEPENDENT_DB], median[way][SECONDS]);
+    }
+    printf("greedy over the paper's: %.3f of the points, %.1f times as fast\n",
+           median[GREEDY][POINTS] / median[SAMPLED][POINTS], median[SAMPLED][SECONDS] / median[GREEDY][SECONDS]);
 }
 
 int main(int argc, char **argv) {
@@ -153,7 +171,7 @@ int main(int argc, char **argv) {
     char folder[] = "/tmp/gonio-bench-XXXXXX", path[128];
     static figures all[WAYS];
     gonio_scene *scene;
-    if (mkdtemp(folder) == NULL || texels < 1 || texels > 32) {
+    if (mkdtemp(folder) == NULL || texels < 1 || texels > TEXELS_MAX) {
         return 1;
     }
     write_scene(folder);
@@ -169,20 +187,8 @@ int main(int argc, char **argv) {
     snprintf(path, sizeof path, "%s/c.obj", folder);
     unlink(path);
     rmdir(folder);
-    static const char *const names[WAYS] = {"greedy", "sampled"};
-    double median[WAYS][4];
     printf("%d texels of a ridged cylinder, %zu points, %zu pairs, %d dB held out\n", texels, points, pairs,
            HELD_OUT_DB);
-    printf("%-10s %10s %10s %14s %12s   (medians)\n", "choice", "points", "asked, dB", "held out, dB", "seconds");
-    for (int way = 0; way < WAYS; way++) {
-        median[way][0] = gonio_median(all[way].points, (size_t)texels);
-        median[way][1] = gonio_median(all[way].held_out, (size_t)texels);
-        median[way][2] = gonio_median(all[way].seconds, (size_t)texels);
-        median[way][3] = gonio_median(all[way].asked, (size_t)texels);
-        printf("%-10s %10.1f %10.0f %14.2f %12.4f\n", names[way], median[way][0], median[way][3], median[way][1],
-               median[way][2]);
-    }
-    printf("greedy over sampled: %.3f of the points, %.1f times as fast\n", median[GREEDY][0] / median[SAMPLED][0],
-           median[SAMPLED][2] / median[GREEDY][2]);
+    print(all, texels);
     return 0;
 }

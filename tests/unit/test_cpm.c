@@ -66,6 +66,7 @@ static void area_of_a_disc(void **state) {
             const double z = 1 - (2 * i + 1) / 500.0, r = sqrt(1 - z * z);
             const gonio_vec3 w = {r * cos(2.4 * i), r * sin(2.4 * i), z};
             const double apart = gonio_cpm_area_at(back, SIDE, w) - fmax(0, dot(n, w));
+            assert_near(gonio_cpm_area_of(kept, n_kept, scale, SIDE, w), gonio_cpm_area_at(back, SIDE, w), 1e-5);
             squares += apart * apart / 500;
         }
         assert_true(sqrt(squares) < (k == 0 ? 0.004 : 0.03));
@@ -109,7 +110,7 @@ static void few_columns_stand_for_all(void **state) {
     static size_t columns[COLUMNS];
     cpm_choice choice = {.columns = columns, .weights = weights};
     bumps(a, b);
-    const cpm_matrix m = {ROWS, COLUMNS, a, b};
+    const cpm_matrix m = {COLUMNS, {ROWS, ROWS, a, b}, {0}};
     size_t greedy = 0;
     for (int k = 0; k < 2; k++) {
         const bool good = k == 0 ? gonio_cpm_select_greedy(&m, 40, COLUMNS, &choice)
@@ -131,6 +132,45 @@ static void few_columns_stand_for_all(void **state) {
     memset(b, 0, sizeof b);
     assert_true(gonio_cpm_select_greedy(&m, 40, COLUMNS, &choice) && choice.n == 0);
     assert_true(gonio_cpm_select_sampled(&m, 40, COLUMNS, 0.97, 5, 1, &choice) && choice.n == 0);
+}
+
+// Columns are noise around few shapes: what fits the rows at hand is no measure of other rows. Both ways go on until
+// those that are held out are met, and stop where more columns no longer help.
+static void rows_held_out_decide(void **state) {
+    (void)state;
+    enum { FITTED = 60, HELD = 140 };
+    static float a[ROWS * COLUMNS];
+    static double b[ROWS], weights[COLUMNS];
+    static size_t columns[COLUMNS];
+    cpm_choice choice = {.columns = columns, .weights = weights};
+    for (int q = 0; q < ROWS; q++) { // in no order, so that both parts are of one kind
+        for (int j = 0; j < COLUMNS; j++) {
+            const double x = (q * 37 % ROWS + 0.5) / ROWS - gonio_random_uniform(77 + (uint64_t)j);
+            a[j * ROWS + q] =
+                (float)(exp(-20 * x * x) * (0.5 + gonio_random_uniform((uint64_t)(1000 + q * COLUMNS + j))));
+            b[q] += (double)a[j * ROWS + q];
+        }
+    }
+    cpm_matrix m = {COLUMNS, {FITTED, ROWS, a, b}, {HELD, ROWS, a + FITTED, b + FITTED}};
+    for (int k = 0; k < 2; k++) {
+        const cpm_rows held = m.held;
+        m.held.n = 0;
+        assert_true(k == 0 ? gonio_cpm_select_greedy(&m, 22, COLUMNS, &choice)
+                           : gonio_cpm_select_sampled(&m, 22, COLUMNS, 0.97, 5, 1, &choice));
+        const size_t few = choice.n;
+        assert_true(choice.snr_db >= 22 && gonio_cpm_snr(&held, choice.n, columns, weights) < 22);
+        m.held = held;
+        assert_true(k == 0 ? gonio_cpm_select_greedy(&m, 22, COLUMNS, &choice)
+                           : gonio_cpm_select_sampled(&m, 22, COLUMNS, 0.97, 5, 1, &choice));
+        assert_true(choice.snr_db >= 22 && choice.n > few);
+        assert_near(gonio_cpm_snr(&held, choice.n, columns, weights), choice.snr_db, 1e-9);
+    }
+    // What cannot be reached: the best that was met, and not all columns.
+    for (int q = FITTED; q < ROWS; q += 2) {
+        b[q] *= 1.2;
+    }
+    assert_true(gonio_cpm_select_greedy(&m, 60, COLUMNS, &choice));
+    assert_true(choice.snr_db > 15 && choice.snr_db < 60 && choice.n < COLUMNS);
 }
 
 // ---- charts ----
@@ -207,9 +247,10 @@ static gonio_cpm_options small(void) {
     o.points = 64;
     o.dense = 128;
     o.batch = 64;
-    o.pairs = 256;
+    o.pairs = 512;
     o.faces = 8;
     o.keep = 0.2;
+    o.snr_db = 24;
     return o;
 }
 
@@ -272,7 +313,7 @@ static void build_goes_on(void **state) {
     o.progress = NULL;
     assert_int_equal(gonio_cpm_build(scene, "again", &o, &facts, NULL), GONIO_OK);
     assert_int_equal(facts.texels, 21);
-    o.snr_db = 25;
+    o.snr_db = 23;
     assert_int_equal(gonio_cpm_build(scene, "again", &o, &facts, NULL), GONIO_E_INPUT);
     free(a);
     free(b);
@@ -299,7 +340,7 @@ static void pictures(void **state) {
         o.samples = 4;
         how.bias = 0;
         assert_int_equal(gonio_cpm_render(cpm, &o, &how, &picture, &report, NULL), GONIO_OK);
-        assert_int_equal(report.original, 0);
+        assert_true(report.original <= 8); // slivers at the rim
         assert_true(report.texels > 0);
         double mean[2][3] = {{0}};
         for (int i = 0; i < 3 * 144; i++) {
@@ -373,7 +414,8 @@ static int enter(void **state) {
 
 static int leave(void **state) {
     (void)state;
-    static const char *const names[] = {"roof.obj", "roof.ini", "other.ini", "map/map.cpm", "again/map.cpm"};
+    static const char *const names[] = {"roof.obj",      "roof.ini",         "other.ini",         "map/map.cpm",
+                                        "again/map.cpm", "map/milliseconds", "again/milliseconds"};
     for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
         unlink(names[k]);
     }
@@ -387,6 +429,7 @@ int main(void) {
         cmocka_unit_test(transform_keeps_lengths_and_comes_back),
         cmocka_unit_test(area_of_a_disc),
         cmocka_unit_test(few_columns_stand_for_all),
+        cmocka_unit_test(rows_held_out_decide),
         cmocka_unit_test(charts_of_a_box),
         cmocka_unit_test(build_goes_on),
         cmocka_unit_test(pictures),

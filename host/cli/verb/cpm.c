@@ -4,17 +4,13 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "gonio/cpm.h"
+#include "host/cli/cpm_compare.h"
 #include "host/cli/scene_render.h"
 
 typedef struct request {
-    const char *action, *scene, *output, *map, *channels, *method, *strip;
+    const char *action, *scene, *output, *channels, *method, *filter, *size;
     gonio_cpm_options build;
-    gonio_cpm_render_options how;
-    int truth; // paths a pixel
-    const char *size;
-    int width, height;
-    const char *camera;
+    cpm_compare_request compare;
 } request;
 
 static int run(int argc, char **argv);
@@ -75,124 +71,6 @@ static int build(request *r, const cli_common *common) {
     return cli_fail(common, &error);
 }
 
-// ---- compare ----
-
-typedef struct contender {
-    const char *name;
-    gonio_picture *picture;
-    int samples;
-    double seconds;
-    gonio_picture_error apart;
-} contender;
-enum { TRUTH, MAP, EQUAL, CONTENDERS };
-
-static gonio_status trace(const gonio_scene *scene, gonio_scene_options *o, contender *c, gonio_error *error) {
-    gonio_scene_report report;
-    o->samples = c->samples;
-    const gonio_status status = gonio_scene_render(scene, o, &c->picture, &report, error);
-    c->seconds = report.seconds;
-    return status;
-}
-
-// As many paths a pixel of the original as take the map's time, by the truth's speed.
-static int equal_samples(const contender *all) {
-    const double samples = all[TRUTH].samples * all[MAP].seconds / fmax(all[TRUTH].seconds, 1e-9);
-    return (int)fmax(1, fmin(samples, all[TRUTH].samples));
-}
-
-static gonio_status race(const request *r, const gonio_scene *scene, const gonio_cpm *cpm, const cli_common *common,
-                         contender *all, gonio_cpm_render_report *report, gonio_error *error) {
-    gonio_scene_options o;
-    cli_progress progress;
-    double scale;
-    gonio_scene_options_default(scene, &o);
-    o.camera = r->camera;
-    o.width = r->width > 0 ? r->width : o.width;
-    o.height = r->height > 0 ? r->height : o.height;
-    o.threads = common->threads;
-    o.interreflection = false;
-    o.progress = on_progress;
-    o.progress_context = &progress;
-    all[TRUTH] = (contender){.name = "truth", .samples = r->truth};
-    all[MAP] = (contender){.name = "map", .samples = 4};
-    o.seed = common->seed + 1; // the truth's errors are its own
-    cli_progress_start(&progress, "compare", 1);
-    gonio_status status = trace(scene, &o, &all[TRUTH], error);
-    o.seed = common->seed;
-    o.samples = 4;
-    status = status == GONIO_OK ? gonio_cpm_render(cpm, &o, &r->how, &all[MAP].picture, report, error) : status;
-    all[MAP].seconds = report->seconds;
-    all[EQUAL] = (contender){.name = "equal time", .samples = equal_samples(all)};
-    status = status == GONIO_OK ? trace(scene, &o, &all[EQUAL], error) : status;
-    cli_progress_end(&progress);
-    status = status == GONIO_OK ? gonio_picture_exposure(all[TRUTH].picture, &scale, error) : status;
-    for (int k = 0; k < CONTENDERS && status == GONIO_OK; k++) {
-        status = gonio_picture_compare(all[k].picture, all[TRUTH].picture, scale, &all[k].apart, error);
-    }
-    return status;
-}
-
-static json_t *json_of(const contender *c) {
-    return json_pack("{s:s,s:i,s:f,s:f,s:o,s:o}", "name", c->name, "samples", c->samples, "seconds", c->seconds, "mae",
-                     c->apart.mae, "psnr_db", cli_json_real(c->apart.psnr_db), "snr_db",
-                     cli_json_real(c->apart.snr_db));
-}
-
-// Wu, Dorsey and Rushmeier 2009, table 3.
-static void print_published(void) {
-    printf(
-        "published (2.66 GHz, 4 cores, 2009): cylinder 3,072 faces, 558 min, 2.2 MB, 32^2, 62.4 against 2.4 min; bolt "
-        "10,496, 1,248 min, 21.0 MB, 128^2, 69.1 against 10.1;\nwall 491,164, 1,856 min, 28.0 MB, 128^2, 49.9 against "
-        "14.5; gargoyle 200,000, 4,840 min, 79.1 MB, 256^2, 191.4 against 52.1\n");
-}
-
-static int tell_race(const request *r, const contender *all, const gonio_cpm_facts *f,
-                     const gonio_cpm_render_report *report, const cli_common *common) {
-    if (common->json) {
-        json_t *list = json_array();
-        for (int k = 0; k < CONTENDERS; k++) {
-            json_array_append_new(list, json_of(&all[k]));
-        }
-        return cli_json(json_pack("{s:s,s:s,s:I,s:I,s:I,s:I,s:o}", "scene", r->scene, "map", r->map, "triangles",
-                                  (json_int_t)f->triangles, "bytes", (json_int_t)f->bytes, "texels",
-                                  (json_int_t)report->texels, "original", (json_int_t)report->original, "pictures",
-                                  list));
-    }
-    printf("%zu faces, %.2f MB, finest %d^2; %zu texels evaluated, %.2g %% of the rays by the original\n", f->triangles,
-           (double)f->bytes / 1e6, f->resolution, report->texels,
-           100 * (double)report->original / (double)report->rays);
-    printf("%-12s %8s %10s %8s %8s %8s\n", "picture", "samples", "seconds", "MAE", "PSNR dB", "SNR dB");
-    for (int k = 0; k < CONTENDERS; k++) {
-        printf("%-12s %8d %10.3f %8.3f %8.2f %8.2f\n", all[k].name, all[k].samples, all[k].seconds, all[k].apart.mae,
-               all[k].apart.psnr_db, all[k].apart.snr_db);
-    }
-    print_published();
-    return 0;
-}
-
-static int compare(request *r, const cli_common *common) {
-    gonio_error error = {.line = -1, .byte = -1};
-    gonio_scene *scene;
-    gonio_cpm *cpm = NULL;
-    contender all[CONTENDERS] = {{.name = NULL}};
-    gonio_cpm_facts facts;
-    gonio_cpm_render_report report;
-    int result = 0;
-    gonio_status status = gonio_scene_open(r->scene, &scene, &error);
-    status = status == GONIO_OK ? gonio_cpm_open(r->map, scene, &cpm, &error) : status;
-    if (status == GONIO_OK) {
-        gonio_cpm_describe(cpm, &facts);
-        status = race(r, scene, cpm, common, all, &report, &error);
-    }
-    result = status == GONIO_OK ? tell_race(r, all, &facts, &report, common) : cli_fail(common, &error);
-    for (int k = 0; k < CONTENDERS; k++) {
-        gonio_picture_free(all[k].picture);
-    }
-    gonio_cpm_free(cpm);
-    gonio_scene_free(scene);
-    return result;
-}
-
 // ---- options ----
 
 static int complete(request *r, const cli_common *common) {
@@ -202,28 +80,34 @@ static int complete(request *r, const cli_common *common) {
     if (strcmp(r->method, "greedy") != 0 && strcmp(r->method, "sampled") != 0) {
         return cli_usage(common, "cpm: --method: expected greedy or sampled, found '%s'", r->method);
     }
-    if (r->size != NULL && !cli_parse_size(r->size, &r->width, &r->height)) {
+    if (strcmp(r->filter, "box") != 0 && strcmp(r->filter, "tent") != 0) {
+        return cli_usage(common, "cpm: --filter: expected box or tent, found '%s'", r->filter);
+    }
+    if (r->size != NULL && !cli_parse_size(r->size, &r->compare.width, &r->compare.height)) {
         return cli_usage(common, "cpm: --size: expected N or WIDTHxHEIGHT, found '%s'", r->size);
     }
     r->build.separate = r->channels[0] == 's';
     r->build.paper = r->method[0] == 's';
+    r->build.filter = r->filter[0] == 't' ? GONIO_CPM_TENT : GONIO_CPM_BOX;
     cli_catch_interrupts();
     if (strcmp(r->action, "build") == 0) {
         return r->output != NULL ? build(r, common) : cli_usage(common, "cpm build: -o DIR is missing");
     }
     if (strcmp(r->action, "compare") == 0) {
-        return r->map != NULL ? compare(r, common) : cli_usage(common, "cpm compare: --cpm DIR is missing");
+        r->compare.scene = r->scene;
+        return r->compare.map != NULL ? cli_cpm_compare(&r->compare, common)
+                                      : cli_usage(common, "cpm compare: --cpm DIR is missing");
     }
     return cli_usage(common, "cpm: expected build or compare, found '%s'", r->action);
 }
 
 static int run(int argc, char **argv) {
-    request r = {.channels = "joint", .method = "greedy", .truth = 256};
+    request r = {.channels = "joint", .method = "greedy", .filter = "box", .compare = {.truth = 256}};
     const char *words[2];
     cli_common common;
     int count;
     gonio_cpm_options_default(&r.build);
-    gonio_cpm_render_options_default(&r.how);
+    gonio_cpm_render_options_default(&r.compare.how);
     gonio_cpm_options *b = &r.build;
     const cli_option options[] = {
         {"output", 'o', CLI_OUTPUT, &r.output, NULL, "DIR",
@@ -232,7 +116,9 @@ static int run(int argc, char **argv) {
         {"points", 0, CLI_SIZE, &b->points, NULL, "N", "dense points for a finest texel, on average (1024)"},
         {"dense", 0, CLI_SIZE, &b->dense, NULL, "N", "... and for a coarser one at most (4096)"},
         {"pairs", 0, CLI_INT, &b->pairs, NULL, "N", "pairs of directions that points are chosen by (4096)"},
-        {"snr", 0, CLI_DOUBLE, &b->snr_db, NULL, "DB", "that the chosen points must reach (30)"},
+        {"snr", 0, CLI_DOUBLE, &b->snr_db, NULL, "DB", "that the chosen points must reach at pairs held out (30)"},
+        {"filter", 0, CLI_TEXT, &r.filter, NULL, "box|tent",
+         "what a texel is the mean over; a tent is twice as wide (box)"},
         {"most", 0, CLI_SIZE, &b->most, NULL, "N", "points of a texel and channel at most (512)"},
         {"channels", 0, CLI_TEXT, &r.channels, NULL, "joint|separate", "points for all channels, or for each (joint)"},
         {"method", 0, CLI_TEXT, &r.method, NULL, "greedy|sampled",
@@ -244,11 +130,13 @@ static int run(int argc, char **argv) {
         {"keep", 0, CLI_DOUBLE, &b->keep, NULL, "SHARE", "of its Haar coefficients (0.05)"},
         {"simplify", 0, CLI_DOUBLE, &b->share, NULL, "SHARE", "of the triangles that the simplified mesh keeps (0.1)"},
         {"own-charts", 0, CLI_FLAG, &b->own_charts, NULL, NULL, "even where the mesh has texture coordinates"},
-        {"cpm", 0, CLI_TEXT, &r.map, NULL, "DIR", "compare: the map"},
-        {"truth", 0, CLI_INT, &r.truth, NULL, "N", "... paths a pixel of the original (256)"},
+        {"cpm", 0, CLI_TEXT, &r.compare.map, NULL, "DIR", "compare: the map"},
+        {"truth", 0, CLI_INT, &r.compare.truth, NULL, "N", "... paths a pixel of the original (256)"},
         {"size", 0, CLI_TEXT, &r.size, NULL, "N|WxH", "... pixels (the scene's)"},
-        {"bias", 0, CLI_DOUBLE, &r.how.bias, NULL, "LEVELS", "... coarser texels, below 0 finer (-1)"},
-        {"camera", 0, CLI_TEXT, &r.camera, NULL, "NAME", "... which of the scene's cameras (the first)"},
+        {"bias", 0, CLI_DOUBLE, &r.compare.how.bias, NULL, "LEVELS", "... coarser texels, below 0 finer (-1)"},
+        {"camera", 0, CLI_TEXT, &r.compare.camera, NULL, "NAME", "... which of the scene's cameras (the first)"},
+        {"strip", 0, CLI_OUTPUT, &r.compare.strip, NULL, "IMAGE",
+         "... all pictures side by side: normal map, truth, map, original in equal time, levels, density"},
         {0}};
     if (!cli_parse(&cmd_cpm, options, argc, argv, words, 2, 2, &count, &common)) {
         return 2;
