@@ -13,6 +13,10 @@ $(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $< $(B)/libgonio.a $(PKG_LIBS)
 
+.PHONY: cpm-kills
+cpm-kills: program ## a map's build killed 20 times ends with the same bytes
+	$(Q)KILLS=20 RESOLUTION=32 GONIO=$(abspath $(B)/gonio) sh tests/system/cpm.sh
+
 .PHONY: significance
 significance: $(B)/tests/bench/significance ## false alarms and power of `gonio check` on 1,000 simulated materials
 	$(Q)$<

@@ -31,7 +31,7 @@ typedef struct gonio_cpm_options {
     double energy;   // of that: share of the squares that the approximation of rank k keeps
     uint64_t seed;
     int threads;   // 0: all; the map does not depend on it
-    size_t memory; // bytes for the texels in work at most; 0: no bound. The map does not depend on it
+    size_t memory; // bytes for points and texels in work at most; 0: no bound. The map does not depend on it
     bool (*progress)(void *context, double fraction, double texels_per_s); // false stops, as elsewhere
     void *progress_context;
 } gonio_cpm_options;

@@ -22,6 +22,7 @@ typedef struct build {
     const gonio_scene *scene;
     const gonio_cpm_options *options;
     const char *folder;
+    int held; // its descriptor, which keeps other builds out
     cpm_texel_options texel;
     cpm_surface *surface;
     cpm_points points;
@@ -67,6 +68,10 @@ static gonio_status check(const gonio_cpm_options *o, gonio_error *error) {
                           "%zu points, %zu dense, batches of %zu, %zu chosen, %d pairs; at least 16, 16, 16, 1 and 64, "
                           "batches up to 16384, chosen up to 4096, pairs up to 65536",
                           o->points, o->dense, o->batch, o->most, o->pairs);
+    }
+    if ((double)o->points * o->resolution * o->resolution > (double)DENSE_MAX) {
+        return gonio_fail(error, GONIO_E_RANGE, "%g dense points; at most %zu are possible",
+                          (double)o->points * o->resolution * o->resolution, DENSE_MAX);
     }
     if (!(o->snr_db > 0 && o->snr_db <= 80) || !(o->keep > 0 && o->keep <= 1) || !(o->share > 0 && o->share <= 1) ||
         !(o->energy > 0 && o->energy < 1)) {
@@ -140,15 +145,35 @@ static void make_texel(void *context, size_t item) {
     gonio_cpm_dense_free(&dense);
 }
 
-// How many texels may be in work at a time.
-static int threads_for(const gonio_cpm_options *o) {
+// Bytes of one texel in work: both sheets of its matrix, what is seen from their directions, and the products of chosen
+// columns.
+static size_t texel_bytes(const gonio_cpm_options *o) {
+    const size_t columns = o->batch < o->dense ? o->batch : o->dense, pairs = (size_t)o->pairs;
+    return pairs * 15 / 4 * columns * sizeof(float) + pairs * 3 / 8 * o->dense +
+           (o->most + (o->paper ? 3 * columns : 0)) * columns * sizeof(double) + 4 * o->dense * sizeof(cpm_point) +
+           o->dense * (sizeof(cpm_place) + sizeof(double));
+}
+
+// How many texels may be in work at a time, beside the points of the whole mesh; 0: not one.
+static size_t texels_at_once(const gonio_cpm_options *o) {
+    const size_t points = o->points * (size_t)o->resolution * (size_t)o->resolution * sizeof(cpm_point);
     const size_t threads = gonio_pool_threads(o->threads);
-    const size_t columns = o->batch < o->dense ? o->batch : o->dense;
-    // Both sheets of its matrix, what is seen from their directions, and the products of chosen columns.
-    const size_t one = (size_t)o->pairs * 15 / 4 * columns * sizeof(float) + (size_t)o->pairs * 3 / 8 * o->dense +
-                       (o->most + (o->paper ? 3 * columns : 0)) * columns * sizeof(double);
-    const size_t fit = o->memory > 0 ? o->memory / one : threads;
-    return (int)(fit < 1 ? 1 : fit < threads ? fit : threads);
+    if (o->memory == 0) {
+        return threads;
+    }
+    const size_t fit = o->memory > points ? (o->memory - points) / texel_bytes(o) : 0;
+    return fit < threads ? fit : threads;
+}
+
+static gonio_status check_memory(const gonio_cpm_options *o, gonio_error *error) {
+    const double points = (double)o->points * o->resolution * o->resolution * sizeof(cpm_point);
+    return texels_at_once(o) > 0
+               ? GONIO_OK
+               : gonio_fail(
+                     error, GONIO_E_RANGE,
+                     "%.3g MB of memory; the points of the mesh take %.3g MB (less with fewer points or texels), "
+                     "one texel's matrix %.3g MB (less with fewer pairs or smaller batches)",
+                     (double)o->memory / 1e6, points / 1e6, (double)texel_bytes(o) / 1e6);
 }
 
 static bool goes_on(const build *b) {
@@ -208,7 +233,7 @@ static gonio_status make_part(build *b, gonio_pool *pool, size_t n, gonio_error 
 }
 
 static gonio_status make_all(build *b, gonio_error *error) {
-    gonio_pool *pool = gonio_pool_new(threads_for(b->options));
+    gonio_pool *pool = gonio_pool_new((int)texels_at_once(b->options));
     gonio_cpm_seconds_read(b->folder, &b->seconds);
     gonio_status status = GONIO_OK;
     b->all = gonio_cpm_level_start(b->options->resolution, (int)b->head.levels);
@@ -234,9 +259,6 @@ static gonio_status prepare(build *b, gonio_error *error) {
     const cpm_surface_options surface = {o->share, o->own_charts || b->scene->settings->meshes > 1, o->resolution};
     gonio_status status = gonio_cpm_surface_new(b->scene->mesh, has_uv, &surface, &b->surface, error);
     const double wanted = (double)o->points * o->resolution * o->resolution;
-    if (status == GONIO_OK && wanted > (double)DENSE_MAX) {
-        status = gonio_fail(error, GONIO_E_RANGE, "%g dense points; at most %zu are possible", wanted, DENSE_MAX);
-    }
     if (status == GONIO_OK) {
         status = gonio_cpm_points_new(b->scene, b->surface, (size_t)wanted, o->resolution, o->threads, o->seed,
                                       &b->points, error);
@@ -261,6 +283,11 @@ static gonio_status enter(build *b, bool *finished, gonio_error *error) {
     }
     char path[4096];
     cpm_store store;
+    b->held = gonio_cpm_folder_hold(b->folder);
+    if (b->held < 0) {
+        return gonio_fail_line(error, GONIO_E_IO, b->folder, -1, "%s",
+                               errno == EWOULDBLOCK ? "another build is at work in it" : strerror(errno));
+    }
     snprintf(path, sizeof path, "%s/map.cpm", b->folder);
     if (access(path, F_OK) != 0) {
         return GONIO_OK;
@@ -286,6 +313,7 @@ gonio_status gonio_cpm_build(const gonio_scene *scene, const char *folder, const
     b->scene = scene;
     b->options = o;
     b->folder = folder;
+    b->held = -1;
     b->started_s = gonio_clock_s();
     b->texel = (cpm_texel_options){o->pairs, o->snr_db,   o->most,  o->batch, o->faces,
                                    o->keep,  o->separate, o->paper, o->energy};
@@ -297,6 +325,7 @@ gonio_status gonio_cpm_build(const gonio_scene *scene, const char *folder, const
     b->head.side = (uint32_t)o->faces;
     bool finished = false;
     gonio_status status = check(o, error);
+    status = status == GONIO_OK ? check_memory(o, error) : status;
     status = status == GONIO_OK ? enter(b, &finished, error) : status;
     if (!finished) {
         status = status == GONIO_OK ? prepare(b, error) : status;
@@ -306,6 +335,9 @@ gonio_status gonio_cpm_build(const gonio_scene *scene, const char *folder, const
         *facts = b->head.facts;
         facts->seconds = gonio_clock_s() - b->started_s;
         gonio_cpm_seconds_tell(folder, facts);
+    }
+    if (b->held >= 0) {
+        close(b->held);
     }
     gonio_cpm_points_free(&b->points);
     gonio_cpm_surface_free(b->surface);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "scene/cpm/store.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -128,6 +130,42 @@ gonio_status gonio_cpm_part_write(const char *folder, int level, uint32_t first,
     }
     free(body);
     return status;
+}
+
+// ---- the folder ----
+
+// Is it a name of ours with what gonio_output_open() puts behind it until it is whole?
+static bool is_half_written(const char *name) {
+    static const char *const ours[] = {"part-", "map.cpm.", "milliseconds."};
+    const char *dot = strrchr(name, '.');
+    bool mine = false;
+    for (size_t k = 0; k < sizeof ours / sizeof *ours; k++) {
+        mine = mine || strncmp(name, ours[k], strlen(ours[k])) == 0;
+    }
+    return mine && dot != NULL && strlen(dot) == 7 && strspn(dot + 1, "0123456789abcdef") == 6;
+}
+
+int gonio_cpm_folder_hold(const char *folder) {
+    const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0 || flock(fd, LOCK_EX | LOCK_NB) != 0) {
+        const int why = errno;
+        if (fd >= 0) {
+            close(fd);
+        }
+        errno = why;
+        return -1;
+    }
+    DIR *names = opendir(folder);
+    const struct dirent *entry;
+    while (names != NULL && (entry = readdir(names)) != NULL) {
+        if (is_half_written(entry->d_name)) {
+            unlinkat(fd, entry->d_name, 0);
+        }
+    }
+    if (names != NULL) {
+        closedir(names);
+    }
+    return fd;
 }
 
 // ---- seconds ----

@@ -37,6 +37,9 @@ gonio_status gonio_cpm_part_write(const char *folder, int level, uint32_t first,
 void gonio_cpm_seconds_read(const char *folder, cpm_seconds *seconds);
 gonio_status gonio_cpm_seconds_write(const char *folder, const cpm_seconds *seconds, gonio_error *error);
 void gonio_cpm_seconds_tell(const char *folder, gonio_cpm_facts *facts);
+// Holds the folder against other builds until the descriptor is closed, and removes what a killed one left
+// half-written. -1: another build is at work there (errno EWOULDBLOCK), or the folder cannot be opened.
+int gonio_cpm_folder_hold(const char *folder);
 // All parts become the map, and vanish.
 gonio_status gonio_cpm_store_join(const char *folder, cpm_head *head, const cpm_surface *surface, gonio_error *error);
 

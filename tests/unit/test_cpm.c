@@ -286,7 +286,9 @@ static void build_goes_on(void **state) {
     size_t a_size, b_size;
     char *a = bytes_of("map/map.cpm", &a_size);
     o.threads = 2;
-    o.memory = 1;
+    o.memory = 1000;
+    assert_int_equal(gonio_cpm_build(scene, "again", &o, &facts, NULL), GONIO_E_RANGE);
+    o.memory = 2 << 20; // of one texel at a time
     o.progress = stop_after;
     gonio_status status = GONIO_E_INTERRUPTED;
     int rounds = 0;

@@ -125,7 +125,7 @@ static int run(int argc, char **argv) {
          "how points are chosen; sampled is the paper's (greedy)"},
         {"energy", 0, CLI_DOUBLE, &b->energy, NULL, "SHARE", "of the squares that its rank keeps (0.97)"},
         {"batch", 0, CLI_SIZE, &b->batch, NULL, "N", "points of one matrix at most (1024)"},
-        {"memory", 0, CLI_SIZE, &b->memory, NULL, "BYTES", "for the texels in work at most (no bound)"},
+        {"memory", 0, CLI_SIZE, &b->memory, NULL, "BYTES", "for the mesh's points and the texels in work at most (no bound)"},
         {"faces", 0, CLI_INT, &b->faces, NULL, "N", "pixels a side of the cube that keeps the visible area (32)"},
         {"keep", 0, CLI_DOUBLE, &b->keep, NULL, "SHARE", "of its Haar coefficients (0.05)"},
         {"simplify", 0, CLI_DOUBLE, &b->share, NULL, "SHARE", "of the triangles that the simplified mesh keeps (0.1)"},
