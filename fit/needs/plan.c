@@ -17,6 +17,7 @@
 #include "base/thread_pool.h"
 #include "fit/needs/needs.h"
 #include "fit/prior/kernel.h"
+#include "gonio/library.h"
 
 #define POINTS_MIN 600
 #define POINTS_MAX 3000

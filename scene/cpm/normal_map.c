@@ -157,9 +157,7 @@ gonio_status gonio_cpm_render_normal_map(const gonio_cpm *cpm, const gonio_scene
     gonio_status status = options->samples >= 1
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_RANGE, "%d samples a pixel; at least 1", options->samples);
-    status = status == GONIO_OK
-                 ? gonio_world_camera(cpm->scene, options->camera, options->width, options->height, &f.camera, error)
-                 : status;
+    status = status == GONIO_OK ? gonio_world_camera(cpm->scene, options, &f.camera, error) : status;
     status = status == GONIO_OK ? gonio_scene_picture_new(options->width, options->height, &f.picture, error) : status;
     if (status != GONIO_OK) {
         return status;
