@@ -77,7 +77,7 @@ test: deps ## set up, build and run every test
 
 # Unit and property tests run under ASan and UBSan; system tests drive the program as users get it.
 test-build: all ## build what `make test` runs
-	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory unit B=$(B)/asan OPT='-O2 -g1' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 unit: $(UNIT_BINS) ## build the unit, property, golden and conformance tests, without sanitizers
 
 test-slow: deps ## a minute of fuzzing a target and of the durability campaign, the virtual machine and the packages, as CI runs them after the tests
@@ -90,7 +90,7 @@ bench: deps ## speed and accuracy figures, as ratios against references of the s
 bench-build: $(BENCH_BINS) ## build what `make bench` runs
 
 asan: ## build the program and the tests with AddressSanitizer
-	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/asan OPT='-O1 -g' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
+	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/asan OPT='-O2 -g1' SANITIZE='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer'
 ubsan: ## build with UndefinedBehaviorSanitizer
 	$(Q)$(MAKE) -j$(JOBS) --no-print-directory program unit B=$(B)/ubsan OPT='-O1 -g' SANITIZE='-fsanitize=undefined -fno-sanitize-recover=undefined'
 tsan: ## build with ThreadSanitizer
