@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: BSD-3-Clause
 # The slow suites in a bounded form, as CI runs them after `make test`: a minute of fuzzing a target and of the
-# durability campaign, 500 disturbed measures, the virtual machine, the packages. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
+# durability campaign, 500 disturbed measures, the virtual machine, the packages, independent readers. Prints TAP; the last line sums up, and so does BUILD/test-logs/summary-slow.
 # usage: tests/slow.sh BUILD_FOLDER
 set -u
 build=$1
@@ -30,6 +30,9 @@ suite faults "500 measures disturbed by seeded faults" $make faults FAULTS=500
 suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
 # Building, unpacking and installing takes some minutes; a mirror that hangs must not take hours.
 suite packages "the Debian packages in a fresh system" timeout -k 60 2400 $make test-packages
+# Renderers and validators, as far as mirrors have them: minutes to fetch, then eight at most.
+timeout -k 30 600 env LIMIT=280 $make deps-peers
+suite peers "independent programs read our files" timeout -k 30 480 $make test-peers
 skipped=$(cat "$logs"/slow-*.tap | grep -c '^ok .*# SKIP')
 passed=$(cat "$logs"/slow-*.tap | grep '^ok ' | grep -vc '# SKIP')
 failed=$(cat "$logs"/slow-*.tap | grep -c '^not ok ')

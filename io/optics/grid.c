@@ -253,8 +253,10 @@ void gonio_xyz_to_rgb(const double xyz[3], double rgb[3]) {
     rgb[2] = fmax(0, 0.0556434 * x - 0.2040259 * y + 1.0572252 * z);
 }
 
+// Of the matrix above the inverse to all digits: what is read is written again as it was.
 void gonio_rgb_to_xyz(const double rgb[3], double xyz[3]) {
-    xyz[0] = 0.4124564391 * rgb[0] + 0.3575760776 * rgb[1] + 0.1804374833 * rgb[2];
-    xyz[1] = 0.2126728514 * rgb[0] + 0.7151521553 * rgb[1] + 0.0721749934 * rgb[2];
-    xyz[2] = 0.0193338956 * rgb[0] + 0.1191920259 * rgb[1] + 0.9503040785 * rgb[2];
+    const double r = rgb[0], g = rgb[1], b = rgb[2];
+    xyz[0] = 0.41245643226823603 * r + 0.35757607628002747 * g + 0.1804374802944501 * b;
+    xyz[1] = 0.212672846318362 * r + 0.7151521671548808 * g + 0.07217499957321262 * b;
+    xyz[2] = 0.01933390410329902 * r + 0.11919202824322096 * g + 0.950304073677404 * b;
 }

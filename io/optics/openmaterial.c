@@ -179,12 +179,15 @@ static gonio_status read_openmaterial(const gonio_source *source, const gonio_fo
 
 // ---- writing ----
 
-// One material has one identifier: of its values.
+// One material has one identifier: of its values, as they are written.
 static void put_uuid(const gonio_grid *g, size_t n, FILE *stream) {
     uint64_t hash = gonio_random(n);
     for (size_t k = 0; k < n; k += 97) {
+        char digits[32];
+        snprintf(digits, sizeof digits, "%.9g", g->values[k]);
+        const double value = gonio_number_parse(digits, &(char *){NULL});
         uint64_t bits;
-        memcpy(&bits, &g->values[k], sizeof bits);
+        memcpy(&bits, &value, sizeof bits);
         hash = gonio_random(hash ^ bits);
     }
     const uint64_t more = gonio_random(hash + GONIO_RANDOM_STEP);

@@ -106,7 +106,9 @@ static void set_pair(const gonio_model *model, size_t k, pair *out) {
     out->schlick = fifth(out->g.cos_d);
     gonio_model_eval(model, wi, wo, out->value);
     for (int c = 0; c < 3; c++) {
-        out->per[c] = 1 / fmax(out->value[c], 1e-4);
+        const bool any = isfinite(out->value[c]);
+        out->value[c] = any ? out->value[c] : 0;
+        out->per[c] = any ? 1 / fmax(out->value[c], 1e-4) : 0;
     }
 }
 

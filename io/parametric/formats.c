@@ -110,17 +110,16 @@ static gonio_status write_gltf(const gonio_model *model, const gonio_format_valu
         return status;
     }
     const double *base = base_of(&p), f0 = fmax(largest(p.f0), 1e-6);
-    const bool anisotropic = p.alpha_x != p.alpha_y;
-    fprintf(stream,
-            "{\n  \"asset\": {\"version\": \"2.0\", \"generator\": \"Gonio\"},\n  \"extensionsUsed\": [%s%s%s],\n",
-            p.metal ? "" : "\"KHR_materials_ior\", \"KHR_materials_specular\"", !p.metal && anisotropic ? ", " : "",
-            anisotropic ? "\"KHR_materials_anisotropy\"" : "");
+    const bool anisotropic = p.alpha_x != p.alpha_y, any = !p.metal || anisotropic; // an empty list is an error
+    fprintf(stream, "{\n  \"asset\": {\"version\": \"2.0\", \"generator\": \"Gonio\"},\n%s%s%s%s%s",
+            any ? "  \"extensionsUsed\": [" : "", p.metal ? "" : "\"KHR_materials_ior\", \"KHR_materials_specular\"",
+            !p.metal && anisotropic ? ", " : "", anisotropic ? "\"KHR_materials_anisotropy\"" : "", any ? "],\n" : "");
     fprintf(stream,
             "  \"materials\": [{\"name\": \"Gonio\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [%.6g, %.6g, "
             "%.6g, 1], "
             "\"metallicFactor\": %d, \"roughnessFactor\": %.6g}",
             base[0], base[1], base[2], p.metal, sqrt(narrow(&p)));
-    if (!p.metal || anisotropic) {
+    if (any) {
         fputs(", \"extensions\": {", stream);
     }
     if (!p.metal) {
@@ -134,7 +133,7 @@ static gonio_status write_gltf(const gonio_model *model, const gonio_format_valu
         fprintf(stream, "\"KHR_materials_anisotropy\": {\"anisotropyStrength\": %.6g, \"anisotropyRotation\": %.6g}",
                 sqrt((wide(&p) - narrow(&p)) / (1 - narrow(&p))), turned(&p) ? GONIO_PI / 2 : 0);
     }
-    fputs(!p.metal || anisotropic ? "}}],\n" : "}],\n", stream);
+    fputs(any ? "}}],\n" : "}],\n", stream);
     put_gltf_scene(stream);
     return GONIO_OK;
 }

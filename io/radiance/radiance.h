@@ -88,6 +88,22 @@ bool gonio_tensor_tree_directions(int dimensions, const double at[4], gonio_vec3
 typedef bool (*gonio_tensor_tree_fn)(void *context, const gonio_pair *pair);
 void gonio_tensor_tree_cells(const gonio_tensor_tree *tree, gonio_tensor_tree_fn call, void *context);
 
+// ---- adaptive.c: a tree of the model's values at its cells' centres, which are as small as the model asks for ----
+typedef struct gonio_adaptive_options {
+    int least_depth, deepest; // halvings of every cell at least, of any at most
+    double tolerance;         // relative error times the root of the volume, above which a cell is split
+    double dark;              // what an error is relative to at least, the sum over channels
+} gonio_adaptive_options;
+typedef struct gonio_adaptive_tree gonio_adaptive_tree;
+// Of a model of 1 or 3 channels. NULL: no memory, or more than 2^30 nodes.
+gonio_adaptive_tree *gonio_adaptive_tree_new(const gonio_model *model, int dimensions,
+                                             const gonio_adaptive_options *options, int threads);
+void gonio_adaptive_tree_free(gonio_adaptive_tree *tree); // NULL is allowed
+// Every cell's values, to be looked at or changed.
+void gonio_adaptive_tree_each(gonio_adaptive_tree *tree, void (*call)(void *context, float values[3]), void *context);
+// The text of one value of each cell. Of part 0 (Y) cells that agree to 1e-5 are one, of the others to 2e-5.
+void gonio_adaptive_tree_put(const gonio_adaptive_tree *tree, int part, FILE *stream);
+
 // ---- radiance.c: the model ----
 typedef struct gonio_radiance_model {
     gonio_model head;

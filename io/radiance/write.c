@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Writing a model as XML of Radiance and WINDOW: a tensor tree with the model's values at its cells' centres, or a
+// Writing a model as XML of Radiance and WINDOW: a tensor tree (io/radiance/adaptive.c), or a
 // Klems matrix of averages over two patches.
 //
 // A three-dimensional tree in colour has a trap. Where its smallest value exceeds 0.01 / pi, Radiance takes that part
@@ -16,8 +16,13 @@
 #include "io/radiance/radiance.h"
 
 #define MAX_BYTES 30000000
-#define BYTES_A_VALUE 9    // of text, about
-#define SAME 1e-5          // cells whose values differ by no more, relatively, are one
+#define BYTES_A_VALUE 9 // of text, about
+#define DARK 1e-4       // of the largest value: errors are relative to no less
+#define AIM 0.96        // of the bytes that are there, and what is as good
+#define FULL 0.9
+#define ROUNDS 12
+#define TOLERANCE_FIRST 0.01
+#define TOLERANCE_LEAST 1e-7
 #define FLOOR_LEAST 0.01   // times 1/pi: what Radiance takes out
 #define FINE 5             // points a way of the average over a patch
 #define WHITE_U (4.0 / 19) // of equal energy
@@ -35,10 +40,12 @@ static const char *const klems_names[] = {"LBNL/Klems Full", "LBNL/Klems Half", 
 // What is written: `parts` tables of n numbers, Y alone or Y and its colour.
 typedef struct tables {
     const gonio_model *model; // of 1 channel, Y, or of r, g, b
-    int parts, dimensions, depth;
+    int parts, dimensions;
     const gonio_radiance_model *own; // a model that was read, whose tables are written as they are; NULL: none
     size_t n;
     double *values[3];
+    char *text[3]; // of a tree, each part's
+    size_t length[3];
     double floor[3]; // r, g, b
     gonio_half half;
 } tables;
@@ -51,37 +58,28 @@ typedef struct sheet {
 
 // ---- trees ----
 
-static void fill_tree_row(void *context, size_t row) {
-    tables *t = context;
-    const size_t side = (size_t)1 << t->depth;
-    for (size_t k = row * side; k < (row + 1) * side; k++) {
-        double at[4], rgb[3];
-        size_t rest = k;
-        for (int d = t->dimensions - 1; d >= 0; d--, rest /= side) {
-            at[d] = ((double)(rest % side) + 0.5) / (double)side;
-        }
-        gonio_vec3 wi, wo;
-        const bool lies = gonio_tensor_tree_directions(t->dimensions, at, &wi, &wo);
-        if (lies) {
-            gonio_model_eval(t->model, wi, wo, rgb);
-        }
-        for (int c = 0; c < t->parts; c++) {
-            t->values[c][k] = lies ? fmax(rgb[c], 0) : -1;
-        }
+// What a walk over a tree's cells finds or uses.
+typedef struct seen {
+    tables *t;
+    double least[3], most; // of each channel; of their sum
+} seen;
+
+static void look_at(void *context, float values[3]) {
+    seen *s = context;
+    double sum = 0;
+    for (int c = 0; c < s->t->parts; c++) {
+        s->least[c] = fmin(s->least[c], (double)values[c]);
+        sum += (double)values[c];
     }
+    s->most = fmax(s->most, sum);
 }
 
 // The smallest value of each of r, g, b where Radiance would take it out; else zeros.
-static void find_floor(tables *t) {
-    double least[3] = {INFINITY, INFINITY, INFINITY}, xyz[3];
-    for (size_t k = 0; k < t->n; k++) {
-        for (int c = 0; c < t->parts && t->values[0][k] >= 0; c++) {
-            least[c] = fmin(least[c], t->values[c][k]);
-        }
-    }
+static void find_floor(tables *t, const double least[3]) {
+    double xyz[3];
     gonio_radiance_rgb_to_xyz(least, xyz);
     if (t->parts == 3 && t->dimensions == 3 && xyz[1] > FLOOR_LEAST / GONIO_PI) {
-        memcpy(t->floor, least, sizeof least);
+        memcpy(t->floor, least, sizeof t->floor);
     }
 }
 
@@ -96,26 +94,18 @@ static void level_floors(sheet *s) {
     }
 }
 
-// Take the floor out and turn colours to Y, u', v'; where no direction lies, zeros.
-static void finish_tree(tables *t) {
-    double xyz[3];
-    for (size_t k = 0; k < t->n; k++) {
-        double rgb[3] = {0};
-        if (t->values[0][k] < 0 || t->parts == 1) {
-            for (int c = 0; c < t->parts; c++) {
-                t->values[c][k] = fmax(t->values[c][k], 0);
-            }
-            continue;
-        }
-        for (int c = 0; c < 3; c++) {
-            rgb[c] = fmax(t->values[c][k] - t->floor[c], 0);
-        }
-        gonio_radiance_rgb_to_xyz(rgb, xyz);
-        const double sum = xyz[0] + 15 * xyz[1] + 3 * xyz[2];
-        t->values[0][k] = xyz[1];
-        t->values[1][k] = (xyz[1] > 1e-9 ? 4 * xyz[0] / sum : WHITE_U);
-        t->values[2][k] = (xyz[1] > 1e-9 ? 9 * xyz[1] / sum : WHITE_V);
+// Take the floor out and turn colours to Y, u', v'.
+static void finish_cell(void *context, float values[3]) {
+    const tables *t = context;
+    double xyz[3], rgb[3];
+    for (int c = 0; c < 3; c++) {
+        rgb[c] = fmax((double)values[c] - t->floor[c], 0);
     }
+    gonio_radiance_rgb_to_xyz(rgb, xyz);
+    const double sum = xyz[0] + 15 * xyz[1] + 3 * xyz[2];
+    values[0] = (float)xyz[1];
+    values[1] = (float)(xyz[1] > 1e-9 ? 4 * xyz[0] / sum : WHITE_U);
+    values[2] = (float)(xyz[1] > 1e-9 ? 9 * xyz[1] / sum : WHITE_V);
 }
 
 // A tree that was read, as it is.
@@ -129,78 +119,10 @@ static void emit_tree(const gonio_tensor_tree *t, int node, FILE *stream) {
         return;
     }
     const int *leaf = t->nodes + (-1 - node);
-    fputs("{", stream);
     for (size_t k = 0; k < (size_t)1 << (leaf[1] * t->dimensions); k++) {
-        fprintf(stream, " %.6g", t->values[(size_t)leaf[0] + k]);
+        fprintf(stream, k == 0 ? "{%.6g" : " %.6g", t->values[(size_t)leaf[0] + k]);
     }
-    fputs(" }\n", stream);
-}
-
-typedef struct emitter {
-    FILE *stream;
-    const double *values;
-    int dimensions, depth;
-} emitter;
-
-static size_t index_of(const emitter *e, const size_t at[4]) {
-    size_t index = 0;
-    for (int d = 0; d < e->dimensions; d++) {
-        index = (index << e->depth) + at[d];
-    }
-    return index;
-}
-
-static void range_of(const emitter *e, const size_t low[4], size_t side, double *least, double *most) {
-    size_t count = 1;
-    for (int d = 0; d < e->dimensions; d++) {
-        count *= side;
-    }
-    *least = INFINITY;
-    *most = -INFINITY;
-    for (size_t k = 0; k < count; k++) {
-        size_t at[4], rest = k;
-        for (int d = e->dimensions - 1; d >= 0; d--, rest /= side) {
-            at[d] = low[d] + rest % side;
-        }
-        const double v = e->values[index_of(e, at)];
-        *least = fmin(*least, v);
-        *most = fmax(*most, v);
-    }
-}
-
-// The cells of two a way, dimension 0 slowest.
-static void emit_grid(const emitter *e, const size_t low[4]) {
-    fputs("{", e->stream);
-    for (int k = 0; k < 1 << e->dimensions; k++) {
-        size_t at[4];
-        for (int d = 0; d < e->dimensions; d++) {
-            at[d] = low[d] + (size_t)(k >> (e->dimensions - 1 - d) & 1);
-        }
-        fprintf(e->stream, " %.6g", e->values[index_of(e, at)]);
-    }
-    fputs(" }\n", e->stream);
-}
-
-static void emit(const emitter *e, const size_t low[4], size_t side) {
-    double least, most;
-    range_of(e, low, side, &least, &most);
-    if (most - least <= SAME * fabs(most)) {
-        fprintf(e->stream, "{ %.6g }\n", 0.5 * (least + most));
-        return;
-    }
-    if (side == 2) {
-        emit_grid(e, low);
-        return;
-    }
-    fputs("{\n", e->stream);
-    for (int child = 0; child < 1 << e->dimensions; child++) { // the lowest bit is dimension 0
-        size_t corner[4];
-        for (int d = 0; d < e->dimensions; d++) {
-            corner[d] = low[d] + (child >> d & 1 ? side / 2 : 0);
-        }
-        emit(e, corner, side / 2);
-    }
-    fputs("}\n", e->stream);
+    fputs("}\n", stream);
 }
 
 // ---- Klems matrices ----
@@ -289,8 +211,7 @@ static void put_table(FILE *stream, const tables *t, int part, const char *quant
     } else if (t->own != NULL) {
         emit_tree(&t->own->tree[part], t->own->tree[part].nodes[0], stream);
     } else {
-        const emitter e = {stream, t->values[part], t->dimensions, t->depth};
-        emit(&e, (const size_t[4]){0}, (size_t)1 << t->depth);
+        fwrite(t->text[part], 1, t->length[part], stream);
     }
     fputs("</ScatteringData>\n</WavelengthDataBlock>\n</WavelengthData>\n", stream);
 }
@@ -335,11 +256,6 @@ static gonio_status allocate(tables *t, gonio_error *error) {
     return GONIO_OK;
 }
 
-static size_t cells_of(const tables *t) {
-    const size_t n = (size_t)1 << (t->dimensions * t->depth);
-    return t->dimensions == 3 ? n / 2 : n;
-}
-
 static const tables *table_of(const sheet *s, unsigned halves) {
     for (int h = 0; h < s->n; h++) {
         if (halves >> s->half[h].half & 1) {
@@ -361,40 +277,134 @@ static void tell_scene(const sheet *s, gonio_write_report *told) {
             gonio_text_append(text, sizeof text, " %.6g", t != NULL ? GONIO_PI * t->floor[c] : 0.0);
         }
     }
-    snprintf(told->about, sizeof told->about, "TensorTree%d of side %d; scene: void BSDF m 6 0 FILE.xml 0 1 0 . 0 %d%s",
-             s->half[0].dimensions, 1 << s->half[0].depth, 3 * groups, text);
+    snprintf(told->about, sizeof told->about, "adaptive TensorTree%d; scene: void BSDF m 6 0 FILE.xml 0 1 0 . 0 %d%s",
+             s->half[0].dimensions, 3 * groups, text);
 }
 
+// What a tree is built with, and where the search for a tolerance is.
+typedef struct building {
+    sheet *s;
+    int threads;
+    size_t budget, bytes; // of text
+    gonio_adaptive_options options;
+} building;
+
+static void forget_texts(tables *t) {
+    for (int c = 0; c < 3; c++) {
+        free(t->text[c]);
+        t->text[c] = NULL;
+    }
+}
+
+static gonio_status put_texts(tables *t, const gonio_adaptive_tree *tree, size_t *bytes, gonio_error *error) {
+    for (int c = 0; c < t->parts; c++) {
+        FILE *stream = open_memstream(&t->text[c], &t->length[c]);
+        if (stream == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for the text of a tree");
+        }
+        gonio_adaptive_tree_put(tree, c, stream);
+        const bool whole = !ferror(stream);
+        if (fclose(stream) != 0 || !whole) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for the text of a tree");
+        }
+        *bytes += t->length[c];
+    }
+    return GONIO_OK;
+}
+
+// Every half's tree of that tolerance, and the bytes that their texts take.
+static gonio_status build(building *b, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    b->bytes = 0;
+    for (int h = 0; h < b->s->n && status == GONIO_OK; h++) {
+        tables *t = &b->s->half[h];
+        forget_texts(t);
+        gonio_adaptive_tree *tree = gonio_adaptive_tree_new(t->model, t->dimensions, &b->options, b->threads);
+        if (tree == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for a tensor tree");
+        }
+        if (t->parts == 3) {
+            gonio_adaptive_tree_each(tree, finish_cell, t);
+        }
+        status = put_texts(t, tree, &b->bytes, error);
+        gonio_adaptive_tree_free(tree);
+    }
+    return status;
+}
+
+// Floors, and what is dark, from the coarsest tree.
+static gonio_status look(building *b, gonio_error *error) {
+    double most = 0;
+    for (int h = 0; h < b->s->n; h++) {
+        tables *t = &b->s->half[h];
+        seen found = {.t = t, .least = {INFINITY, INFINITY, INFINITY}};
+        gonio_adaptive_tree *tree = gonio_adaptive_tree_new(t->model, t->dimensions, &b->options, b->threads);
+        if (tree == NULL) {
+            return gonio_fail(error, GONIO_E_MEMORY, "no memory for a tensor tree");
+        }
+        gonio_adaptive_tree_each(tree, look_at, &found);
+        gonio_adaptive_tree_free(tree);
+        find_floor(t, found.least);
+        most = fmax(most, found.most);
+    }
+    level_floors(b->s);
+    b->options.dark = DARK * most;
+    return GONIO_OK;
+}
+
+// The smallest tolerance whose trees stay within the bytes; about, since each try costs a tree.
+static gonio_status fill_budget(building *b, gonio_error *error) {
+    double power = b->s->half[0].dimensions; // of the tolerance, by which the bytes grow
+    double fits = INFINITY, before = 0;
+    size_t before_bytes = 0;
+    b->options.tolerance = TOLERANCE_FIRST;
+    for (int round = 0; round < ROUNDS; round++) {
+        const gonio_status status = build(b, error);
+        const double ratio = (double)b->bytes / (double)b->budget;
+        if (status != GONIO_OK) {
+            return status;
+        }
+        if (ratio <= 1) {
+            fits = fmin(fits, b->options.tolerance);
+            if (ratio > FULL || b->options.tolerance < TOLERANCE_LEAST) {
+                return GONIO_OK;
+            }
+        }
+        if (before_bytes > 0 && b->bytes != before_bytes) {
+            power =
+                fmin(fmax(-log((double)b->bytes / (double)before_bytes) / log(b->options.tolerance / before), 0.5), 6);
+        }
+        before = b->options.tolerance;
+        before_bytes = b->bytes;
+        b->options.tolerance *= fmin(fmax(pow(ratio / AIM, 1 / power), 0.2), 5);
+    }
+    if (b->bytes <= b->budget && before == fits) {
+        return GONIO_OK;
+    }
+    b->options.tolerance = fits;
+    return build(b, error);
+}
+
+// The coarsest tree, of whose cells twice as many fit; then as fine as the bytes let it be.
 static gonio_status write_tree(sheet *s, const gonio_format_values *values, FILE *stream, gonio_write_report *told,
                                gonio_error *error) {
-    const size_t bytes = (values->max_bytes > 0 ? values->max_bytes : MAX_BYTES) / (size_t)s->n;
-    const tables *first = &s->half[0];
-    const int deepest = first->dimensions == 3 ? 8 : 6;
-    int depth = 2;
-    for (; depth < deepest; depth++) {
-        const tables next = {.dimensions = first->dimensions, .depth = depth + 1};
-        if (cells_of(&next) * (size_t)first->parts * BYTES_A_VALUE > bytes) {
-            break;
-        }
+    const int dimensions = s->half[0].dimensions, parts = s->half[0].parts;
+    building b = {.s = s,
+                  .threads = values->threads,
+                  .budget = values->max_bytes > 0 ? values->max_bytes : MAX_BYTES,
+                  .options = {.least_depth = 2, .deepest = 10, .tolerance = INFINITY}};
+    while (b.options.least_depth < (dimensions == 3 ? 6 : 4) &&
+           2 * (size_t)(s->n * parts * BYTES_A_VALUE) << (dimensions * (b.options.least_depth + 1)) <= b.budget) {
+        b.options.least_depth++;
     }
-    gonio_status status = GONIO_OK;
-    for (int h = 0; h < s->n && status == GONIO_OK; h++) {
-        tables *t = &s->half[h];
-        t->depth = depth;
-        t->n = (size_t)1 << (t->dimensions * t->depth);
-        status = allocate(t, error);
-        if (status == GONIO_OK) {
-            gonio_pool_for(values->threads, t->n >> t->depth, fill_tree_row, t);
-            find_floor(t);
-        }
-    }
+    gonio_status status = look(&b, error);
+    status = status == GONIO_OK ? fill_budget(&b, error) : status;
     if (status == GONIO_OK) {
-        level_floors(s);
-        for (int h = 0; h < s->n; h++) {
-            finish_tree(&s->half[h]);
-        }
         put_file(stream, s, NULL, NULL);
         tell_scene(s, told);
+    }
+    for (int h = 0; h < s->n; h++) {
+        forget_texts(&s->half[h]);
     }
     return status;
 }
