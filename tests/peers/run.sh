@@ -13,7 +13,8 @@ GONIO=$PWD/$build/gonio
 here=$PWD/tests/peers
 NODE_PATH=$PWD/$build/peers/node_modules
 PATH=${PEERS_DIR:+$PEERS_DIR:$PEERS_DIR/bin:}$PATH
-export NODE_PATH PATH
+RAYPATH=${RAYPATH:-.${PEERS_DIR:+:$PEERS_DIR/lib}} # Radiance's library
+export NODE_PATH PATH RAYPATH
 . tests/system/lib.sh
 
 needs() { # needs PROGRAM ...: of a part; names it
@@ -68,12 +69,12 @@ cycles() { # cycles NAME MODEL FORMAT MEDIAN LARGEST [DIRECTIONS]
 }
 part_cycles() {
     needs blender || return
-    cycles "a diffuser" spec:lambert:rho=0.5/0.5/0.5 principled 0.002 0.01
+    cycles "a diffuser" spec:lambert:rho=0.5/0.5/0.5 principled 0.02 0.05
     cycles "a metal" spec:ggx:rho_s=1/1/1,alpha=0.25,f0=0.7 principled 0.005 0.05
     cycles "a metal, stretched along x" spec:ggx:rho_s=1/1/1,alpha_x=0.4,alpha_y=0.15,f0=0.7 principled 0.005 0.05 anisotropic
     cycles "a metal, stretched along y" spec:ggx:rho_s=1/1/1,alpha_x=0.15,alpha_y=0.4,f0=0.7 principled 0.005 0.05 anisotropic
     cycles "a lacquer" "$smooth" principled 0.01 0.25
-    cycles "a lacquer as glTF" "$smooth" gltf 0.03 0.25
+    cycles "a lacquer as glTF" "$smooth" gltf 0.06 0.25
 }
 
 # ---- npm ----
@@ -140,7 +141,7 @@ part_picture_radiance() {
         rpict -w -ab 1 -aa 0 -ad 256 -as 0 -av 0 0 0 -ss 16 -st 0 -lr 8 -lw 1e-6 -dj 0 -dc 1 -dt 0 -ps 1 -pj 0.9 -vtv -vp 0 0 6 -vd 0 0 -1 -vu 0 1 0 \
             -vh 32 -vv 32 -x $((4 * SIZE)) -y $((4 * SIZE)) "$work/scene.oct" 2>"$work/log" | pvalue -h -H -d >"$work/pixels"
         python3 "$here/scene.py" --mean "$SIZE" 4 "$work/pixels" "$work/radiance-$basis.pfm" || { fail "$part: $basis" "$(head -c 300 "$work/log")"; return; }
-        apart "Radiance's sphere and plate ($basis)" "$work/scene/scene.ini" "$work/radiance-$basis.pfm" $most --samples 1024
+        apart "Radiance's sphere and plate ($basis)" "$work/scene/scene.ini" "$work/radiance-$basis.pfm" $most --samples 256
     done
 }
 part_picture_cycles() {
@@ -149,7 +150,7 @@ part_picture_cycles() {
     convert $smooth "$work/a.py" --to principled && convert $stretched "$work/b.py" --to principled || return
     timeout 300 blender -b --factory-startup -P "$here/cycles.py" -- picture "$work/scene/scene.json" "$work/a.py" "$work/b.py" "$work/cycles.exr" >"$work/blender.log" 2>&1
     [ -s "$work/cycles.exr" ] || { fail "$part" "$(tail -n 5 "$work/blender.log")"; return; }
-    apart "Cycles' sphere and plate (parametric)" "$work/scene/scene.ini" "$work/cycles.exr" 6 --samples 1024
+    apart "Cycles' sphere and plate (parametric)" "$work/scene/scene.ini" "$work/cycles.exr" 6 --samples 256
 }
 
 # ---- Radiance: values ----
