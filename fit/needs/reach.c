@@ -3,7 +3,8 @@
 //
 // Coordinates fill a cube, pairs of directions do not: the corners about Nusselt's discs, and half and difference
 // vectors that put one direction behind the surface, are nobody's. The maps are inverted (brdf/coordinates.c has them),
-// and a cell is reachable where one of 3^dims places of it, its corners among them, is a pair.
+// and a cell is reachable where one of 3^dims places of it, some near its corners, is a pair. (Corners
+// themselves would count cells that pairs touch only.)
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -12,6 +13,7 @@
 #include "fit/needs/needs.h"
 
 #define PLACES 3 // along an axis of a cell
+static const double place_in_cell[PLACES] = {0.01, 0.5, 0.99};
 
 // A direction whose projection on the surface this is.
 static bool rise(double x, double y, gonio_vec3 *w) {
@@ -100,7 +102,7 @@ static bool is_reachable(const counting *c, size_t cell) {
         double x[4];
         gonio_vec3 wi, wo;
         for (int d = 0, left = k; d < dims; d++, left /= PLACES) {
-            x[d] = ((double)at[d] + (double)(left % PLACES) / (PLACES - 1)) / (double)c->side;
+            x[d] = ((double)at[d] + place_in_cell[left % PLACES]) / (double)c->side;
         }
         if (gonio_needs_pair_at(c->coordinates, c->isotropic, x, &wi, &wo)) {
             return true;

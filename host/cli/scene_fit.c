@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "host/cli/apart.h"
+
 bool cli_scene_fit_check(cli_scene_fit *f, const cli_common *common) {
     const bool any = f->given[0] || f->given[1] || f->given[2] || f->given[3] || f->material != NULL;
     if (f->needs == NULL) {
@@ -47,7 +49,8 @@ static bool on_progress(void *context, const char *what) {
 }
 
 gonio_status cli_scene_fit_run(cli_scene_fit *f, const gonio_samples *samples, const gonio_fit_options *options,
-                               gonio_model **model, gonio_fit_report *report, gonio_error *error) {
+                               const cli_common *common, gonio_model **model, gonio_fit_report *report,
+                               gonio_error *error) {
     gonio_needs *needs;
     int material = 0;
     progress p = {.done = 0};
@@ -56,7 +59,10 @@ gonio_status cli_scene_fit_run(cli_scene_fit *f, const gonio_samples *samples, c
     if (status != GONIO_OK) {
         return status;
     }
-    status = gonio_needs_material(needs, f->material, &material, error);
+    gonio_needs_scene scene;
+    gonio_needs_describe_scene(needs, &scene);
+    status = cli_apart_input(common, scene.path, error);
+    status = status == GONIO_OK ? gonio_needs_material(needs, f->material, &material, error) : status;
     f->how.progress = on_progress;
     f->how.progress_context = &p;
     cli_progress_start(&p.line, "scene", 0);

@@ -48,7 +48,8 @@ typedef struct cli_scene_fit {
 // False after having reported wrong usage.
 bool cli_scene_fit_check(cli_scene_fit *f, const cli_common *common);
 gonio_status cli_scene_fit_run(cli_scene_fit *f, const gonio_samples *samples, const gonio_fit_options *options,
-                               gonio_model **model, gonio_fit_report *report, gonio_error *error);
+                               const cli_common *common, gonio_model **model, gonio_fit_report *report,
+                               gonio_error *error);
 void cli_scene_fit_print(const cli_scene_fit *f);
 json_t *cli_scene_fit_json(const cli_scene_fit *f);
 

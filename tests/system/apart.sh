@@ -68,6 +68,9 @@ render spec:lambert:rho=0.5 spec:file:d/m.gonio -o d/m.gonio
 render d/m.gonio --mesh d/mesh.obj -o d/mesh.obj
 render d/scene.ini -o d/scene.ini
 render d/scene.ini -o d/mesh.obj
+scene needs d/scene.ini -o d/scene.ini
+scene needs d/scene.ini -o d/mesh.obj
+scene needs d/scene.ini -o d/x --picture d/mesh.obj
 cpm build d/scene.ini -o d/scene.ini
 cpm build d/scene.ini -o d/mesh.obj
 cpm build d/scene.ini -o s/day.session/x

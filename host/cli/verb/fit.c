@@ -183,7 +183,7 @@ static gonio_status fit(const char *path, fit_arguments *a, const cli_common *co
     cli_progress_end(&progress);
     if (a->scene.needs != NULL) {
         a->options.progress = NULL;
-        status = cli_scene_fit_run(&a->scene, samples, &a->options, &model, report, error);
+        status = cli_scene_fit_run(&a->scene, samples, &a->options, common, &model, report, error);
     }
     if (status == GONIO_OK && cli_interrupted()) {
         status = gonio_fail(error, GONIO_E_INTERRUPTED, "interrupted; nothing was written");
