@@ -363,7 +363,9 @@ gonio_status gonio_plan_resolve(const char *text, uint64_t seed, gonio_pose_seco
     report = report != NULL ? report : &own;
     *report = (gonio_needs_plan_report){0};
     *out = NULL;
+    if (gonio_library_plan_is(text)) {
+        return gonio_library_plan_make(text, seed, 0, out, error);
+    }
     return strncmp(text, "scene:", 6) == 0 ? plan_scene(text + 6, seed, seconds, seconds_context, out, report, error)
-           : gonio_library_plan_is(text)   ? gonio_library_plan_make(text, seed, 0, out, error)
                                            : gonio_plan_make(text, seed, out, error);
 }

@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "fit/options.h"
 #include "gonio/io.h"
+#include "gonio/library.h"
 #include "gonio/needs.h"
 #include "gonio/version.h"
 #include "host/acquire/adaptive.h"
@@ -77,18 +78,15 @@ static gonio_status put_model_place(gonio_session *session, const char *model, g
     return status;
 }
 
-// What a plan "scene:NEEDS,..." or "prior:PRIOR,..." goes by.
-static gonio_status add_plan_file(gonio_sources *files, const char *plan, gonio_error *error) {
-    static const char *const kinds[][2] = {{"scene:", "needs"}, {"prior:", "prior"}};
+// The file that a plan "scene:NEEDS,..." or "prior:PRIOR,..." goes by.
+static gonio_status add_named(gonio_sources *files, const char *plan, gonio_error *error) {
     char path[4096];
-    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
-        const size_t length = strlen(kinds[k][0]);
-        if (strncmp(plan, kinds[k][0], length) == 0) {
-            snprintf(path, sizeof path, "%.*s", (int)strcspn(plan + length, ","), plan + length);
-            return gonio_sources_add_file(files, kinds[k][1], path, error);
-        }
+    const bool prior = gonio_library_plan_is(plan);
+    if (!prior && strncmp(plan, "scene:", 6) != 0) {
+        return GONIO_OK;
     }
-    return GONIO_OK;
+    snprintf(path, sizeof path, "%.*s", (int)strcspn(plan + 6, ","), plan + 6);
+    return gonio_sources_add_file(files, prior ? "prior" : "needs", path, error);
 }
 
 // The plan as it was given; where it is or names a file, that too. What the plan comes to are the steps.
@@ -99,7 +97,7 @@ static gonio_status put_plan(gonio_session *session, const gonio_measure_options
     gonio_status status = gonio_session_put(session, "plan", options->plan, error);
     status = status == GONIO_OK ? gonio_session_put(session, "plan.seed", seed, error) : status;
     status = status == GONIO_OK ? gonio_sources_add_file(&files, "plan", options->plan, error) : status;
-    status = status == GONIO_OK ? add_plan_file(&files, options->plan, error) : status;
+    status = status == GONIO_OK ? add_named(&files, options->plan, error) : status;
     status = status == GONIO_OK ? gonio_sources_put(session, &files, error) : status;
     gonio_sources_free(&files);
     return status;
