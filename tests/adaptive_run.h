@@ -34,13 +34,14 @@ typedef struct adaptive_run {
     uint64_t noise;
     double rig_s; // so far, of travel, settling and exposures
     int threads;
+    int channels; // of the samples: all of the truth's, or 1: their mean, as a camera without colours has it
     // Does a pose give a sample? NULL: every one does.
     bool (*gives)(const gonio_pair *pose);
 } adaptive_run;
 
 static inline void run_begin(adaptive_run *run, const gonio_model *truth, const char *plan, uint64_t seed) {
     gonio_error error = {0};
-    *run = (adaptive_run){.truth = truth, .noise = gonio_random(seed), .threads = 1};
+    *run = (adaptive_run){.truth = truth, .noise = gonio_random(seed), .threads = 1, .channels = truth->channels};
     run->a.seed = seed;
     run->rig.stage = &run_stage;
     run->time = (gonio_pose_time){.settle_s = 0.2,
@@ -54,12 +55,23 @@ static inline void run_begin(adaptive_run *run, const gonio_model *truth, const 
     }
 }
 
+// The truth as the camera sees it.
+static inline void run_values(const adaptive_run *run, const gonio_pair *pose, double *values) {
+    gonio_model_eval_pair(run->truth, pose, values);
+    if (run->channels < run->truth->channels) {
+        for (int c = 1; c < run->truth->channels; c++) {
+            values[0] += values[c];
+        }
+        values[0] /= run->truth->channels;
+    }
+}
+
 // One sample of the truth, with noise.
 static inline void run_sample(adaptive_run *run, const gonio_pair *pose, gonio_samples *samples) {
     double values[GONIO_CHANNELS_MAX], random[GONIO_CHANNELS_MAX], systematic[GONIO_CHANNELS_MAX];
     gonio_error error = {0};
-    gonio_model_eval_pair(run->truth, pose, values);
-    for (int c = 0; c < run->truth->channels; c++) {
+    run_values(run, pose, values);
+    for (int c = 0; c < run->channels; c++) {
         double sum = -6; // of twelve uniforms: nearly normal
         for (int k = 0; k < 12; k++) {
             sum += gonio_random_next(&run->noise);
@@ -78,11 +90,11 @@ static inline void run_measure(adaptive_run *run, size_t first) {
     gonio_adaptive *a = &run->a;
     gonio_error error = {0};
     if (a->samples == NULL) {
-        if (gonio_samples_new(run->truth->channels, true, &a->samples, &error) != GONIO_OK) {
+        if (gonio_samples_new(run->channels, true, &a->samples, &error) != GONIO_OK) {
             simulate_die(&error);
         }
         a->samples->isotropic = !a->plan.anisotropic;
-        for (int c = 0; c < run->truth->channels; c++) {
+        for (int c = 0; c < run->channels; c++) {
             snprintf(a->samples->channel_names[c], sizeof a->samples->channel_names[c], "c%d", c);
         }
     }
@@ -100,14 +112,14 @@ static inline void run_measure(adaptive_run *run, size_t first) {
         run->rig_s += gonio_pose_time_travel_s(&run->time, &run->here, &steps[i].pose);
         run->here = steps[i].pose;
         double values[GONIO_CHANNELS_MAX];
-        gonio_model_eval_pair(run->truth, &p->pose, values);
+        run_values(run, &p->pose, values);
         run->rig_s += gonio_pose_time_dwell_s(&run->time, &p->pose, values[0]);
         if (run->gives != NULL && !run->gives(&p->pose)) {
             continue;
         }
         run_sample(run, &p->pose, a->samples);
         p->sample = (ptrdiff_t)a->samples->n - 1;
-        for (int c = 0; c < run->truth->channels && c < GONIO_ADAPTIVE_CHANNELS; c++) {
+        for (int c = 0; c < run->channels && c < GONIO_ADAPTIVE_CHANNELS; c++) {
             p->uncertainty[c] = hypot(p->uncertainty[c], gonio_samples_sigma(a->samples, a->samples->n - 1, c));
         }
     }

@@ -20,6 +20,7 @@ typedef struct choice {
     double *worth;      // weight over sigma: of the variance, what the mean sigma falls by
     double *gain;
     double *travel; // seconds from the nearest pose of the batch
+    double way;     // the usual one between two poses of the batch
     double scale;   // of the column, when the covariance is conditioned
     size_t at;
 } choice;
@@ -77,16 +78,17 @@ static void gain_row(void *context, size_t i) {
     c->gain[i] = (sum[0] + sum[1] + sum[2] + sum[3]) / (row[i] + NOISE * NOISE);
 }
 
-// The weighted mean of sigma; and of what a fall of the variance is worth, 1 / (2 sigma) of it.
+// What a fall of the variance is worth: between that of the mean square, 1, and that of the mean sigma, 1 / (2 sigma),
+// so that neither the few worst directions nor the many good ones are all that counts. Returns what there is to fall.
 static double weigh(choice *c) {
     const size_t n = c->places->n;
-    double mean = 0;
+    double sum = 0;
     for (size_t j = 0; j < n; j++) {
-        const double sigma = sqrt(c->covariance[j * n + j]);
-        mean += c->places->items[j].weight * sigma;
-        c->worth[j] = 0.5 * c->places->items[j].weight / (sigma + NOISE);
+        const double variance = c->covariance[j * n + j];
+        c->worth[j] = c->places->items[j].weight / sqrt(sqrt(variance) + NOISE);
+        sum += c->worth[j] * variance;
     }
-    return mean;
+    return sum;
 }
 
 static void approach(choice *c, const gonio_pair *from) {
@@ -103,7 +105,7 @@ static bool best_place(choice *c, size_t *best, double *seconds) {
     for (size_t i = 0; i < c->places->n; i++) {
         const gonio_design_place *p = &c->places->items[i];
         if (p->open && c->gain[i] > 0) {
-            const double s = c->travel[i] + c->design->dwell_s(c->design->context, &p->pair, p->value);
+            const double s = fmax(c->travel[i], c->way) + c->design->dwell_s(c->design->context, &p->pair, p->value);
             if (c->gain[i] / s > rate) {
                 rate = c->gain[i] / s;
                 *best = i;
@@ -114,23 +116,36 @@ static bool best_place(choice *c, size_t *best, double *seconds) {
     return rate > 0;
 }
 
+// The way from one pose of the batch to the next is about as long as from any place to the nearest of them: who lies
+// nearer saves nothing of a tour that passes by in any case.
+static double usual_way(const choice *c) {
+    double sum = 0;
+    size_t open = 0;
+    for (size_t i = 0; i < c->places->n; i++) {
+        sum += c->places->items[i].open ? c->travel[i] : 0;
+        open += c->places->items[i].open;
+    }
+    return open > 0 ? sum / (double)open : 0;
+}
+
 static size_t choose(choice *c, gonio_pool *pool, size_t n, gonio_design_pose *chosen) {
     gonio_pool_run(pool, c->places->n, fill_row, c);
     for (size_t k = 0; k < c->places->taken; k++) {
         condition(c, pool, k);
         approach(c, &c->places->items[k].pair);
     }
+    c->way = c->places->taken > 0 ? usual_way(c) : 0;
     size_t count = 0;
     while (count < n) {
         size_t best = 0;
         double seconds = 0;
-        const double mean = weigh(c);
+        const double all = weigh(c);
         gonio_pool_run(pool, c->places->n, gain_row, c);
         if (!best_place(c, &best, &seconds)) {
             break;
         }
         gonio_design_place *p = &c->places->items[best];
-        chosen[count++] = (gonio_design_pose){p->pair, p->spread, mean > 0 ? c->gain[best] / mean : 0, seconds};
+        chosen[count++] = (gonio_design_pose){p->pair, p->spread, all > 0 ? c->gain[best] / all : 0, seconds};
         p->open = false;
         condition(c, pool, best);
         approach(c, &p->pair);

@@ -44,7 +44,7 @@ typedef struct gonio_design {
 typedef struct gonio_design_pose {
     gonio_pair pose;
     double sigma; // relative, at the pose before it was chosen
-    double gain;  // of the weighted mean relative sigma, relative to all of it
+    double gain;  // the part of what is unknown everywhere that it takes away
     double seconds;
 } gonio_design_pose;
 

@@ -60,6 +60,10 @@ convert spec:file:d/m.gonio,shape=sphere d/m.gonio
 convert spec:lambert:rho=0.5 d/plan.csv --plan d/plan.csv
 convert d/m.gonio d/plan.csv --plan=d/plan.csv
 convert d/data.csv s/day.session/x.csv
+learn d/m.gonio spec:lambert:rho=0.5 -o d/m.gonio
+learn spec:lambert:rho=0.5 --list d/plan.csv -o d/plan.csv
+fit d/data.csv --prior d/plan.csv -o d/plan.csv
+plan prior:d/m.gonio,N=5 -o d/m.gonio
 virtual d/patch.ini -o d/patch.ini
 virtual sawtooth -p d/plan.csv -o d/plan.csv
 virtual sawtooth -o s/day.session/session.db

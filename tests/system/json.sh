@@ -53,6 +53,7 @@ for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     merge) valid 3 merge "$odd/none" "$odd/none" -o x ;;
     fit | render | virtual) valid 3 $verb "$odd/none" -o x ;;
     scene) valid 3 scene needs "$odd/none" -o x ;;
+    fit | render | virtual | learn) valid 3 $verb "$odd/none" -o x ;;
     cpm) valid 3 cpm build "$odd/none" -o x ;;
     bundle) valid 3 bundle "$odd/none" x ;;
     convert) valid 3 convert "$odd/none" "$odd.2.csv" ;;
