@@ -23,6 +23,24 @@ typedef struct cli_acquire_request {
     int threads;
 } cli_acquire_request;
 
+// Its options: put them into the verb's table. `a` is a cli_acquire_request.
+#define CLI_ACQUIRE_OPTIONS(a)                                                                                         \
+    {"plans",                                                                                                          \
+     0,                                                                                                                \
+     CLI_TEXT,                                                                                                         \
+     &(a).plans,                                                                                                       \
+     NULL,                                                                                                             \
+     "LIST",                                                                                                           \
+     "--acquire: of uniform, nusselt, adaptive, scene, prior (all that can be)"},                                      \
+        {"poses", 0, CLI_TEXT, &(a).poses, NULL, "LIST", "--acquire: numbers of poses (40,80,160)"},                   \
+        {"exposures", 0, CLI_TEXT, &(a).exposures, NULL, "LIST", "--acquire: longest exposures in s (the camera's)"},  \
+        {"apertures", 0, CLI_TEXT, &(a).apertures, NULL, "LIST", "--acquire: the pupil's radii in mm (the rig's)"},    \
+        {"scene", 0, CLI_TEXT, &(a).needs, NULL, "NEEDS", "--acquire: of `gonio scene needs`, for scene plans"}, {     \
+        "prior", 0, CLI_TEXT, &(a).prior, NULL, "PRIOR", "--acquire: of `gonio learn`, for prior plans"                \
+    }
+
+// Measure, write to the folder, print; the exit status.
+int cli_acquire(cli_acquire_request *request, const char *folder, cli_common *common);
 // The rows, measured one after the other; told on stderr as they come. GONIO_E_USAGE for a list that cannot be. The
 // caller frees *rows, also on failure.
 gonio_status cli_acquire_run(const cli_acquire_request *request, cli_acquire_row **rows, size_t *n, gonio_error *error);

@@ -174,6 +174,35 @@ static gonio_status go_on(const char *where, watcher *w, gonio_outcome *outcome)
 
 #define PLAN "adaptive:18,first=10,batch=8"
 
+// Replayed, it is what it was; a choice that stands on other samples is told, and a record that is none is refused.
+static void replay_tells(const char *where, const watcher *never) {
+    gonio_session *session;
+    gonio_outcome outcome;
+    gonio_replay_report report;
+    gonio_error error = {0};
+    char *record;
+    watcher w = *never;
+    const gonio_measure_options options = options_of(&w, "");
+    assert_int_equal(gonio_session_open(where, true, &session, NULL), GONIO_OK);
+    assert_int_equal(gonio_replay(session, &options, &outcome, &report, NULL), GONIO_OK);
+    assert_true(report.equal && report.batches == 2 && report.batches_differing == 0);
+    gonio_outcome_free(&outcome);
+    assert_int_equal(gonio_session_get(session, "adaptive.batch.1", &record, NULL), GONIO_OK);
+    assert_non_null(strstr(record, "\"why\":\"sigma\""));
+    char *at = strstr(record, "samples_sha256\":\"") + strlen("samples_sha256\":\"");
+    *at = *at == '0' ? '1' : '0';
+    assert_int_equal(gonio_session_put(session, "adaptive.batch.1", record, NULL), GONIO_OK);
+    assert_int_equal(gonio_replay(session, &options, &outcome, &report, NULL), GONIO_OK);
+    assert_int_equal(report.batches_differing, 1);
+    gonio_outcome_free(&outcome);
+    at[80] = 0;
+    assert_int_equal(gonio_session_put(session, "adaptive.batch.1", record, NULL), GONIO_OK);
+    assert_int_equal(gonio_replay(session, &options, &outcome, &report, &error), GONIO_E_INPUT);
+    assert_non_null(strstr(error.message, "adaptive.batch.1"));
+    free(record);
+    gonio_session_close(session);
+}
+
 // Stopped within a batch, while the next one is chosen, and just behind a choice: the same samples and model.
 static void stopped_anywhere(void **state) {
     (void)state;
@@ -193,32 +222,7 @@ static void stopped_anywhere(void **state) {
     assert_string_equal(outcome.model_sha256, whole.model_sha256);
     gonio_outcome_free(&outcome);
     gonio_outcome_free(&whole);
-
-    gonio_session *session;
-    gonio_replay_report report;
-    const gonio_measure_options options = options_of(&never, "");
-    assert_int_equal(gonio_session_open(other, true, &session, NULL), GONIO_OK);
-    assert_int_equal(gonio_replay(session, &options, &outcome, &report, NULL), GONIO_OK);
-    assert_true(report.equal && report.batches == 2 && report.batches_differing == 0);
-    gonio_outcome_free(&outcome);
-    // A choice that stands on other samples.
-    char *record;
-    assert_int_equal(gonio_session_get(session, "adaptive.batch.1", &record, NULL), GONIO_OK);
-    assert_non_null(strstr(record, "\"why\":\"sigma\""));
-    char *at = strstr(record, "samples_sha256\":\"") + strlen("samples_sha256\":\"");
-    *at = *at == '0' ? '1' : '0';
-    assert_int_equal(gonio_session_put(session, "adaptive.batch.1", record, NULL), GONIO_OK);
-    assert_int_equal(gonio_replay(session, &options, &outcome, &report, NULL), GONIO_OK);
-    assert_int_equal(report.batches_differing, 1);
-    gonio_outcome_free(&outcome);
-    // And one that is none of ours.
-    gonio_error error = {0};
-    at[80] = 0;
-    assert_int_equal(gonio_session_put(session, "adaptive.batch.1", record, NULL), GONIO_OK);
-    assert_int_equal(gonio_replay(session, &options, &outcome, &report, &error), GONIO_E_INPUT);
-    assert_non_null(strstr(error.message, "adaptive.batch.1"));
-    free(record);
-    gonio_session_close(session);
+    replay_tells(other, &never);
 }
 
 static void ends_at_the_error(void **state) {

@@ -59,29 +59,30 @@ static void print_stages(const gonio_replay_report *r) {
     }
 }
 
+static int report_json(const char *path, const gonio_outcome *outcome, const gonio_replay_report *r) {
+    json_t *object = cli_outcome_json(path, outcome);
+    json_object_set_new(object, "journalled_samples_sha256", cli_json_text(r->samples_sha256));
+    json_object_set_new(object, "journalled_model_sha256", cli_json_text(r->model_sha256));
+    json_object_set_new(object, "finished", json_boolean(r->finished));
+    json_object_set_new(object, "steps_differing", json_integer((json_int_t)r->steps_differing));
+    json_object_set_new(object, "batches", json_integer((json_int_t)r->batches));
+    json_object_set_new(object, "batches_differing", json_integer((json_int_t)r->batches_differing));
+    json_object_set_new(object, "equal", json_boolean(r->equal));
+    json_object_set_new(object, "verdict", json_string(r->equal ? "identical" : r->rounding ? "rounding" : "changed"));
+    json_object_set_new(object, "shares_of_bounds", cli_json_figures(shares, &r->agreement));
+    json_object_set_new(object, "stages", stages_json(r));
+    json_object_set_new(object, "first_stage_differing",
+                        r->first_stage >= 0 ? json_string(gonio_stage_name(r->first_stage)) : json_null());
+    if (outcome->model_path != NULL) {
+        json_object_set_new(object, "model", json_string(outcome->model_path));
+    }
+    return cli_json(object);
+}
+
 static int report(const cli_common *common, const char *path, const gonio_outcome *outcome,
                   const gonio_replay_report *r) {
     if (common->json) {
-        json_t *object = cli_outcome_json(path, outcome);
-        json_object_set_new(object, "journalled_samples_sha256", cli_json_text(r->samples_sha256));
-        json_object_set_new(object, "journalled_model_sha256", cli_json_text(r->model_sha256));
-        json_object_set_new(object, "finished", json_boolean(r->finished));
-        json_object_set_new(object, "steps_differing", json_integer((json_int_t)r->steps_differing));
-        json_object_set_new(object, "batches", json_integer((json_int_t)r->batches));
-        json_object_set_new(object, "batches_differing", json_integer((json_int_t)r->batches_differing));
-        json_object_set_new(object, "equal", json_boolean(r->equal));
-        json_object_set_new(object, "verdict",
-                            json_string(r->equal      ? "identical"
-                                        : r->rounding ? "rounding"
-                                                      : "changed"));
-        json_object_set_new(object, "shares_of_bounds", cli_json_figures(shares, &r->agreement));
-        json_object_set_new(object, "stages", stages_json(r));
-        json_object_set_new(object, "first_stage_differing",
-                            r->first_stage >= 0 ? json_string(gonio_stage_name(r->first_stage)) : json_null());
-        if (outcome->model_path != NULL) {
-            json_object_set_new(object, "model", json_string(outcome->model_path));
-        }
-        cli_json(object);
+        report_json(path, outcome, r);
     } else {
         cli_outcome_print(outcome);
         if (r->finished) {

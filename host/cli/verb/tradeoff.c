@@ -196,113 +196,24 @@ static int work(request *what, const cli_input *in, gonio_fit_options *fit, cons
     return exit_status;
 }
 
-// ---- --acquire ----
+extern const cli_verb cmd_tradeoff;
 
-static const char *const acquire_files[] = {"acquire.csv", "error_poses.svg", "error_minutes.svg", NULL};
-
-static gonio_status write_acquired(const cli_acquire_row *rows, size_t n, const char *folder, gonio_error *error) {
-    char path[4096];
-    gonio_output *output;
-    gonio_status status = prepare(folder, error);
-    snprintf(path, sizeof path, "%s/%s", folder, acquire_files[0]);
-    status = status == GONIO_OK ? gonio_output_open(path, &output, error) : status;
-    if (status != GONIO_OK) {
-        return status;
+static int compare_methods(request *what, const cli_input *in, gonio_fit_options *fit, cli_common *common) {
+    char name[64];
+    if (!(what->how.budget >= 0)) {
+        return cli_usage(common, "tradeoff: --budget %g; expected seconds, 0 or more", what->how.budget);
     }
-    FILE *f = gonio_output_stream(output);
-    fputs("kind,plan,exposure_max_s,aperture_radius_mm,poses,frames,rig_min,poses_min,choosing_s", f);
-    for (const cli_figure *figure = cli_figures; figure->name != NULL; figure++) {
-        fprintf(f, ",%s", figure->name);
+    const char *none = cli_tradeoff_unknown(what->how.methods, name, sizeof name);
+    if (none != NULL) {
+        return cli_usage(common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", none);
     }
-    fputc('\n', f);
-    for (size_t i = 0; i < n; i++) {
-        const cli_acquire_row *r = &rows[i];
-        if (r->status == GONIO_OK) {
-            fprintf(f, "%s,\"%s\"", r->kind, r->plan);
-            print_number(f, r->exposure_s > 0 ? r->exposure_s : NAN);
-            print_number(f, r->aperture_mm >= 0 ? r->aperture_mm : NAN);
-            fprintf(f, ",%zu,%zu", r->poses, r->frames);
-            print_number(f, r->rig_min);
-            print_number(f, r->poses_min);
-            print_number(f, r->choosing_s);
-            print_errors(f, &r->errors);
-            fputc('\n', f);
-        }
-    }
-    status = gonio_output_commit(output, error);
-    for (int k = 0; k < 2 && status == GONIO_OK; k++) {
-        snprintf(path, sizeof path, "%s/%s", folder, acquire_files[1 + k]);
-        status = cli_acquire_plot(rows, n, k == 1, path, error);
-    }
-    return status;
-}
-
-static json_t *acquired_json(const cli_acquire_row *rows, size_t n, const char *sample) {
-    json_t *list = json_array(), *failed = json_array();
-    for (size_t i = 0; i < n; i++) {
-        const cli_acquire_row *r = &rows[i];
-        if (r->status != GONIO_OK) {
-            json_array_append_new(failed, json_pack("{s:s,s:s}", "plan", r->plan, "message", r->error.message));
-            continue;
-        }
-        json_array_append_new(
-            list, json_pack("{s:s,s:s,s:o,s:o,s:I,s:I,s:f,s:f,s:f,s:o}", "kind", r->kind, "plan", r->plan,
-                            "exposure_max_s", cli_json_real(r->exposure_s > 0 ? r->exposure_s : NAN),
-                            "aperture_radius_mm", cli_json_real(r->aperture_mm >= 0 ? r->aperture_mm : NAN), "poses",
-                            (json_int_t)r->poses, "frames", (json_int_t)r->frames, "rig_min", r->rig_min, "poses_min",
-                            r->poses_min, "choosing_s", r->choosing_s, "errors", cli_json_errors(&r->errors)));
-    }
-    return json_pack("{s:s,s:o,s:o}", "sample", sample, "rows", list, "failed", failed);
-}
-
-static void print_acquired(const cli_acquire_row *rows, size_t n, const char *folder) {
-    printf("%-10s %7s %9s %9s %9s %9s %10s %9s  %s\n", "kind", "poses", "rig min", "poses min", "exposure", "aperture",
-           "median_rel", "rms_log", "plan (errors at directions that nobody measured)");
-    for (size_t i = 0; i < n; i++) {
-        const cli_acquire_row *r = &rows[i];
-        char exposure[16] = "-", aperture[16] = "-";
-        if (r->status != GONIO_OK) {
-            printf("%-10s failed: %s\n", r->kind, cli_text(r->error.message));
-            continue;
-        }
-        if (r->exposure_s > 0) {
-            snprintf(exposure, sizeof exposure, "%.4g s", r->exposure_s);
-        }
-        if (r->aperture_mm >= 0) {
-            snprintf(aperture, sizeof aperture, "%.4g mm", r->aperture_mm);
-        }
-        printf("%-10s %7zu %9.2f %9.2f %9s %9s %10.4g %9.4g  %s\n", r->kind, r->poses, r->rig_min, r->poses_min,
-               exposure, aperture, r->errors.median_rel, r->errors.rms_log, cli_text(r->plan));
-    }
-    printf("%s/acquire.csv, error_poses.svg, error_minutes.svg\n", folder);
-}
-
-static int acquire(cli_acquire_request *r, const char *folder, cli_common *common) {
-    gonio_error error = {.line = -1, .byte = -1};
-    cli_acquire_row *rows = NULL;
-    size_t n = 0;
-    if (r->rig.sample == NULL) {
-        return cli_usage(common, "tradeoff: --acquire needs --sample SPEC, whose BRDF is known");
-    }
-    if (!cli_apart_folder(common, folder, acquire_files)) {
+    if (!cli_apart_folder(common, what->folder, files)) {
         return 2;
     }
-    r->sample = r->rig.sample;
-    r->rig.seed = common->seed;
-    r->rig.threads = r->threads = common->threads;
     cli_catch_interrupts();
-    gonio_status status = cli_acquire_run(r, &rows, &n, &error);
-    status = status == GONIO_OK ? write_acquired(rows, n, folder, &error) : status;
-    int exit_status = 0;
-    if (status != GONIO_OK) {
-        exit_status = cli_fail(common, &error);
-    } else if (common->json) {
-        exit_status = cli_json(acquired_json(rows, n, r->sample));
-    } else {
-        print_acquired(rows, n, folder);
-    }
-    free(rows);
-    return exit_status;
+    fit->seed = common->seed;
+    fit->threads = common->threads;
+    return work(what, in, fit, common);
 }
 
 static int run(int argc, char **argv) {
@@ -311,11 +222,11 @@ static int run(int argc, char **argv) {
     gonio_fit_options_default(&fit);
     request what = {0};
     cli_acquire_request acquired = {.poses = "40,80,160"};
-    const char *input = NULL;
+    cli_common common;
     bool acquires = false;
-    char name[64];
+    int count;
     const cli_option options[] = {
-        {"output", 'o', CLI_TEXT, &what.folder, NULL, "DIR", "folder for tradeoff.csv and the plots"},
+        {"output", 'o', CLI_TEXT, &what.folder, NULL, "DIR", "folder for the table (CSV) and the plots"},
         {"methods", 0, CLI_TEXT, &what.how.methods, NULL, "LIST", "only these, with commas between them (all)"},
         {"all-forms", 0, CLI_FLAG, &what.how.all_forms, NULL, NULL, "every domain, instead of the better one of each"},
         {"budget", 0, CLI_DOUBLE, &what.how.budget, NULL, "SECONDS", "stop then; the methods take turns"},
@@ -324,48 +235,19 @@ static int run(int argc, char **argv) {
         {"folds", 0, CLI_INT, &fit.folds, NULL, "K", "K-fold errors instead of one hold-out"},
         {"acquire", 0, CLI_FLAG, &acquires, NULL, NULL,
          "measure a known sample on the simulated rig instead: error against poses and minutes, for each plan"},
-        {"plans", 0, CLI_TEXT, &acquired.plans, NULL, "LIST",
-         "--acquire: of uniform, nusselt, adaptive, scene, prior (all that can be)"},
-        {"poses", 0, CLI_TEXT, &acquired.poses, NULL, "LIST", "--acquire: numbers of poses (40,80,160)"},
-        {"exposures", 0, CLI_TEXT, &acquired.exposures, NULL, "LIST",
-         "--acquire: longest exposures in s (the camera's)"},
-        {"apertures", 0, CLI_TEXT, &acquired.apertures, NULL, "LIST", "--acquire: the pupil's radii in mm (the rig's)"},
-        {"scene", 0, CLI_TEXT, &acquired.needs, NULL, "NEEDS", "--acquire: of `gonio scene needs`, for scene plans"},
-        {"prior", 0, CLI_TEXT, &acquired.prior, NULL, "PRIOR", "--acquire: of `gonio learn`, for prior plans"},
+        CLI_ACQUIRE_OPTIONS(acquired),
         CLI_RIG_OPTIONS(acquired.rig),
         CLI_INPUT_OPTIONS(in),
         {0}};
-    extern const cli_verb cmd_tradeoff;
-    int count;
-    cli_common common;
-    if (!cli_parse(&cmd_tradeoff, options, argc, argv, &input, 0, 1, &count, &common)) {
+    if (!cli_parse(&cmd_tradeoff, options, argc, argv, &what.input, 0, 1, &count, &common)) {
         return 2;
     }
-    if (what.folder == NULL) {
-        return cli_usage(&common, "tradeoff: where to? -o DIR");
+    if (what.folder == NULL || acquires != (count == 0)) {
+        return cli_usage(&common, what.folder == NULL ? "tradeoff: where to? -o DIR"
+                                  : acquires          ? "tradeoff: --acquire measures --sample and takes no INPUT"
+                                                      : "tradeoff: INPUT is missing");
     }
-    if (acquires != (count == 0)) {
-        return cli_usage(&common, acquires ? "tradeoff: --acquire measures --sample and takes no INPUT"
-                                           : "tradeoff: INPUT is missing");
-    }
-    if (acquires) {
-        return acquire(&acquired, what.folder, &common);
-    }
-    if (!(what.how.budget >= 0)) {
-        return cli_usage(&common, "tradeoff: --budget %g; expected seconds, 0 or more", what.how.budget);
-    }
-    const char *none = cli_tradeoff_unknown(what.how.methods, name, sizeof name);
-    if (none != NULL) {
-        return cli_usage(&common, "tradeoff: --methods: no method '%s'; `gonio fit --help` lists them", none);
-    }
-    if (!cli_apart_folder(&common, what.folder, files)) {
-        return 2;
-    }
-    cli_catch_interrupts();
-    fit.seed = common.seed;
-    fit.threads = common.threads;
-    what.input = input;
-    return work(&what, &in, &fit, &common);
+    return acquires ? cli_acquire(&acquired, what.folder, &common) : compare_methods(&what, &in, &fit, &common);
 }
 
 const cli_verb cmd_tradeoff = {"tradeoff", "INPUT -o DIR | --acquire --sample SPEC -o DIR [options]",
