@@ -11,6 +11,7 @@
 // Relative standard deviation that a new sample is left with, whatever the rig: no pose is worth asking for twice for
 // the noise's sake.
 #define NOISE 0.01
+#define TINY 1e-6 // variance, of 1, that is as good as none
 
 typedef struct choice {
     const gonio_design *design;
@@ -25,20 +26,25 @@ typedef struct choice {
     size_t at;
 } choice;
 
-static double covariance(const gonio_design_places *places, const gonio_design_place *p, const gonio_design_place *q) {
-    const double sum = p->length * p->length + q->length * q->length;
-    double distance2 = 0;
-    for (int d = 0; d < places->dims; d++) {
-        distance2 += (p->x[d] - q->x[d]) * (p->x[d] - q->x[d]);
-    }
-    return p->spread * q->spread * pow(2 * p->length * q->length / sum, 0.5 * places->dims) * exp(-distance2 / sum);
-}
-
-static void fill_row(void *context, size_t i) {
-    const choice *c = context;
+// The process' correlations, with a spread that is half the model's word and half the samples' places': the geometric
+// mean of the model's sigma and of what the places alone leave unknown, so that neither a sigma that is wrong somewhere
+// nor places without values have all the say.
+static void spread(choice *c) {
     const size_t n = c->places->n;
-    for (size_t j = 0; j < n; j++) {
-        c->covariance[i * n + j] = covariance(c->places, &c->places->items[i], &c->places->items[j]);
+    double model = 0, unknown = 0;
+    for (size_t i = 0; i < n; i++) {
+        model += c->places->items[i].weight * c->places->items[i].spread;
+        unknown += c->places->items[i].weight * sqrt(fmax(c->covariance[i * n + i], 0));
+    }
+    const double unit = unknown > 0 ? model / unknown : 1;
+    for (size_t i = 0; i < n; i++) {
+        const double own = sqrt(fmax(c->covariance[i * n + i], TINY));
+        c->column[i] = sqrt(c->places->items[i].spread * own * unit) / own;
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < n; j++) {
+            c->covariance[i * n + j] *= c->column[i] * c->column[j];
+        }
     }
 }
 
@@ -129,7 +135,7 @@ static double usual_way(const choice *c) {
 }
 
 static size_t choose(choice *c, gonio_pool *pool, size_t n, gonio_design_pose *chosen) {
-    gonio_pool_run(pool, c->places->n, fill_row, c);
+    spread(c);
     for (size_t k = 0; k < c->places->taken; k++) {
         condition(c, pool, k);
         approach(c, &c->places->items[k].pair);
@@ -158,7 +164,7 @@ gonio_status gonio_design_choose(const gonio_design *design, const gonio_model *
                                  gonio_design_pose *chosen, size_t *count, gonio_error *error) {
     gonio_design_places places;
     *count = 0;
-    gonio_status status = gonio_design_places_init(&places, design, model, samples, taken, taken_n, error);
+    gonio_status status = gonio_design_places_init(&places, design, model, taken, taken_n, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -167,6 +173,9 @@ gonio_status gonio_design_choose(const gonio_design *design, const gonio_model *
     if (c.covariance == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory to choose among %zu poses", m);
     } else {
+        status = gonio_design_posterior(&places, samples, design->threads, c.covariance, error);
+    }
+    if (status == GONIO_OK) {
         c.column = c.covariance + m * m;
         c.worth = c.column + m;
         c.gain = c.worth + m;

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Where to measure next: the poses that take most of a model's uncertainty away for a second of the rig's time.
 //
-// The model of the samples so far tells a relative sigma s(x) everywhere. What is unknown about it is taken as a
-// Gaussian process with that spread, alike over about the distance between the samples (further apart, the samples
-// between two places part them):
-//   C(x, y) = s(x) s(y) (2 l_x l_y / (l_x^2 + l_y^2))^(d/2) exp(-|x - y|^2 / (l_x^2 + l_y^2))
-// in half-vector coordinates, l the distance to the nearest samples (Gibbs' covariance of varying length: Paciorek and
-// Schervish, "Nonstationary covariance functions for Gaussian process regression", 2003). A sample at x then takes
-// C(x, y)^2 / (C(x, x) + noise) of the variance at y away. Summed over all directions, with their need, that is the
-// gain of a pose (Cohn, "Neural network exploration using optimal experiment design", 1994); the greedy choice takes
-// the largest gain a second, conditions C on it and goes on. Beside an already chosen pose the travel is short, so that
-// what is chosen comes in sweeps.
+// The model of the samples so far tells a relative sigma s(x) everywhere; where samples lie tells what they leave
+// unknown of a smooth deviation, and how alike that is at two places. Together they are a Gaussian process C(x, y),
+// conditioned on the samples (fit/design/posterior.c) and scaled to the geometric mean of both spreads. A sample at x
+// takes C(x, y)^2 / (C(x, x) + noise) of the variance at y away. Summed over all directions, with their need, that is
+// the gain of a pose (Cohn, "Neural network exploration using optimal experiment design", 1994); the greedy choice
+// takes the largest gain a second, conditions C on it and goes on. Travel counts beyond what a tour of the batch takes
+// anyway.
 #ifndef GONIO_FIT_DESIGN_DESIGN_H
 #define GONIO_FIT_DESIGN_DESIGN_H
 
@@ -32,9 +29,11 @@ typedef struct gonio_design {
     // Required: seconds of a move, and of settling and exposures at a pose where f_r is about `value`.
     double (*travel_s)(void *context, const gonio_pair *from, const gonio_pair *to);
     double (*dwell_s)(void *context, const gonio_pair *pose, double value);
-    // Optional: can the rig go there; what a direction is worth (NULL: 1 everywhere).
-    bool (*allowed)(void *context, const gonio_pair *pose);
-    double (*need)(void *context, const gonio_pair *pair);
+    bool (*allowed)(void *context, const gonio_pair *pose); // optional: can the rig go there
+    // What is asked for, each with what it is worth; 0: all directions alike.
+    const gonio_pair *asked;
+    const double *asked_worth;
+    size_t asked_n;
     const gonio_design_surprise *surprises;
     size_t surprises_n;
     const gonio_pair *barred; // about these nothing more is asked for

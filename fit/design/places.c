@@ -14,12 +14,10 @@
 #define SPREAD 1024
 #define MIRROR 512
 #define DIRECTIONS 16384
+#define ASKED 512 // candidates among what is asked for, where not all directions are
 // Correlation lengths as the deviations from physics have them (fit/prior/kernel.c).
 static const double length_3d[] = {0.08, 0.08, 0.3}, length_4d[] = {0.08, 0.08, 0.2, 0.2};
-// The covariance's length as a share of the distance to the second nearest sample, and its bounds in kernel lengths.
-#define LENGTH_SHARE 0.6
-#define LENGTH_MIN 0.05
-#define LENGTH_MAX 1.0
+#define BARRED 0.25    // squared distance, in those lengths, within which nothing is asked for
 #define SPREAD_MAX 2.0 // of a relative sigma: more is not known than nothing
 #define TINY 1e-3      // of the figures (docs/fitting.md)
 
@@ -83,10 +81,7 @@ typedef struct filling {
     gonio_design_places *places;
     const gonio_design *design;
     const gonio_model *model;
-    const double *samples; // n x 4
-    size_t samples_n;
     size_t *nearest; // of the directions
-    double *worth;   // of the directions
 } filling;
 
 static void describe_place(void *context, size_t i) {
@@ -94,14 +89,7 @@ static void describe_place(void *context, size_t i) {
     const gonio_design *design = f->design;
     gonio_design_place *p = &f->places->items[i];
     const int dims = f->places->dims;
-    double near[2] = {INFINITY, INFINITY};
     p->spread = gonio_design_spread(f->model, &p->pair, &p->value);
-    for (size_t k = 0; k < f->samples_n; k++) {
-        const double d2 = distance2(dims, p->x, f->samples + 4 * k);
-        near[1] = d2 < near[0] ? near[0] : fmin(near[1], d2);
-        near[0] = fmin(near[0], d2);
-    }
-    p->length = fmin(fmax(LENGTH_SHARE * sqrt(near[1]), LENGTH_MIN), LENGTH_MAX);
     double variance = p->spread * p->spread;
     for (size_t k = 0; k < design->surprises_n; k++) {
         double y[4];
@@ -112,14 +100,15 @@ static void describe_place(void *context, size_t i) {
     for (size_t k = 0; k < design->barred_n; k++) {
         double y[4];
         locate(dims, &design->barred[k], y);
-        p->open &= distance2(dims, p->x, y) > p->length * p->length;
+        p->open &= distance2(dims, p->x, y) > BARRED;
     }
     p->open &= design->allowed == NULL || design->allowed(design->context, &p->pair);
 }
 
 static void nearest_place(void *context, size_t i) {
     const filling *f = context;
-    const gonio_pair pair = spread_place((uint32_t)(SPREAD + i), f->design);
+    const gonio_design *design = f->design;
+    const gonio_pair pair = design->asked_n > 0 ? design->asked[i] : spread_place((uint32_t)(SPREAD + i), design);
     double x[4], best = INFINITY;
     locate(f->places->dims, &pair, x);
     for (size_t k = f->places->taken; k < f->places->n; k++) {
@@ -129,41 +118,45 @@ static void nearest_place(void *context, size_t i) {
             f->nearest[i] = k;
         }
     }
-    f->worth[i] = f->design->need != NULL ? f->design->need(f->design->context, &pair) : 1;
 }
 
-static gonio_status fill(filling *f, const gonio_samples *samples, gonio_error *error) {
+static gonio_status fill(filling *f, gonio_error *error) {
     gonio_design_places *places = f->places;
-    double *x = malloc((samples->n + 1) * 4 * sizeof *x);
-    f->nearest = calloc(DIRECTIONS, sizeof *f->nearest);
-    f->worth = calloc(DIRECTIONS, sizeof *f->worth);
-    if (x == NULL || f->nearest == NULL || f->worth == NULL) {
-        free(x);
+    const size_t n = f->design->asked_n > 0 ? f->design->asked_n : DIRECTIONS;
+    f->nearest = calloc(n, sizeof *f->nearest);
+    if (f->nearest == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to choose poses");
     }
-    for (size_t i = 0; i < samples->n; i++) {
-        locate(places->dims, &samples->pairs[i], x + 4 * i);
-    }
-    f->samples = x;
-    f->samples_n = samples->n;
     gonio_pool_for(f->design->threads, places->n, describe_place, f);
-    gonio_pool_for(f->design->threads, DIRECTIONS, nearest_place, f);
+    gonio_pool_for(f->design->threads, n, nearest_place, f);
     double all = 0;
-    for (size_t i = 0; i < DIRECTIONS; i++) {
-        all += f->worth[i];
+    for (size_t i = 0; i < n; i++) {
+        all += f->design->asked_n > 0 ? f->design->asked_worth[i] : 1;
     }
-    for (size_t i = 0; i < DIRECTIONS && all > 0; i++) {
-        places->items[f->nearest[i]].weight += f->worth[i] / all;
+    for (size_t i = 0; i < n && all > 0; i++) {
+        places->items[f->nearest[i]].weight += (f->design->asked_n > 0 ? f->design->asked_worth[i] : 1) / all;
     }
-    free(x);
     return GONIO_OK;
 }
 
+// The k-th of the candidates that are not taken.
+static gonio_pair candidate(const gonio_design *design, size_t k) {
+    if (k < SPREAD) {
+        return spread_place((uint32_t)k, design);
+    }
+    if (k < SPREAD + MIRROR) {
+        return gonio_design_mirror_place(design->seed % 65536 * MIRROR + k - SPREAD, design->isotropic,
+                                         design->theta_max);
+    }
+    const size_t of = (k - SPREAD - MIRROR) * design->asked_n / ASKED;
+    return tidied(design->asked[of], design->isotropic, design->theta_max);
+}
+
 gonio_status gonio_design_places_init(gonio_design_places *places, const gonio_design *design, const gonio_model *model,
-                                      const gonio_samples *samples, const gonio_pair *taken, size_t taken_n,
-                                      gonio_error *error) {
-    *places =
-        (gonio_design_places){.n = taken_n + SPREAD + MIRROR, .taken = taken_n, .dims = design->isotropic ? 3 : 4};
+                                      const gonio_pair *taken, size_t taken_n, gonio_error *error) {
+    *places = (gonio_design_places){.n = taken_n + SPREAD + MIRROR + (design->asked_n > 0 ? ASKED : 0),
+                                    .taken = taken_n,
+                                    .dims = design->isotropic ? 3 : 4};
     places->items = calloc(places->n, sizeof *places->items);
     if (places->items == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory to choose poses");
@@ -172,16 +165,12 @@ gonio_status gonio_design_places_init(gonio_design_places *places, const gonio_d
         gonio_design_place *p = &places->items[i];
         const size_t k = i - taken_n;
         p->open = i >= taken_n;
-        p->pair = i < taken_n  ? taken[i]
-                  : k < SPREAD ? spread_place((uint32_t)k, design)
-                               : gonio_design_mirror_place(design->seed % 65536 * MIRROR + k, design->isotropic,
-                                                           design->theta_max);
+        p->pair = i < taken_n ? taken[i] : candidate(design, k);
         locate(places->dims, &p->pair, p->x);
     }
     filling f = {.places = places, .design = design, .model = model};
-    const gonio_status status = fill(&f, samples, error);
+    const gonio_status status = fill(&f, error);
     free(f.nearest);
-    free(f.worth);
     if (status != GONIO_OK) {
         gonio_design_places_release(places);
     }

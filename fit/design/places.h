@@ -8,7 +8,6 @@
 typedef struct gonio_design_place {
     gonio_pair pair;
     double x[4];   // half-vector coordinates in the kernel's lengths
-    double length; // the covariance's, there
     double spread; // relative sigma
     double value;  // f_r, mean over channels
     double weight; // the share of all directions, times their need, that lies nearest to it
@@ -22,8 +21,10 @@ typedef struct gonio_design_places {
 } gonio_design_places;
 
 gonio_status gonio_design_places_init(gonio_design_places *places, const gonio_design *design, const gonio_model *model,
-                                      const gonio_samples *samples, const gonio_pair *taken, size_t taken_n,
-                                      gonio_error *error);
+                                      const gonio_pair *taken, size_t taken_n, gonio_error *error);
 void gonio_design_places_release(gonio_design_places *places);
+// covariance[places n x n] of a deviation of variance 1 that the samples leave.
+gonio_status gonio_design_posterior(const gonio_design_places *places, const gonio_samples *samples, int threads,
+                                    double *covariance, gonio_error *error);
 
 #endif

@@ -21,6 +21,7 @@ typedef struct gonio_scan_options {
     int audit_poses;                 // home and compare after so many poses, and at the end; 0: at the end alone
     int encoder_audit_poses;         // the same where encoders on every axis compare at every pose
     bool unsynced;                   // the session waits for no disk; not journalled: a resume waits again
+    char needs[256];                 // what scenes need, by which an adaptive plan goes; empty: all directions alike
     bool hands;                      // targets are put on the table by hand even where a sample changer is there
 } gonio_scan_options;
 

@@ -22,6 +22,8 @@
 typedef struct gonio_adaptive_plan {
     size_t poses, first, batch; // at most; of the first batch, of a further one; 0: chosen
     double until;               // held-out median_rel at which it stops; 0: at `poses`
+    double codes;               // the scenes' expected image error at which it stops; 0: at `poses`
+    char scene[256];            // file of what scenes need; empty: all directions alike
     double share;               // of fill and mirror poses
     double theta_max_deg;
     bool anisotropic;
@@ -62,6 +64,8 @@ typedef struct gonio_adaptive {
     size_t n, batches;
     gonio_samples *samples; // of the poses that gave one, in their order
     double shares[2];       // of the last batch, and of the next
+    double codes;           // mean 8-bit codes that the pictures are off, as sigma expects it; NaN: not known
+    const char *needs;      // file of what scenes need; borrowed; NULL: none
     const char *prior;      // file of a learned prior, by which the first batches are chosen; borrowed; NULL: none
 } gonio_adaptive;
 

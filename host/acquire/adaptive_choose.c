@@ -8,6 +8,7 @@
 #include "base/random.h"
 #include "fit/design/design.h"
 #include "gonio/library.h"
+#include "gonio/needs.h"
 #include "host/acquire/adaptive.h"
 
 #define FIRST_SHARE 6 // of the poses: one part is the first batch, within
@@ -15,7 +16,8 @@
 #define FIRST_MAX 64
 #define BATCH_SHARE 4 // of the poses so far: one part is the next batch. Fits grow with the samples, and so do batches
 #define BATCH_MIN 16
-#define MIRROR_EVERY 3      // of the fill poses every third lies about the mirror direction
+#define MIRROR_FIRST 3      // of the first batch every third fill pose lies about the mirror direction,
+#define MIRROR_LATER 6      // later every sixth
 #define TRIES_MAX 2         // of a pose that gives no sample
 #define SURPRISE_BEYOND 2   // sigmas
 #define SURPRISE_SHARE 0.25 // of the excess variance: the fit has learnt the rest from the sample itself
@@ -58,8 +60,8 @@ static gonio_adaptive_pose plain(gonio_adaptive_why why, gonio_pair pose) {
     return p;
 }
 
-// The next poses that fill the space: of the nusselt plan, which is evenly spread however far one goes, and every third
-// about the mirror direction.
+// The next poses that fill the space: of the nusselt plan, which is evenly spread however far one goes, and some about
+// the mirror direction.
 static gonio_status add_fill(gonio_adaptive *a, size_t n, gonio_error *error) {
     char text[128];
     gonio_plan *plan;
@@ -69,7 +71,8 @@ static gonio_status add_fill(gonio_adaptive *a, size_t n, gonio_error *error) {
     size_t spread = status == GONIO_OK ? count_why(a, GONIO_ADAPTIVE_FILL) : 0;
     size_t mirror = status == GONIO_OK ? count_why(a, GONIO_ADAPTIVE_MIRROR) : 0;
     for (size_t k = 0; k < n && status == GONIO_OK; k++) {
-        const bool about = (spread + mirror) % MIRROR_EVERY == MIRROR_EVERY - 1;
+        const size_t every = a->batches == 0 ? MIRROR_FIRST : MIRROR_LATER;
+        const bool about = (spread + mirror) % every == every - 1;
         const gonio_pair pose =
             about ? gonio_design_mirror_place(gonio_random(a->seed) % 65536 * POSES_APART + mirror,
                                               !a->plan.anisotropic, gonio_radians(a->plan.theta_max_deg))
@@ -193,9 +196,56 @@ static bool allowed(void *context, const gonio_pair *pose) {
     return gonio_scan_reaches(((const gonio_adaptive_how *)context)->time->rig, pose);
 }
 
+// What scenes ask for, and how far their pictures are expected to be off.
+typedef struct asked {
+    gonio_pair *pairs;
+    double *worth;
+    size_t n;
+} asked;
+
+static void release_asked(asked *of) {
+    free(of->pairs);
+    free(of->worth);
+}
+
+static gonio_status read_asked(gonio_adaptive *a, const gonio_model *model, asked *of, gonio_error *error) {
+    gonio_needs *needs;
+    int material;
+    gonio_needs_facts facts;
+    *of = (asked){0};
+    a->codes = NAN;
+    if (a->needs == NULL) {
+        return GONIO_OK;
+    }
+    gonio_status status = gonio_needs_open(a->needs, &needs, error);
+    if (status != GONIO_OK) {
+        return status;
+    }
+    status = gonio_needs_material(needs, NULL, &material, error);
+    if (status == GONIO_OK) {
+        gonio_needs_describe(needs, material, &facts);
+        of->pairs = malloc((facts.cells + 1) * sizeof *of->pairs);
+        of->worth = malloc((facts.cells + 1) * sizeof *of->worth);
+        status = of->pairs != NULL && of->worth != NULL
+                     ? GONIO_OK
+                     : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu cells", facts.cells);
+    }
+    const gonio_need *cells = status == GONIO_OK ? gonio_needs_cells(needs, material) : NULL;
+    for (size_t i = 0; cells != NULL && i < facts.cells; i++) {
+        double value;
+        of->pairs[i] = gonio_pair_from_vectors(cells[i].wi, cells[i].wo);
+        of->worth[i] = cells[i].squares;
+        a->codes = (i > 0 ? a->codes : 0) + cells[i].codes * fmin(gonio_design_spread(model, &of->pairs[i], &value), 1);
+    }
+    of->n = cells != NULL ? facts.cells : 0;
+    gonio_needs_free(needs);
+    return status;
+}
+
 // The poses that the model asks for, behind those of the batch that are there.
-static gonio_status add_wanted(gonio_adaptive *a, const gonio_adaptive_how *how, const gonio_model *model, size_t first,
-                               size_t n, const gonio_pair *barred, size_t barred_n, gonio_error *error) {
+static gonio_status add_wanted(gonio_adaptive *a, const gonio_adaptive_how *how, const gonio_model *model,
+                               const asked *of, size_t first, size_t n, const gonio_pair *barred, size_t barred_n,
+                               gonio_error *error) {
     const size_t taken_n = a->n - first;
     gonio_design_surprise *surprises = calloc(a->n + 1, sizeof *surprises);
     gonio_design_pose *chosen = calloc(n + 1, sizeof *chosen);
@@ -216,6 +266,9 @@ static gonio_status add_wanted(gonio_adaptive *a, const gonio_adaptive_how *how,
                                      .travel_s = travel_s,
                                      .dwell_s = dwell_s,
                                      .allowed = allowed,
+                                     .asked = of->pairs,
+                                     .asked_worth = of->worth,
+                                     .asked_n = of->n,
                                      .surprises = surprises,
                                      .surprises_n = find_surprises(a, surprises),
                                      .barred = barred,
@@ -243,7 +296,7 @@ static size_t first_batch(const gonio_adaptive_plan *plan) {
 }
 
 static gonio_status next_batch(gonio_adaptive *a, const gonio_adaptive_how *how, const gonio_model *model,
-                               gonio_pair *barred, gonio_error *error) {
+                               const asked *of, gonio_pair *barred, gonio_error *error) {
     const size_t first = a->n, left = a->plan.poses - a->n;
     const size_t usual = a->plan.batch > 0 ? a->plan.batch : clamp(a->n / BATCH_SHARE, BATCH_MIN, SIZE_MAX);
     const size_t batch = usual < left ? usual : left;
@@ -253,7 +306,7 @@ static gonio_status next_batch(gonio_adaptive *a, const gonio_adaptive_how *how,
     status = status == GONIO_OK ? add_fill(a, fill, error) : status;
     const size_t there = a->n - first;
     if (status == GONIO_OK && there < batch) {
-        status = add_wanted(a, how, model, first, batch - there, barred, barred_n, error);
+        status = add_wanted(a, how, model, of, first, batch - there, barred, barred_n, error);
     }
     for (size_t i = first; i < a->n; i++) {
         predict(model, &a->poses[i]);
@@ -300,12 +353,19 @@ gonio_status gonio_adaptive_choose(gonio_adaptive *a, const gonio_adaptive_how *
         gonio_pair *barred = calloc(a->n + 1, sizeof *barred);
         status = barred != NULL ? fit_live(a, how, &model, error)
                                 : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose poses");
-        status = status == GONIO_OK ? next_batch(a, how, model, barred, error) : status;
+        asked of = {0};
+        status = status == GONIO_OK ? read_asked(a, model, &of, error) : status;
+        if (status == GONIO_OK && !(a->plan.codes > 0 && a->codes <= a->plan.codes)) {
+            status = next_batch(a, how, model, &of, barred, error);
+        }
+        release_asked(&of);
         gonio_model_free(model);
         free(barred);
     }
-    a->shares[0] = a->shares[1];
-    a->batches++;
     *count = a->n - before;
+    if (*count > 0) {
+        a->shares[0] = a->shares[1];
+        a->batches++;
+    }
     return status;
 }

@@ -396,6 +396,7 @@ gonio_status gonio_adaptive_next(gonio_session *session, const gonio_rig *rig, c
     char *record = NULL;
     gonio_status status = gonio_adaptive_get(session, steps, n, &a, error);
     a.prior = setup->fit.prior[0] != 0 ? setup->fit.prior : NULL;
+    a.needs = setup->scan.needs[0] != 0 ? setup->scan.needs : NULL;
     status = status == GONIO_OK ? gonio_adaptive_figures(&a, &report, error) : status;
     if (status == GONIO_OK && !gonio_adaptive_over(&a, &report)) {
         status = choose_next(&a, rig, setup, steps, n, &how, more, count, &record, error);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// "adaptive:N,until=X,batch=N,share=X,first=N,theta_max=DEG,anisotropic=1"
+// "adaptive:N,until=X,batch=N,share=X,first=N,theta_max=DEG,scene=NEEDS,codes=X,anisotropic=1"
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -17,7 +17,7 @@ bool gonio_adaptive_is(const char *plan) { return strncmp(plan, "adaptive:", 9) 
 typedef struct option {
     const char *name, *expected;
     size_t offset;
-    enum { COUNT, REAL, FLAG } kind;
+    enum { COUNT, REAL, FLAG, FILE_NAME } kind;
     double low, high;
 } option;
 
@@ -27,6 +27,8 @@ static const option options[] = {
     {"share", "a share of 0.05 to 1", offsetof(gonio_adaptive_plan, share), REAL, 0.05, 1},
     {"first", "8 to 5000 poses", offsetof(gonio_adaptive_plan, first), COUNT, 8, 5000},
     {"theta_max", "5 to 90 degrees", offsetof(gonio_adaptive_plan, theta_max_deg), REAL, 5, 90},
+    {"scene", "a file of `gonio scene needs`", offsetof(gonio_adaptive_plan, scene), FILE_NAME, 0, 0},
+    {"codes", "8-bit codes of the pictures, 0.01 to 100", offsetof(gonio_adaptive_plan, codes), REAL, 0.01, 100},
     {"anisotropic", "0 or 1", offsetof(gonio_adaptive_plan, anisotropic), FLAG, 0, 1},
 };
 #define OPTIONS (sizeof options / sizeof *options)
@@ -55,9 +57,14 @@ static gonio_status take(const char *plan, const char **at, gonio_adaptive_plan 
     const option *o = &options[k];
     const char *value = item + strlen(o->name) + 1;
     char *end;
+    if (o->kind == FILE_NAME && strcspn(value, ",") > 0 && strcspn(value, ",") < sizeof out->scene) {
+        snprintf(out->scene, sizeof out->scene, "%.*s", (int)strcspn(value, ","), value);
+        *at = value + strcspn(value, ",");
+        return GONIO_OK;
+    }
     const double number = gonio_number_parse(value, &end);
-    if (end == value || (*end != 0 && *end != ',') || !(number >= o->low && number <= o->high) ||
-        (o->kind != REAL && number != floor(number))) {
+    if (o->kind == FILE_NAME || end == value || (*end != 0 && *end != ',') ||
+        !(number >= o->low && number <= o->high) || (o->kind != REAL && number != floor(number))) {
         return gonio_fail(error, GONIO_E_USAGE, "plan '%.80s', character %zu: found %s=%.*s, expected %s", plan,
                           (size_t)(value - plan) + 1, o->name, (int)strcspn(value, ","), value, o->expected);
     }
@@ -87,6 +94,9 @@ gonio_status gonio_adaptive_parse(const char *plan, gonio_adaptive_plan *out, go
     for (at = end; status == GONIO_OK && *at == ',';) {
         at++;
         status = take(plan, &at, out, error);
+    }
+    if (status == GONIO_OK && out->codes > 0 && out->scene[0] == 0) {
+        status = gonio_fail(error, GONIO_E_USAGE, "plan '%.80s': codes= is of the pictures of scene=NEEDS", plan);
     }
     return status;
 }

@@ -99,6 +99,7 @@ static const gonio_key scan_members[] = {
     M(gonio_scan_options, hands, BOOLEAN, 0, 0),
     LATE(gonio_scan_options, audit_poses, INTEGER, 0, 1e9),
     LATE(gonio_scan_options, encoder_audit_poses, INTEGER, 0, 1e9),
+    LATE(gonio_scan_options, needs, TEXT, 0, 0),
     {0},
 };
 static const gonio_key window_members[] = {
@@ -314,6 +315,7 @@ static const struct own_file {
     {"reference's BRDF", "reference.model", offsetof(gonio_setup, facts.reference_brdf), 1 << 30},
     {"flat field", "flat.map", offsetof(gonio_setup, facts.flat_path), 17 * PIXELS_MAX},
     {"prior", "library.prior", offsetof(gonio_setup, fit.prior), 1 << 30},
+    {"needs", "scene.needs", offsetof(gonio_setup, scan.needs), 1 << 30},
 };
 #define OWN_FILES (sizeof own_files / sizeof *own_files)
 

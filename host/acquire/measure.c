@@ -58,10 +58,25 @@ static gonio_status prepare(const gonio_rig_file *rig, const gonio_measure_optio
                                 : gonio_fail(error, GONIO_E_USAGE, "unknown fit method '%s'", options->fit.method);
     }
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
+    if (status == GONIO_OK && setup->fit.prior[0] != 0) {
+        gonio_library *library = NULL;
+        status = gonio_library_open(setup->fit.prior, &library, error);
+        gonio_library_free(library);
+    }
     if (status != GONIO_OK || !gonio_adaptive_is(options->plan)) {
         return status == GONIO_OK ? fixed_steps(rig, options, setup, steps, n, error) : status;
     }
-    return gonio_adaptive_begin(&rig->rig, setup, options->plan, options->seed, steps, n, batch, error);
+    gonio_adaptive_plan plan;
+    gonio_needs *needs = NULL;
+    status = gonio_adaptive_parse(options->plan, &plan, error);
+    if (status == GONIO_OK && plan.scene[0] != 0) { // what is wrong with it is told before hours of measuring
+        status = gonio_needs_open(plan.scene, &needs, error);
+        gonio_needs_free(needs);
+        memcpy(setup->scan.needs, plan.scene, sizeof plan.scene);
+    }
+    return status != GONIO_OK
+               ? status
+               : gonio_adaptive_begin(&rig->rig, setup, options->plan, options->seed, steps, n, batch, error);
 }
 
 // A resume may run in another folder: the model's place is kept as an absolute path.
