@@ -21,6 +21,7 @@ deps-peers: ## install independent readers of our files that Debian and npm have
 	$(Q)tools/peers.sh $(B)
 test-peers: ## what independent programs make of our files; whatever is on PATH, in PEERS_DIR or of deps-peers
 	$(Q)tests/peers/run.sh $(B)
+	$(Q)KILLS=20 RESOLUTION=64 GONIO=$(abspath $(B)/gonio) sh tests/system/cpm.sh
 
 .PHONY: significance
 significance: $(B)/tests/bench/significance ## false alarms and power of `gonio check` on 1,000 simulated materials

@@ -51,7 +51,6 @@ for verb in $("$GONIO" --help | sed -nE 's/^  ([a-z-]+) .*/\1/p'); do
     rig) valid 3 rig status --rig "$odd/none" ;;
     calibrate) valid 3 calibrate camera "$odd/none.png" -o x ;;
     merge) valid 3 merge "$odd/none" "$odd/none" -o x ;;
-    fit | render | virtual) valid 3 $verb "$odd/none" -o x ;;
     scene) valid 3 scene needs "$odd/none" -o x ;;
     fit | render | virtual | learn) valid 3 $verb "$odd/none" -o x ;;
     cpm) valid 3 cpm build "$odd/none" -o x ;;
