@@ -15,13 +15,12 @@ $(B)/tests/bench/fifty_million: $(B)/tests/bench/fifty_million.o $(B)/libgonio.a
 
 .PHONY: cpm-kills
 cpm-kills: program ## a map's build killed 20 times ends with the same bytes
-	$(Q)KILLS=20 RESOLUTION=32 GONIO=$(abspath $(B)/gonio) sh tests/system/cpm.sh
+	$(Q)KILLS=20 RESOLUTION=64 GONIO=$(abspath $(B)/gonio) sh tests/system/cpm.sh
 .PHONY: deps-peers test-peers
 deps-peers: ## install independent readers of our files that Debian and npm have: Blender, Chromium, glTF's validator, three.js
 	$(Q)tools/peers.sh $(B)
 test-peers: ## what independent programs make of our files; whatever is on PATH, in PEERS_DIR or of deps-peers
 	$(Q)tests/peers/run.sh $(B)
-	$(Q)KILLS=20 RESOLUTION=64 GONIO=$(abspath $(B)/gonio) sh tests/system/cpm.sh
 
 .PHONY: significance
 significance: $(B)/tests/bench/significance ## false alarms and power of `gonio check` on 1,000 simulated materials

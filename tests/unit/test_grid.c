@@ -68,7 +68,7 @@ static gonio_model *table_of(const gonio_grid *grid, gonio_grid_degree degree) {
     static const gonio_transform plain = {1, 0};
     static const char name[1][32] = {"y"};
     gonio_table_parts parts = {
-        *grid, degree, 1, GONIO_TRANSFORM_LINEAR, &plain, name, malloc(grid->count * sizeof(float))};
+        *grid, degree, 1, GONIO_TRANSFORM_LINEAR, &plain, name, malloc(grid->count * sizeof(float)), NULL};
     gonio_model *model;
     assert_non_null(parts.points);
     for (size_t node = 0; node < grid->count; node++) {
