@@ -3,7 +3,7 @@
 //
 // Coordinates fill a cube, pairs of directions do not: the corners about Nusselt's discs, and half and difference
 // vectors that put one direction behind the surface, are nobody's. The maps are inverted (brdf/coordinates.c has them),
-// and a cell is reachable where one of 3^dims places of it, some near its corners, is a pair. (Corners
+// and a cell is reachable where its middle or a place near one of its corners is a pair. (Corners
 // themselves would count cells that pairs touch only.)
 #include <math.h>
 #include <stdint.h>
@@ -12,8 +12,7 @@
 #include "base/thread_pool.h"
 #include "fit/needs/needs.h"
 
-#define PLACES 3 // along an axis of a cell
-static const double place_in_cell[PLACES] = {0.01, 0.5, 0.99};
+#define RIM 0.01 // of a cell: how near its corners
 
 // A direction whose projection on the surface this is.
 static bool rise(double x, double y, gonio_vec3 *w) {
@@ -26,11 +25,14 @@ static bool rise(double x, double y, gonio_vec3 *w) {
 static bool unstretch(gonio_coordinates system, const double *x, double out[2]) {
     double stretch, limit;
     gonio_coordinates_stretch(system, &stretch, &limit);
-    const double u = 2 * x[0] - 1, v = 2 * x[1] - 1, r = hypot(u, v);
+    const double u = 2 * x[0] - 1, v = 2 * x[1] - 1, r = sqrt(u * u + v * v);
+    if (r > 1) {
+        return false;
+    }
     const double length = stretch * sinh(r * limit);
     out[0] = r > 0 ? length * u / r : 0;
     out[1] = r > 0 ? length * v / r : 0;
-    return r <= 1;
+    return true;
 }
 
 // The shortest arc that takes +z to h, applied to d.
@@ -97,12 +99,12 @@ static bool is_reachable(const counting *c, size_t cell) {
     for (int d = dims; d-- > 0; rest /= c->side) {
         at[d] = rest % c->side;
     }
-    const int places = c->isotropic ? PLACES * PLACES * PLACES : PLACES * PLACES * PLACES * PLACES;
-    for (int k = 0; k < places; k++) {
+    for (int k = -1; k < 1 << dims; k++) {
         double x[4];
         gonio_vec3 wi, wo;
-        for (int d = 0, left = k; d < dims; d++, left /= PLACES) {
-            x[d] = ((double)at[d] + place_in_cell[left % PLACES]) / (double)c->side;
+        for (int d = 0; d < dims; d++) {
+            const double within = k < 0 ? 0.5 : k >> d & 1 ? 1 - RIM : RIM;
+            x[d] = ((double)at[d] + within) / (double)c->side;
         }
         if (gonio_needs_pair_at(c->coordinates, c->isotropic, x, &wi, &wo)) {
             return true;

@@ -95,6 +95,7 @@ typedef double gonio_pose_seconds(void *context, const gonio_pair *from, const g
 
 typedef struct gonio_needs_plan_options {
     size_t poses;
+    double seconds_max;          // no more poses than take so long by `seconds`; 0: no limit
     double explore;              // share of the poses that is spread over all directions
     double theta_max_deg;        // of the poses
     uint64_t seed;               // of that share
@@ -116,9 +117,9 @@ void gonio_needs_plan_options_default(gonio_needs_plan_options *options);
 gonio_status gonio_needs_plan(const gonio_needs *needs, int material, const gonio_needs_plan_options *options,
                               gonio_plan **out, gonio_needs_plan_report *report, gonio_error *error);
 
-// gonio_plan_make, and "scene:NEEDS[,N=400][,material=NAME][,model=MODEL][,explore=0.1][,theta_max=85]" and
-// "prior:PRIOR[,N=20][,theta_max=85]" (gonio/library.h). seconds may be
-// NULL; report (may be NULL) is of such plans, else 0.
+// gonio_plan_make, "scene:NEEDS[,N=400][,material=NAME][,model=MODEL][,explore=0.1][,theta_max=85][,seconds=S]" and
+// "prior:PRIOR[,N=20][,theta_max=85]" (gonio/library.h). seconds may be NULL; report (may be NULL) is of plans of
+// scenes, else 0.
 gonio_status gonio_plan_resolve(const char *text, uint64_t seed, gonio_pose_seconds *seconds, void *seconds_context,
                                 gonio_plan **out, gonio_needs_plan_report *report, gonio_error *error);
 

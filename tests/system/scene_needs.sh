@@ -28,7 +28,7 @@ INI
 truth=spec:ward:rho_d=0.3,rho_s=0.1,alpha=0.2
 exits "needs, with a picture" 0 "$GONIO" scene needs room.ini -o room.needs --picture room.svg
 grep -q 'half-vector .*level 6: .* no scene reaches' out; ok $? "tells what is asked and what no scene reaches"
-grep -q 'half vector' room.svg; ok $? "the picture is an SVG"
+grep -q '<svg' room.svg; ok $? "the picture is an SVG"
 exits "of every camera, light and a turn" 0 "$GONIO" scene needs room.ini -o all.needs --camera all --light all --orbit 2 --json --threads 1
 grep -q '"frames": *8.*"unreachable": *[1-9]' out; ok $? "eight frames; what is unreachable stands apart"
 exits "the same by three threads" 0 "$GONIO" scene needs room.ini -o all3.needs --camera all --light all --orbit 2 --threads 3
@@ -44,16 +44,16 @@ exits "onto the scene's mesh" 2 "$GONIO" scene needs room.ini -o square.obj
 # ---- plans ----
 exits "a plan of 12 poses" 0 "$GONIO" plan scene:room.needs,N=12 -o p.csv
 [ "$(grep -c '^[0-9]' p.csv)" -eq 12 ]; ok $? "has 12 poses"
-exits "within a budget" 0 "$GONIO" plan scene:room.needs --budget 6min -o b.csv --json
-python3 -c 'import json; p = json.load(open("out")); assert 1 < p["poses"] and 300 < p["total_s"] <= 360 and p["pictures"]["after"] < p["pictures"]["before"]' 2>err
+exits "within a budget" 0 "$GONIO" plan scene:room.needs --budget 8min -o b.csv --json
+python3 -c 'import json; p = json.load(open("out")); assert 1 < p["poses"] and 360 < p["total_s"] <= 480 and p["pictures"]["after"] < p["pictures"]["before"]' 2>err
 ok $? "fills it and says what it is worth"
-exits "a budget of a plan by rule" 0 "$GONIO" plan nusselt:500 --budget 5min -o b.csv
+exits "a budget of a plan by rule" 0 "$GONIO" plan nusselt:500 --budget 8min -o b.csv
 exits "a budget too short" 2 "$GONIO" plan nusselt:500 --budget 1s
 exits "a budget that is no time" 2 "$GONIO" plan nusselt:500 --budget soon
 exits "a plan of a missing file" 3 "$GONIO" plan scene:none.needs
 exits "a plan of what is no file of needs" 3 "$GONIO" plan scene:room.ini
 exits "a measure for the scene" 0 "$GONIO" measure --plan scene:room.needs,N=8 --sample ward:rho_d=0.3,rho_s=0.1,alpha=0.2 --method mba --level 2 s.session
-exits "... replays" 0 "$GONIO" replay s.session --method mba --level 2
+exits "... replays" 0 "$GONIO" replay s.session
 
 # ---- pictures' errors ----
 exits "the truth in its scene" 0 "$GONIO" compare $truth room.ini --json
@@ -66,7 +66,7 @@ says "a material that is not there: lists them" "it has lid"
 exits "an option of scenes" 2 "$GONIO" compare $truth p.csv --turn 5
 
 # ---- fits ----
-"$GONIO" plan nusselt:150 -o n.csv >out 2>&1 && "$GONIO" eval $truth n.csv >s.csv
+"$GONIO" plan nusselt:40 -o n.csv >out 2>&1 && "$GONIO" eval $truth n.csv >s.csv
 exits "the smallest model for the pictures" 0 "$GONIO" fit s.csv -o m.gonio --scene room.needs --image-error 1.5 --truth $truth --json
 python3 -c '
 import json

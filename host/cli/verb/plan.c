@@ -85,11 +85,10 @@ static gonio_status fit_budget(const cli_rig *rig, const gonio_setup *setup, gon
                         : gonio_fail(error, GONIO_E_USAGE, "--budget: %g s are too short for a single pose", budget_s);
 }
 
-// A plan for a scene that names no number has as many poses as the budget could hold.
-static void complete_text(const char *text, double budget_s, const gonio_setup *setup, char *out, size_t size) {
-    const double least = setup->scan.settle_s + GONIO_FRAMES_A_POSE * setup->camera.read_out_s + 0.1;
+// A plan for a scene that names no number has as many poses as the budget has time for, or more.
+static void complete_text(const char *text, double budget_s, char *out, size_t size) {
     const bool open = budget_s > 0 && strncmp(text, "scene:", 6) == 0 && strstr(text, ",N=") == NULL;
-    snprintf(out, size, open ? "%s,N=%.0f" : "%s", text, fmin(fmax(budget_s / least, 1), 3000));
+    gonio_number_format(out, size, open ? "%s,N=3000,seconds=%g" : "%s", text, budget_s);
 }
 
 static gonio_status plan(const cli_rig_options *options, const char *text, double budget_s, cli_rig *rig,
@@ -100,7 +99,7 @@ static gonio_status plan(const cli_rig_options *options, const char *text, doubl
     gonio_status status = cli_rig_open(options, rig, error);
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
     if (status == GONIO_OK) {
-        complete_text(text, budget_s, setup, whole, sizeof whole);
+        complete_text(text, budget_s, whole, sizeof whole);
         status = gonio_plan_resolve(whole, options->seed, gonio_scan_pose_s, &costs, &poses, &e->pictures, error);
     }
     status = status == GONIO_OK ? fit_budget(rig, setup, poses, budget_s, error) : status;

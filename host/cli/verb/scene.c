@@ -222,7 +222,7 @@ static int run(int argc, char **argv) {
         {"cells", 0, CLI_SIZE, &r.cells, NULL, "N",
          "at most so many of a material; coarser where it asks for more (200k)"},
         {"level", 0, CLI_INT, &r.level, NULL, "N", "of the lattices whose cells are counted (6; anisotropic 4)"},
-        {"picture", 0, CLI_OUTPUT, &r.picture, NULL, "IMAGE", "the densities as .png or .svg"},
+        {"picture", 0, CLI_OUTPUT, &r.picture, NULL, "FILE.svg|png", "the densities as a picture"},
         {0}};
     if (!cli_parse(&cmd_scene, options, argc, argv, words, 2, 2, &count, &common)) {
         return 2;
