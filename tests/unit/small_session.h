@@ -92,13 +92,16 @@ static gonio_session *reopen(bool writable) {
     return session;
 }
 
-static void sql(const char *text) {
+// How many rows the last statement changed.
+static int sql(const char *text) {
     char file[128];
     sqlite3 *db;
     snprintf(file, sizeof file, "%s/session.db", path);
     assert_int_equal(sqlite3_open(file, &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db, text, NULL, NULL, NULL), SQLITE_OK);
+    const int changes = sqlite3_changes(db);
     sqlite3_close(db);
+    return changes;
 }
 
 static void overwrite(const char *name, long offset, const char *bytes, size_t n) {
