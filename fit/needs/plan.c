@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "base/number.h"
+#include "base/statistics.h"
 #include "base/thread_pool.h"
 #include "fit/needs/needs.h"
 #include "fit/prior/kernel.h"
@@ -91,6 +92,22 @@ static double deviation_of(const gonio_model *model, gonio_vec3 wi, gonio_vec3 w
     return isfinite(support) ? sqrt(fmax(1 - support, 0)) : 1;
 }
 
+// Deviations grow with what stands out: how high and wide a lobe is, is known less than the darker rest is. That is
+// 1 + ln of the value over the points' median.
+static gonio_status expect(design *d, gonio_error *error) {
+    double *values = malloc((d->n + 1) * sizeof *values);
+    if (values == NULL) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to plan among %zu points", d->n);
+    }
+    memcpy(values, d->value, d->n * sizeof *values);
+    const double middle = gonio_upper_median(values, d->n);
+    for (size_t i = 0; i < d->n; i++) {
+        d->deviation[i] = 1 + (middle > 0 ? fmax(log(d->value[i] / middle), 0) : 0);
+    }
+    free(values);
+    return GONIO_OK;
+}
+
 static void fill_points(design *d) {
     const double limit = gonio_radians(d->options->theta_max_deg) + 1e-12;
     for (size_t i = 0; i < d->n; i++) {
@@ -102,10 +119,10 @@ static void fill_points(design *d) {
         }
         d->barred[i] = p->theta_i > limit || p->theta_o > limit;
         d->travel[i] = INFINITY;
-        d->deviation[i] = d->options->model != NULL
-                              ? deviation_of(d->options->model, gonio_direction(p->theta_i, p->phi_i),
-                                             gonio_direction(p->theta_o, p->phi_o))
-                              : 1;
+        if (d->options->model != NULL) {
+            d->deviation[i] = deviation_of(d->options->model, gonio_direction(p->theta_i, p->phi_i),
+                                           gonio_direction(p->theta_o, p->phi_o));
+        }
     }
 }
 
@@ -271,6 +288,9 @@ static gonio_status make_plan(design *d, size_t count, const gonio_need *cells, 
     status = status == GONIO_OK ? gonio_plan_make(text, o->seed, out, error) : status;
     if (status == GONIO_OK) {
         choose_points(d, cells, count);
+        status = expect(d, error);
+    }
+    if (status == GONIO_OK) {
         fill_points(d);
         (*out)->n = 0;
         for (size_t i = 0; i < d->n; i++) {

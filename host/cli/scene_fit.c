@@ -89,12 +89,9 @@ void cli_scene_fit_print(const cli_scene_fit *f) {
         printf("; cameras turned by %g deg: %.4g, %.2f dB", f->how.turn_deg, r->turned.mae, r->turned.psnr_db);
     }
     printf("\n");
-    if (isfinite(r->expected)) {
-        printf("the samples' fit at its best is itself expected to be off by %.3g codes, as its sigma has it\n",
-               r->expected);
-    }
     if (f->how.truth != NULL) {
-        printf("... and is off by %.4g from %s; %zu bytes\n", r->best.mae, cli_text(f->how.truth), r->best_bytes);
+        printf("the samples' fit at its best is off by %.4g from %s; %zu bytes\n", r->best.mae, cli_text(f->how.truth),
+               r->best_bytes);
     }
     if (r->lattice_bytes > 0) {
         printf("a lattice of this level has %zu bytes, %zu of them where directions reach\n", r->lattice_bytes,

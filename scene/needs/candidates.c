@@ -10,7 +10,7 @@
 #include "fit/names.h"
 #include "scene/needs/search.h"
 
-#define FORMULA_SAMPLES 1500
+#define FORMULA_SAMPLES 600 // some dozens a parameter
 #define DIFFUSE_FIRST 1
 #define DIFFUSE_LAST 4
 
