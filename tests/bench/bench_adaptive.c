@@ -52,6 +52,8 @@ static gonio_samples *held_out(const gonio_model *truth, bool anisotropic) {
     return samples->channels > 1 ? simulate_channel_mean(samples) : samples;
 }
 
+static char chosen[128]; // what the last fit chose
+
 static gonio_errors fit_and_compare(const gonio_samples *samples, const gonio_samples *all, double *seconds) {
     gonio_fit_options options;
     gonio_errors e;
@@ -60,7 +62,10 @@ static gonio_errors fit_and_compare(const gonio_samples *samples, const gonio_sa
     options.hold_out = 0;
     options.threads = 1;
     const double started = processor_s();
-    must(gonio_fit(samples, &options, &model, NULL, &error));
+    gonio_fit_report report;
+    must(gonio_fit(samples, &options, &model, &report, &error));
+    snprintf(chosen, sizeof chosen, "%s %s %.90s", gonio_coordinates_name(report.coordinates),
+             gonio_domain_name(report.domain), report.options);
     *seconds = processor_s() - started;
     must(gonio_errors_model(model, all, NULL, 1, &e, &error));
     gonio_model_free(model);
@@ -69,8 +74,10 @@ static gonio_errors fit_and_compare(const gonio_samples *samples, const gonio_sa
 
 static void print_row(const char *plan, size_t n, const adaptive_run *run, gonio_errors e, double fit_s,
                       double choosing_s) {
-    printf("  %-9s %5zu poses %6.1f min  median_rel %7.3f %%  rms_log %.4f  fit %.1f s  choosing %.1f s = %.1f %%\n",
-           plan, n, run->rig_s / 60, 100 * e.median_rel, e.rms_log, fit_s, choosing_s, 100 * choosing_s / run->rig_s);
+    printf(
+        "  %-9s %5zu poses %6.1f min  median_rel %7.3f %%  rms_log %.4f  fit %.1f s  choosing %.1f s = %.1f %%  %s\n",
+        plan, n, run->rig_s / 60, 100 * e.median_rel, e.rms_log, fit_s, choosing_s, 100 * choosing_s / run->rig_s,
+        chosen);
     fflush(stdout);
 }
 

@@ -38,6 +38,32 @@ exits "a sphere" 2 "$GONIO" measure --sample $ward,shape=sphere,radius_mm=20 --p
 check "and no session is begun" [ ! -e "$work/x" ]
 exits "plan shows no adaptive plan" 2 "$GONIO" plan adaptive:50
 
+# ---- for a scene ----
+printf 'v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n' >"$work/square.obj"
+cat >"$work/room.ini" <<'INI'
+[image]
+width = 24
+height = 16
+samples = 4
+[camera front]
+eye = 1/-2/2
+[material lid]
+model = ward:rho_d=0.3,rho_s=0.1,alpha=0.2
+[mesh plate]
+file = square.obj
+[light lamp]
+toward = 1/0/1
+intensity = 3
+INI
+check "what it needs" "$GONIO" scene needs "$work/room.ini" -o "$work/room.needs"
+exits "an adaptive measure for it" 0 "$GONIO" measure --sample $ward --set $quick --method mba --json \
+    --plan "adaptive:400,first=12,batch=8,scene=$work/room.needs,codes=30" "$work/pictured"
+check "ends when the pictures are good enough" sh -c "grep -q '\"poses\": *[1-9][0-9],' '$work/out'"
+check "the session keeps what it went by" cmp "$work/room.needs" "$work/pictured/scene.needs"
+exits "codes without a scene" 2 "$GONIO" measure --sample $ward --plan adaptive:50,codes=1 "$work/x"
+exits "a scene that is none" 3 "$GONIO" measure --sample $ward --plan "adaptive:50,scene=$work/room.ini" "$work/x"
+check "and no session is begun" [ ! -e "$work/x" ]
+
 # ---- a prior ----
 "$GONIO" learn --components 4 -o "$work/prior" \
     spec:ward:rho_d=0.3,rho_s=0.2,alpha=0.3 spec:ward:rho_d=0.1,rho_s=0.1,alpha=0.2 spec:ward:rho_d=0.5,rho_s=0.05,alpha=0.4 \
