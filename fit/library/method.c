@@ -7,8 +7,9 @@
 #include "base/text.h"
 #include "gonio/library.h"
 
-#define FEW 60        // samples: less of them cannot be held out to compare by
-#define HELD_OUT 0.25 // of more
+#define FEW 12   // samples: less of them cannot be held out to compare by
+#define MANY 100 // a quarter of so many is held out once; of less each quarter in its turn
+#define FOLDS 4
 
 static gonio_status fit_library(const gonio_library *library, const gonio_samples *samples,
                                 const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
@@ -31,52 +32,99 @@ static gonio_status fit_library(const gonio_library *library, const gonio_sample
     return status;
 }
 
-// The median relative error of a fit of the samples that are not held, on those that are.
-static gonio_status try_fit(const gonio_method *method, const gonio_library *library, const gonio_samples *samples,
-                            const gonio_samples *rest, const bool *held, const gonio_fit_options *options,
-                            double *median_rel, gonio_error *error) {
+typedef struct comparison {
+    const gonio_method *method;
+    const gonio_library *library;
+    const gonio_samples *samples;
+    const gonio_fit_options *options;
+    int *fold;
+    bool *which;
+    double *predicted[2]; // n x channels: with the prior, without
+    int folds;            // that are held out
+} comparison;
+
+static gonio_status predict(const comparison *c, bool prior, const gonio_samples *rest, int fold, gonio_error *error) {
+    const size_t channels = (size_t)c->samples->channels;
     gonio_model *model = NULL;
     gonio_fit_report unused = {0};
-    gonio_errors errors;
-    gonio_status status = library != NULL ? fit_library(library, rest, options, &model, &unused, error)
-                                          : method->fit(rest, options, &model, &unused, error);
-    status = status == GONIO_OK ? gonio_errors_model(model, samples, held, options->threads, &errors, error) : status;
-    *median_rel = status == GONIO_OK ? errors.median_rel : NAN;
+    const gonio_status status = prior ? fit_library(c->library, rest, c->options, &model, &unused, error)
+                                      : c->method->fit(rest, c->options, &model, &unused, error);
+    for (size_t i = 0; i < c->samples->n && status == GONIO_OK; i++) {
+        if (c->fold[i] == fold) {
+            gonio_model_eval_pair(model, &c->samples->pairs[i], c->predicted[!prior] + i * channels);
+        }
+    }
     gonio_model_free(model);
     return status;
 }
 
-// Which of the two tells held-out samples better? error: what is wrong with the sample to the library, if that is it.
+// The geometric mean of median_rel and rms_log: neither the many nor the worst have all the say.
+static gonio_status score(const comparison *c, bool prior, double *out, gonio_error *error) {
+    gonio_errors errors;
+    gonio_status status = GONIO_OK;
+    for (int fold = 0; fold < c->folds && status == GONIO_OK; fold++) {
+        gonio_samples *rest;
+        for (size_t i = 0; i < c->samples->n; i++) {
+            c->which[i] = c->fold[i] != fold;
+        }
+        status = gonio_samples_select(c->samples, c->which, &rest, error);
+        status = status == GONIO_OK ? predict(c, prior, rest, fold, error) : status;
+        gonio_samples_free(rest);
+    }
+    for (size_t i = 0; i < c->samples->n; i++) {
+        c->which[i] = c->fold[i] < c->folds;
+    }
+    status = status == GONIO_OK ? gonio_errors_of(c->samples, c->predicted[!prior], c->which, &errors, error) : status;
+    *out = status == GONIO_OK ? sqrt(errors.median_rel * errors.rms_log) : NAN;
+    return status;
+}
+
+static gonio_status decide(const comparison *c, bool *prior, gonio_fit_report *report, gonio_error *error) {
+    double with, without;
+    gonio_error why = {0};
+    gonio_status status = gonio_samples_folds(c->samples, FOLDS, c->options->seed, c->fold, error);
+    if (status == GONIO_OK) {
+        status = score(c, true, &with, &why);
+        status =
+            status == GONIO_OK || status == GONIO_E_MISMATCH ? GONIO_OK : gonio_fail(error, status, "%s", why.message);
+    }
+    status = status == GONIO_OK ? score(c, false, &without, error) : status;
+    if (status != GONIO_OK) {
+        return status;
+    }
+    *prior = with < without;
+    if (isnan(with)) {
+        gonio_text_append(report->note, sizeof report->note, "the prior was not used: %s", why.message);
+    } else {
+        gonio_text_append(report->note, sizeof report->note,
+                          "held out, samples lie %.3g from a fit with the prior, %.3g without it (geometric mean of "
+                          "median_rel and rms_log): it was%s used",
+                          with, without, *prior ? "" : " not");
+    }
+    return GONIO_OK;
+}
+
+// Which of the two tells held-out samples better?
 static gonio_status compare(const gonio_method *method, const gonio_library *library, const gonio_samples *samples,
                             const gonio_fit_options *options, bool *prior, gonio_fit_report *report,
                             gonio_error *error) {
-    bool *held = malloc(2 * samples->n * sizeof *held);
-    gonio_samples *rest = NULL;
-    double with = NAN, without = NAN;
-    gonio_error why = {0};
-    gonio_status status =
-        held != NULL ? gonio_samples_hold_out(samples, HELD_OUT, options->seed, held, error)
-                     : gonio_fail(error, GONIO_E_MEMORY, "no memory to compare fits of %zu samples", samples->n);
-    for (size_t i = 0; i < samples->n && status == GONIO_OK; i++) {
-        held[samples->n + i] = !held[i];
-    }
-    status = status == GONIO_OK ? gonio_samples_select(samples, held + samples->n, &rest, error) : status;
-    if (status == GONIO_OK) {
-        const gonio_status fitted = try_fit(method, library, samples, rest, held, options, &with, &why);
-        status = fitted == GONIO_OK || fitted == GONIO_E_MISMATCH
-                     ? try_fit(method, NULL, samples, rest, held, options, &without, error)
-                     : gonio_fail(error, fitted, "%s", why.message);
-    }
-    *prior = with < without;
-    if (status == GONIO_OK && isnan(with)) {
-        gonio_text_append(report->note, sizeof report->note, "the prior was not used: %s", why.message);
-    } else if (status == GONIO_OK) {
-        gonio_text_append(report->note, sizeof report->note,
-                          "held-out median_rel with the prior %.3g, without it %.3g: %s", with, without,
-                          *prior ? "it was used" : "it was not used");
-    }
-    gonio_samples_free(rest);
-    free(held);
+    const size_t count = samples->n * (size_t)samples->channels;
+    double *predicted = calloc(2 * count + 1, sizeof *predicted);
+    comparison c = {.method = method,
+                    .library = library,
+                    .samples = samples,
+                    .options = options,
+                    .fold = malloc((samples->n + 1) * sizeof *c.fold),
+                    .which = malloc((samples->n + 1) * sizeof *c.which),
+                    .predicted = {predicted, predicted != NULL ? predicted + count : NULL},
+                    .folds = samples->n < MANY ? FOLDS : 1};
+    const gonio_status status =
+        c.fold != NULL && c.which != NULL && predicted != NULL
+            ? decide(&c, prior, report, error)
+            : gonio_fail(error, GONIO_E_MEMORY, "no memory to compare fits of %zu samples", samples->n);
+    free(c.fold);
+    free(c.which);
+    free(predicted);
     return status;
 }
 

@@ -14,8 +14,9 @@
 #define DIRECTIONS 200
 #define WITHIN 0.95 // of the errors are to lie within 1.96 sigma
 #define WITHIN_SIGMAS 1.96
-#define LIMIT_MARGIN 1.5 // over the largest residual of the library's own
-#define TINY 1e-3        // of the figures
+#define LIKE 0.9       // of the library's own have smaller residuals than what the limit is made of,
+#define LIMIT_MARGIN 2 // times this
+#define TINY 1e-3      // of the figures
 
 typedef struct trial {
     const gonio_model *const *models;
@@ -64,6 +65,10 @@ static gonio_status try_one(void *context, size_t k, gonio_error *error) {
         t->z[k * DIRECTIONS + i] = fabs(by) / sqrt(variance + 1e-12);
         t->relative[k * DIRECTIONS + i] = fabs(gonio_library_unmap(&place, z[0]) - f[0]) / (f[0] + TINY);
     }
+    // As gonio_library_fit does: residuals widen sigma.
+    for (size_t i = 0; i < DIRECTIONS && status == GONIO_OK; i++) {
+        t->z[k * DIRECTIONS + i] /= sqrt(fmax(p.residual, 1));
+    }
     t->residual[k] = p.residual;
     gonio_library_posterior_release(&p);
     gonio_samples_free(few);
@@ -77,7 +82,7 @@ static void conclude(trial *t, size_t tried, gonio_library *out) {
     out->facts.inflation = fmax(t->z[(size_t)(WITHIN * (double)(all - 1))] / WITHIN_SIGMAS, 1);
     out->facts.trial_error = gonio_median(t->relative, all);
     gonio_sort(t->residual, tried);
-    out->facts.limit = LIMIT_MARGIN * fmax(t->residual[tried - 1], 1);
+    out->facts.limit = LIMIT_MARGIN * fmax(t->residual[(size_t)(LIKE * (double)(tried - 1))], 1);
 }
 
 gonio_status gonio_library_try(const gonio_model *const *models, size_t n, size_t parts_n, gonio_library *const *parts,

@@ -6,7 +6,8 @@
 // directions that nobody measured, uniform over the projections of both, of the default fit of so many poses; the rig's
 // minutes; the processor's seconds that choosing took, as a share of the rig's.
 //
-// bench_adaptive [POSES (350)] [SEEDS (1)] [MATERIAL (all)] [FIXED (1400)]: a larger nusselt plan beside
+// bench_adaptive [POSES (350)] [SEEDS (1)] [MATERIAL (all)] [FIXED (1400)] [OPTIONS]: a larger nusselt plan beside;
+// more of the adaptive one (,share=0.3)
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -52,7 +53,8 @@ static gonio_samples *held_out(const gonio_model *truth, bool anisotropic) {
     return samples->channels > 1 ? simulate_channel_mean(samples) : samples;
 }
 
-static char chosen[128]; // what the last fit chose
+static char chosen[128];              // what the last fit chose
+static const char *more_options = ""; // of the adaptive plan
 
 static gonio_errors fit_and_compare(const gonio_samples *samples, const gonio_samples *all, double *seconds) {
     gonio_fit_options options;
@@ -110,7 +112,7 @@ static void adaptive(const struct material *m, const gonio_model *truth, const g
     adaptive_run run;
     char text[64];
     double choosing_s = 0, fit_s;
-    snprintf(text, sizeof text, "adaptive:%zu,anisotropic=%d", n, m->anisotropic);
+    snprintf(text, sizeof text, "adaptive:%zu,anisotropic=%d%s", n, m->anisotropic, more_options);
     run_begin(&run, truth, text, seed);
     run.channels = 1;
     size_t shown = n / 4;
@@ -133,6 +135,7 @@ int main(int argc, char **argv) {
     const size_t poses = argc > 1 ? strtoul(argv[1], NULL, 10) : 350;
     const int seeds = argc > 2 ? atoi(argv[2]) : 1, only = argc > 3 ? atoi(argv[3]) : -1;
     const size_t most = argc > 4 ? strtoul(argv[4], NULL, 10) : 1400;
+    more_options = argc > 5 ? argv[5] : "";
     for (int k = 0; k < MATERIALS; k++) {
         gonio_model *truth;
         if (only >= 0 && only != k) {

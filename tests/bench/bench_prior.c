@@ -125,14 +125,16 @@ static void left_out(const gonio_library *library, const gonio_plan *few, size_t
     must(gonio_samples_of_model(models[i], directions->poses, directions->n, 1, &all, &error));
     all->isotropic = true;
     gonio_samples *a = measured(models[i], few), *b = measured(models[i], many);
-    const result with = with_prior(library, a, all), no = without(b, all);
+    const result with = with_prior(library, a, all), no = without(b, all), few_alone = without(a, all);
     wins[0] += with.errors.median_rel < no.errors.median_rel;
     wins[1] += with.errors.rms_log < no.errors.rms_log;
     wins[2] += with.refused;
     *within = with.within;
-    printf("%-32.32s %2zu with: %6.2f %% %.3f%s   200 without: %6.2f %% %.3f   within 2 sigma %.0f %%, %.0f %%\n",
+    printf("%-32.32s %2zu with: %6.2f %% %.3f%s   without: %6.2f %% %.3f   200 without: %6.2f %% "
+           "%.3f   within 2 sigma %.0f %%, %.0f %%\n",
            names[i], few->n, 100 * with.errors.median_rel, with.errors.rms_log, with.refused ? " refused" : "",
-           100 * no.errors.median_rel, no.errors.rms_log, 100 * with.within, 100 * no.within);
+           100 * few_alone.errors.median_rel, few_alone.errors.rms_log, 100 * no.errors.median_rel, no.errors.rms_log,
+           100 * with.within, 100 * no.within);
     fflush(stdout);
     gonio_samples_free(a);
     gonio_samples_free(b);
