@@ -9,7 +9,7 @@
 #include "host/acquire/adaptive.h"
 
 #define POSES_MAX 20000 // each batch asks a fit of all samples so far; more poses need no choice
-#define SHARE 0.3
+#define SHARE 0.4
 #define THETA_MAX 85
 
 bool gonio_adaptive_is(const char *plan) { return strncmp(plan, "adaptive:", 9) == 0; }
