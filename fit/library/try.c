@@ -14,7 +14,7 @@
 #define DIRECTIONS 200
 #define WITHIN 0.95 // of the errors are to lie within 1.96 sigma
 #define WITHIN_SIGMAS 1.96
-#define LIKE 0.9       // of the library's own have smaller residuals than what the limit is made of,
+#define LIKE 0.95      // of the library's own have smaller residuals than what the limit is made of,
 #define LIMIT_MARGIN 2 // times this
 #define TINY 1e-3      // of the figures
 
