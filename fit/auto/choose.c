@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The choice for small sets, in rounds, each scored by leave-one-out on all its samples:
-//   1. coordinates and base, at a level that suits the number of samples;
-//   2. how stiff each axis is;
-//   3. one level coarser and finer;
-//   4. half-vector coordinates for sharper and for broader lobes;
-//   5. stiffness once more, a step from what was chosen;
-//   6. a profile beside the lattice of what was chosen, or of half vectors where others were (brdf/spline/profile.h);
-//   7. how far reciprocity is trusted by it;
-//   8. what its lobes' shares say beside the spline (brdf/kind/lobe_spline.h).
-// Coordinates that come close to the best ones go on through the rounds: which suit the samples can change with the
-// level (a silk's half-vector fit overtook its Nusselt fit only at level 5). A round's forms are independent, so they
-// run side by side; one eigendecomposition a form scores every base, channel and lambda.
+// The choice for small sets: one search, scored by leave-one-out.
+//
+// It begins at a form for each system of coordinates and one of half vectors with a strong profile (fit/auto/moves.c),
+// at a level that suits the number of samples. From the best of these, and from the next best one that comes close, it
+// goes on a step at a time along every axis of the forms, stiffness, profile, widths, reciprocity and level, as long as
+// that gains (a compass search: Hooke & Jeeves 1961, with steps of one size, since the scores of finer ones are told
+// apart by chance alone). One eigendecomposition a form scores every base, channel and lambda. At last it asks what the
+// lobes' shares say beside the spline (brdf/kind/lobe_spline.h).
+//
+// Which form suits a material a part of the samples tells; lambda, and the answer, are those of all.
 #include "fit/auto/choose.h"
 
 #include <math.h>
@@ -18,6 +16,8 @@
 #include <string.h>
 
 #include "base/thread_pool.h"
+#include "fit/auto/moves.h"
+#include "fit/auto/tuning.h"
 #include "fit/eval_cost.h"
 #include "fit/lobes/fit.h"
 
@@ -43,7 +43,7 @@ typedef struct lobe_job {
 static void fit_family(void *context, size_t f) {
     lobe_job *job = context;
     const gonio_lobe_family family = (gonio_lobe_family)(GONIO_LOBE_FAMILIES - 1 - f);
-    job->usable[f] = gonio_lobe_fit(job->data, family, 2, &job->fitted[f], NULL) == GONIO_OK;
+    job->usable[f] = gonio_lobe_fit(job->data, family, 2, NULL, &job->fitted[f], NULL) == GONIO_OK;
 }
 
 static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool lobes, gonio_auto_choice *choice,
@@ -65,39 +65,26 @@ static gonio_status fit_bases(const gonio_dataset *data, gonio_pool *pool, bool 
     return status;
 }
 
-// ---- rounds ----
+// ---- trials ----
 
-typedef struct round_result {
-    gonio_smooth_dense *dense;
+typedef struct search {
+    const gonio_dataset *all, *judges; // a part of all, or all
+    const gonio_smooth_base *bases;    // at the judges
+    int from;                          // the first trial that they scored
+    gonio_deadline *watch;
+    gonio_pool *pool;
+    gonio_auto_choice *choice;
+    gonio_auto_space space;
+} search;
+
+typedef struct result {
+    gonio_smooth_dense *dense; // kept where the judges are all
     gonio_smooth_score score[GONIO_AUTO_BASES];
-    double *lambdas;   // bases x channels
+    double *lambdas;   // [channels], of the last base
     int first, beyond; // of the bases that were scored
     gonio_status status;
     gonio_error error;
-} round_result;
-
-// Bases r->first .. r->beyond - 1.
-static void score_bases(const gonio_smooth_dense *dense, const gonio_dataset *data, const gonio_auto_choice *choice,
-                        double lambda, round_result *r) {
-    const size_t c = (size_t)data->channels;
-    r->lambdas = malloc((size_t)choice->bases_n * c * sizeof *r->lambdas);
-    if (r->lambdas == NULL) {
-        r->status = gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
-    }
-    for (int b = r->first; b < r->beyond && r->status == GONIO_OK; b++) {
-        r->status = gonio_smooth_choose_lambda(dense, data, &choice->bases[b], lambda, r->lambdas + (size_t)b * c,
-                                               &r->score[b], &r->error);
-    }
-}
-
-static void score_form(const gonio_dataset *data, const gonio_auto_choice *choice, const gonio_smooth_form *form,
-                       double lambda, round_result *r) {
-    *r = (round_result){.beyond = choice->bases_n};
-    r->status = gonio_smooth_dense_new(data, form, &r->dense, &r->error);
-    if (r->status == GONIO_OK) {
-        score_bases(r->dense, data, choice, lambda, r);
-    }
-}
+} result;
 
 static size_t model_bytes(const gonio_dataset *data, const gonio_smooth_form *form, const gonio_smooth_base *base) {
     const size_t c = (size_t)data->channels;
@@ -113,17 +100,11 @@ static double excess(const gonio_auto_trial *t, const gonio_fit_options *options
     return fmax(bytes, options->max_ns > 0 ? t->ns / options->max_ns : 0);
 }
 
-// What a score must gain before it is worth its price: what a few samples gain may be chance. A profile is a second
-// lattice (2 % of the errors); other widths than the usual one are more to choose from (10 %); without lobes nothing
-// goes on where nothing has been measured (2 %).
-#define PROFILE_PRICE 0.03
-#define WIDTH_PRICE 0.15
-#define NO_LOBES_PRICE 0.03
-
+// What a few samples gain may be chance: what costs more must gain its price.
 static double priced_score(const gonio_auto_trial *t) {
     const bool usual = gonio_coordinates_base(t->form.coordinates) == t->form.coordinates;
-    return t->score.score + (t->form.profile > 0 ? PROFILE_PRICE : 0) + (usual ? 0 : WIDTH_PRICE) +
-           (t->base == 0 ? NO_LOBES_PRICE : 0) + t->entry;
+    return t->score.score + (t->form.profile > 0 ? gonio_auto_tuned.profile : 0) +
+           (usual ? 0 : gonio_auto_tuned.width) + (t->base == 0 ? gonio_auto_tuned.no_lobes : 0) + t->entry;
 }
 
 // Is trial a the better choice? Of those that meet the error asked for, the smaller one; else the lower score.
@@ -178,70 +159,67 @@ static gonio_status reserve_trial(gonio_auto_choice *choice, gonio_error *error)
     return GONIO_OK;
 }
 
-static gonio_status keep_best(const gonio_dataset *data, const gonio_fit_options *options, gonio_auto_choice *choice,
-                              const gonio_smooth_form *form, round_result *r, gonio_error *error) {
-    const size_t c = (size_t)data->channels;
-    for (int b = r->first; b < r->beyond; b++) {
-        gonio_status status = reserve_trial(choice, error);
+// Solver and lambdas of what is chosen now.
+static void keep_solver(gonio_auto_choice *choice, int channels, result *r) {
+    gonio_smooth_dense_free(choice->dense);
+    choice->dense = r->dense;
+    r->dense = NULL;
+    memcpy(choice->lambdas, r->lambdas, (size_t)channels * sizeof *choice->lambdas);
+}
+
+static gonio_status keep_trials(const search *s, const gonio_smooth_form *form, double entry, result *r,
+                                gonio_error *error) {
+    gonio_auto_choice *choice = s->choice;
+    const gonio_fit_options *options = s->watch->options;
+    gonio_status status = GONIO_OK;
+    for (int b = r->first; b < r->beyond && status == GONIO_OK; b++) {
+        status = reserve_trial(choice, error);
         if (status != GONIO_OK) {
             return status;
         }
         gonio_auto_trial *t = &choice->trials[choice->trials_n];
-        *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(data, form, &choice->bases[b]), 0, choice->entry};
-        if (choice->entry == 0 && choice->trials_n > 0) {
-            t->entry = choice->trials[choice->chosen].entry;
-        }
-        status = options->max_ns > 0 ? measure_cost(data, choice, t, error) : GONIO_OK;
-        if (status != GONIO_OK) {
-            return status;
-        }
-        if (choice->trials_n == 0 || better(t, &choice->trials[choice->chosen], options)) {
+        *t = (gonio_auto_trial){*form, b, r->score[b], model_bytes(s->all, form, &choice->bases[b]), 0, entry};
+        status = options->max_ns > 0 ? measure_cost(s->all, choice, t, error) : GONIO_OK;
+        if (status == GONIO_OK &&
+            (choice->trials_n == s->from || better(t, &choice->trials[choice->chosen], options))) {
             choice->chosen = choice->trials_n;
             if (r->dense != NULL) {
-                gonio_smooth_dense_free(choice->dense);
-                choice->dense = r->dense;
-                r->dense = NULL;
+                keep_solver(choice, s->all->channels, r);
             }
-            memcpy(choice->lambdas, r->lambdas + (size_t)b * c, c * sizeof *choice->lambdas);
         }
-        choice->trials_n++;
+        choice->trials_n += status == GONIO_OK;
     }
-    return GONIO_OK;
+    return status;
+}
+
+// Bases r->first .. r->beyond - 1; the shares are those of the first one.
+static void score_form(const search *s, const gonio_smooth_form *form, result *r) {
+    const size_t c = (size_t)s->judges->channels;
+    r->lambdas = malloc(c * sizeof *r->lambdas);
+    r->status = r->lambdas != NULL
+                    ? gonio_smooth_dense_new(s->judges, form, form->shares ? &s->bases[r->first].lobes : NULL,
+                                             &r->dense, &r->error)
+                    : gonio_fail(&r->error, GONIO_E_MEMORY, "no memory to compare choices");
+    for (int b = r->first; b < r->beyond && r->status == GONIO_OK; b++) {
+        r->status = gonio_smooth_choose_lambda(r->dense, s->judges, &s->bases[b], s->watch->options->lambda, r->lambdas,
+                                               &r->score[b], &r->error);
+    }
+    if (s->judges != s->all || r->beyond - r->first > 1) {
+        gonio_smooth_dense_free(r->dense);
+        r->dense = NULL;
+    }
 }
 
 #define SIDE_BY_SIDE 2
-typedef struct round_job {
-    const gonio_dataset *data;
-    const gonio_auto_choice *choice;
+typedef struct job {
+    const search *s;
     const gonio_smooth_form *forms;
-    double lambda;
-    round_result results[SIDE_BY_SIDE];
-} round_job;
+    result results[SIDE_BY_SIDE];
+} job;
 
 static void run_form(void *context, size_t f) {
-    round_job *job = context;
-    score_form(job->data, job->choice, &job->forms[f], job->lambda, &job->results[f]);
-}
-
-static gonio_status run_forms(const gonio_dataset *data, const gonio_fit_options *options, gonio_pool *pool,
-                              const gonio_smooth_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
-    round_job job = {.data = data, .choice = choice, .forms = forms, .lambda = options->lambda};
-    round_result *results = job.results;
-    gonio_pool_run(pool, (size_t)n, run_form, &job);
-    gonio_status status = GONIO_OK;
-    for (int f = 0; f < n; f++) {
-        if (results[f].status == GONIO_OK && status == GONIO_OK) {
-            status = keep_best(data, options, choice, &forms[f], &results[f], error);
-        } else if (results[f].status != GONIO_OK && status == GONIO_OK) {
-            status = results[f].status;
-            if (error != NULL) {
-                *error = results[f].error;
-            }
-        }
-        gonio_smooth_dense_free(results[f].dense);
-        free(results[f].lambdas);
-    }
-    return status;
+    job *j = context;
+    score_form(j->s, &j->forms[f], &j->results[f]);
 }
 
 // A form one level finer than any before takes up to 8 times as long.
@@ -257,27 +235,55 @@ static bool time_for(const gonio_deadline *watch, const gonio_auto_choice *choic
     return choice->trials_n == 0 || gonio_deadline_left(watch) > longest * (next > finest ? 8 : 1);
 }
 
-// A few forms at a time, as many as run side by side: between them the caller may stop, and the time is looked at.
-static gonio_status run_round(const gonio_dataset *data, gonio_deadline *watch, gonio_pool *pool,
-                              const gonio_smooth_form *forms, int n, gonio_auto_choice *choice, gonio_error *error) {
-    const int side_by_side = isinf(watch->until) ? SIDE_BY_SIDE : 1;
+// Which bases to score, and what a form must gain.
+typedef struct manner {
+    int first, beyond;
+    double entry;
+} manner;
+
+static gonio_status score_two(search *s, const gonio_smooth_form *forms, int n, const manner *how, gonio_error *error) {
+    job j = {.s = s, .forms = forms};
+    for (int f = 0; f < n; f++) {
+        j.results[f] = (result){.first = how->first, .beyond = how->beyond};
+    }
+    gonio_pool_run(s->pool, (size_t)n, run_form, &j);
     gonio_status status = GONIO_OK;
-    for (int f = 0; f < n && status == GONIO_OK; f += side_by_side) {
-        const int count = n - f < side_by_side ? n - f : side_by_side;
-        const double start = gonio_clock_s();
-        if (!time_for(watch, choice, forms + f, count, choice->longest)) {
-            continue;
+    for (int f = 0; f < n; f++) {
+        result *r = &j.results[f];
+        if (status == GONIO_OK && r->status != GONIO_OK && error != NULL) {
+            *error = r->error;
         }
-        status = run_forms(data, watch->options, pool, forms + f, count, choice, error);
-        choice->longest = fmax(choice->longest, gonio_clock_s() - start);
-        status = status == GONIO_OK ? gonio_deadline_poll(watch, error) : status;
+        status = status == GONIO_OK ? r->status : status;
+        status = status == GONIO_OK ? keep_trials(s, &forms[f], how->entry, r, error) : status;
+        gonio_smooth_dense_free(r->dense);
+        free(r->lambdas);
     }
     return status;
 }
 
+// As many at a time as run side by side: between them the caller may stop, and the time is looked at.
+static gonio_status score_forms(search *s, const gonio_smooth_form *forms, int n, const manner *how,
+                                gonio_error *error) {
+    gonio_auto_choice *choice = s->choice;
+    const int side_by_side = isinf(s->watch->until) ? SIDE_BY_SIDE : 1;
+    gonio_status status = GONIO_OK;
+    for (int f = 0; f < n && status == GONIO_OK; f += side_by_side) {
+        const int count = n - f < side_by_side ? n - f : side_by_side;
+        const double start = gonio_clock_s();
+        if (time_for(s->watch, choice, forms + f, count, choice->longest)) {
+            status = score_two(s, forms + f, count, how, error);
+            choice->longest = fmax(choice->longest, gonio_clock_s() - start);
+            status = status == GONIO_OK ? gonio_deadline_poll(s->watch, error) : status;
+        }
+    }
+    return status;
+}
+
+// ---- the search ----
+
 // A level at which a sample has some cells to itself and n^2 8^level stays within seconds.
 static int first_level(const gonio_dataset *data) {
-    const int most = data->dims == 3 ? 4 : GONIO_SMOOTH_DENSE_LEVEL_MAX_4D;
+    const int most = data->dims == 3 ? 4 : gonio_auto_finest(data->dims);
     int level = 0;
     while (level < most && ldexp(1, data->dims * level) < 2.0 * (double)data->n) {
         level++;
@@ -285,310 +291,213 @@ static int first_level(const gonio_dataset *data) {
     return level;
 }
 
-static double fixed_reciprocity(const gonio_fit_options *options) {
-    return options->symmetry != GONIO_SYMMETRY_AUTO && (options->symmetry & GONIO_SYMMETRY_RECIPROCITY) != 0;
+static bool was_tried(const search *s, const gonio_smooth_form *form) {
+    bool tried = false;
+    for (int t = s->from; t < s->choice->trials_n && !tried; t++) {
+        tried = gonio_auto_same_form(&s->choice->trials[t].form, form);
+    }
+    return tried;
 }
 
-// The forms of a round.
-typedef struct form_list {
-    gonio_smooth_form items[GONIO_AUTO_ROUND_FORMS];
-    int n;
-    bool overrun; // more were asked for than there is room
-} form_list;
-
-static void push(form_list *forms, const gonio_smooth_form *form) {
-    if (forms->n < GONIO_AUTO_ROUND_FORMS) {
-        forms->items[forms->n++] = *form;
-    } else {
-        forms->overrun = true;
+// The best of the trials from `first` on, and of *best where it is one.
+static void take_best(const search *s, int first, int *best) {
+    const gonio_auto_trial *trials = s->choice->trials;
+    for (int t = first; t < s->choice->trials_n; t++) {
+        *best = *best < 0 || better(&trials[t], &trials[*best], s->watch->options) ? t : *best;
     }
 }
 
-// The coordinates given, or every system but other widths of it; half vectors, which suit most measured materials,
-// first.
-static void coordinate_forms(const gonio_dataset *data, const gonio_fit_options *options, form_list *forms) {
-    const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(data);
-    const bool open = options->coordinates == GONIO_COORDINATES_AUTO;
-    for (int half_vector = 1; half_vector >= 0; half_vector--) {
-        for (gonio_coordinates c = 0; c < GONIO_COORDINATES; c++) {
-            const bool wanted = open ? gonio_coordinates_base(c) == c : options->coordinates == c;
-            if (wanted && gonio_coordinates_are_half_vector(c) == (half_vector == 1)) {
-                gonio_smooth_form form = gonio_smooth_form_default(c, level, data->mirror);
-                form.reciprocity = fixed_reciprocity(options);
-                push(forms, &form);
-            }
-        }
+// `steps` steps up (by 1) or down (-1) from a form along an axis; false: there is none, or it was tried.
+static bool step(const search *s, const gonio_smooth_form *from, gonio_auto_axis axis, int by, int steps,
+                 gonio_smooth_form *form) {
+    bool moved = true;
+    *form = *from;
+    for (int k = 0; k < steps && moved; k++) {
+        moved = gonio_auto_move(&s->space, form, axis, by);
     }
+    return moved && !was_tried(s, form);
 }
 
-// Ever stiffer along the difference angle, ever softer across the half vector's plane.
-#define LADDER 4
-static const double half_ladder[LADDER][4] = {{1, 1, 1, 1}, {1, 1, 10, 10}, {0.1, 0.1, 10, 10}, {0.1, 0.1, 100, 100}};
+static bool limited(const gonio_fit_options *o) { return o->max_bytes > 0 || o->max_ns > 0 || o->max_error > 0; }
 
-// Stiffer or softer along the difference angle or the incidence.
-static void stiffness_forms(const gonio_dataset *data, const gonio_smooth_form *best, form_list *forms) {
-    static const double other[][4] = {{10, 1, 1, 1}, {0.1, 1, 1, 1}};
-    const bool half_vector = gonio_coordinates_are_half_vector(best->coordinates);
-    for (size_t k = 0; k < sizeof other / sizeof *other && (half_vector || data->dims == 3); k++) {
-        gonio_smooth_form form = *best;
-        memcpy(form.stretch, half_vector ? half_ladder[1 + k] : other[k], sizeof form.stretch);
-        push(forms, &form);
-    }
-}
-
-static bool was_tried(const gonio_auto_choice *choice, const gonio_smooth_form *form) {
-    for (int t = 0; t < choice->trials_n; t++) {
-        const gonio_smooth_form *other = &choice->trials[t].form;
-        if (other->coordinates == form->coordinates && other->level == form->level &&
-            memcmp(other->stretch, form->stretch, sizeof form->stretch) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
-// The ladder's steps beside the chosen one that these coordinates and level have not been on.
-static void ladder_forms(const gonio_auto_choice *choice, form_list *forms) {
-    const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form;
-    int at = 0;
-    while (at < LADDER && memcmp(half_ladder[at], chosen->stretch, sizeof chosen->stretch) != 0) {
-        at++;
-    }
-    for (int step = at - 1; step <= at + 1; step += 2) {
-        if (gonio_coordinates_are_half_vector(chosen->coordinates) && at < LADDER && step >= 0 && step < LADDER) {
-            gonio_smooth_form form = *chosen;
-            memcpy(form.stretch, half_ladder[step], sizeof form.stretch);
-            if (!was_tried(choice, &form)) {
-                push(forms, &form);
-            }
-        }
-    }
-}
-
-static void level_forms(const gonio_dataset *data, const gonio_fit_options *options, const gonio_smooth_form *best,
-                        form_list *forms) {
-    const int most = data->dims == 3 ? GONIO_SMOOTH_DENSE_LEVEL_MAX_3D : GONIO_SMOOTH_DENSE_LEVEL_MAX_4D;
-    // Under a limit every coarser level may be the answer.
-    const bool limited = options->max_bytes > 0 || options->max_ns > 0 || options->max_error > 0;
-    for (int level = limited ? 0 : best->level - 1; level <= best->level + 1; level++) {
-        if (level >= 0 && level <= most && level != best->level && options->level == GONIO_LEVEL_AUTO) {
-            gonio_smooth_form form = *best;
-            form.level = level;
-            push(forms, &form);
-        }
-    }
-}
-
-#define CLOSE 0.5 // in the score: errors up to a third larger
-
-// The best trial in these coordinates; NULL where none was made or it is far from the best of all.
-static const gonio_smooth_form *best_of(const gonio_auto_choice *choice, gonio_coordinates coordinates) {
-    const gonio_auto_trial *best = NULL;
-    for (int t = 0; t < choice->trials_n; t++) {
-        const gonio_auto_trial *trial = &choice->trials[t];
-        if (trial->form.coordinates == coordinates && (best == NULL || trial->score.score < best->score.score)) {
-            best = trial;
-        }
-    }
-    const gonio_auto_trial *chosen = &choice->trials[choice->chosen];
-    if (chosen->form.coordinates == coordinates) {
-        best = chosen; // limits of bytes and time may forbid what scores better
-    }
-    return best != NULL && best->score.score < chosen->score.score + CLOSE ? &best->form : NULL;
-}
-
-// Other widths of the coordinates that are close to the best ones.
-static void width_forms(const gonio_fit_options *options, const gonio_auto_choice *choice, form_list *forms) {
-    for (gonio_coordinates c = 0; c < GONIO_COORDINATES && options->coordinates == GONIO_COORDINATES_AUTO; c++) {
-        const gonio_coordinates base = gonio_coordinates_base(c);
-        const gonio_smooth_form *best = base != c ? best_of(choice, base) : NULL;
-        if (best != NULL) {
-            gonio_smooth_form form = *best;
-            form.coordinates = c;
-            push(forms, &form);
-        }
-    }
-}
-
-#define ROUNDS 5
-
-static void round_forms(int round, const gonio_dataset *data, const gonio_fit_options *options,
-                        const gonio_auto_choice *choice, form_list *forms) {
-    if (round == 0) {
-        coordinate_forms(data, options, forms);
-    } else if (round == 3) {
-        width_forms(options, choice, forms);
-    } else if (round == 4) {
-        ladder_forms(choice, forms);
-    }
-    for (gonio_coordinates c = 0; c < GONIO_COORDINATES && (round == 1 || round == 2); c++) {
-        const gonio_smooth_form *best = best_of(choice, c);
-        if (best != NULL && round == 1) {
-            stiffness_forms(data, best, forms);
-        } else if (best != NULL) {
-            level_forms(data, options, best, forms);
-        }
-    }
-}
-
-// Score the chosen solver as it now stands, over one base; *better: it is chosen again. Not over the others: beside a
-// profile all bases predict alike what has samples about it, and chance would choose among them, but where nothing has
-// been measured lobes go on and a spline does not.
-static gonio_status try_again(const gonio_dataset *data, gonio_deadline *watch, gonio_auto_choice *choice,
-                              const gonio_smooth_form *form, int base, bool *better, gonio_error *error) {
-    const int before = choice->chosen;
-    round_result r = {.first = base, .beyond = base + 1};
-    score_bases(choice->dense, data, choice, watch->options->lambda, &r);
-    gonio_status status = r.status;
-    if (status != GONIO_OK && error != NULL) {
-        *error = r.error;
-    }
-    status = status == GONIO_OK ? keep_best(data, watch->options, choice, form, &r, error) : status;
-    free(r.lambdas);
-    *better = choice->chosen != before;
-    return status == GONIO_OK ? gonio_deadline_poll(watch, error) : status;
-}
-
-// A profile beside the chosen isotropic half-vector lattice: a fine one, equally smooth in both directions, for sharp
-// peaks, and a coarser one, stiff along the difference angle. Each with more and more weight for as long as that is
-// better.
-static const struct {
-    int level;
-    double stretch[2], weights[3];
-} profiles[] = {{6, {1, 1}, {0.03, 0.3, 3}}, {5, {0.1, 10}, {0.01, 0.1, 1}}};
-
-// Coordinates that lost without a profile may win with one: of a material that is a function of the half vector and the
-// difference angle alone, a stiff lattice beside a strong profile knows it. Where other coordinates are ahead, that
-// form is compared with them once, over every base. It must gain two standard errors of what n residuals tell: the
-// logarithm of their rms is known to sqrt((kurtosis - 1)/(4 n)), which is 1/sqrt(n) at a kurtosis of 5, between a
-// normal's 3 and Laplace's 6. (With no such price 100 noisy samples of a Ward lobe were fitted a third worse.)
-static gonio_status try_half_vector(const gonio_dataset *data, gonio_deadline *watch, gonio_pool *pool,
-                                    gonio_auto_choice *choice, gonio_error *error) {
-    const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form;
-    const gonio_fit_options *options = watch->options;
-    if (data->dims != 3 || options->coordinates != GONIO_COORDINATES_AUTO ||
-        gonio_coordinates_are_half_vector(chosen->coordinates)) {
-        return GONIO_OK;
-    }
-    gonio_smooth_form form = gonio_smooth_form_default(GONIO_HALF_VECTOR, chosen->level, data->mirror);
-    form.reciprocity = fixed_reciprocity(options);
-    memcpy(form.stretch, half_ladder[LADDER - 1], sizeof form.stretch);
-    form.profile = profiles[1].weights[2];
-    form.profile_level = profiles[1].level;
-    memcpy(form.profile_stretch, profiles[1].stretch, sizeof form.profile_stretch);
-    choice->entry = 2 / sqrt((double)data->measured);
-    const gonio_status status = run_round(data, watch, pool, &form, 1, choice, error);
-    choice->entry = 0;
-    return status;
-}
-
-static gonio_status try_profile(const gonio_dataset *data, gonio_deadline *watch, gonio_auto_choice *choice,
-                                gonio_error *error) {
-    gonio_smooth_form form = choice->trials[choice->chosen].form;
+// From the best trial on along an axis, both ways, then on in the one that is better for as long as it is. A limit may
+// be met some levels off only: then each level is looked at.
+static gonio_status go_along(search *s, gonio_auto_axis axis, manner how, int *best, gonio_error *error) {
+    const bool all = axis == GONIO_AUTO_LEVEL && limited(s->watch->options);
+    const gonio_smooth_form from = s->choice->trials[*best].form;
+    gonio_smooth_form forms[2];
     gonio_status status = GONIO_OK;
-    if (data->dims != 3 || !gonio_coordinates_are_half_vector(form.coordinates)) {
-        return GONIO_OK;
-    }
-    for (int p = 0; p < 2; p++) {
-        bool better = true;
-        form.profile_level = profiles[p].level;
-        memcpy(form.profile_stretch, profiles[p].stretch, sizeof form.profile_stretch);
-        for (int k = 0; k < 3 && status == GONIO_OK && better; k++) {
-            if (!time_for(watch, choice, &form, 1, choice->longest)) {
-                break;
-            }
-            form.profile = profiles[p].weights[k];
-            status = gonio_smooth_dense_profile(choice->dense, &form, error);
-            if (status == GONIO_OK) {
-                status = try_again(data, watch, choice, &form, choice->trials[choice->chosen].base, &better, error);
-            }
-        }
-    }
-    const gonio_smooth_form *chosen = &choice->trials[choice->chosen].form,
-                            *now = gonio_smooth_dense_form(choice->dense);
-    if (status == GONIO_OK && (chosen->profile != now->profile || chosen->profile_level != now->profile_level)) {
-        status = gonio_smooth_dense_profile(choice->dense, chosen, error);
+    how.entry += s->choice->trials[*best].entry;
+    for (int steps = 1, way = 0, before = -1; status == GONIO_OK && (all ? steps <= GONIO_LEVEL_MAX : *best != before);
+         steps++) {
+        const int first = s->choice->trials_n, down = way <= 0 && step(s, &from, axis, -1, steps, &forms[0]),
+                  n = down + (way >= 0 && step(s, &from, axis, 1, steps, &forms[down]));
+        before = *best;
+        status = score_forms(s, forms, n, &how, error);
+        how.entry += gonio_auto_tuned.gain;
+        take_best(s, first, best);
+        way = all ? 0 : n > down && gonio_auto_same_form(&s->choice->trials[*best].form, &forms[down]) ? 1 : -1;
     }
     return status;
 }
 
-// Reciprocity of the chosen half-vector fit, from a weak prior to the full constraint: the non-reciprocal part keeps
-// 30, 10, 3 and 0 % of its prior variance. The sums over the lattice serve them all; the first that is worse ends it.
-static gonio_status try_reciprocity(const gonio_dataset *data, gonio_deadline *watch, gonio_auto_choice *choice,
-                                    gonio_error *error) {
-    static const double weights[] = {0.7, 0.9, 0.97, 1};
-    gonio_smooth_form form = choice->trials[choice->chosen].form;
-    if (watch->options->symmetry != GONIO_SYMMETRY_AUTO || !gonio_coordinates_are_half_vector(form.coordinates)) {
-        return GONIO_OK;
-    }
+#define SWEEPS 2 // over all axes; a third one moved nothing in tests/bench/regret.c
+
+static gonio_status descend(search *s, int *best, gonio_error *error) {
     gonio_status status = GONIO_OK;
-    bool better = true;
-    for (int k = 0; k < 4 && status == GONIO_OK && better && time_for(watch, choice, &form, 1, choice->longest); k++) {
-        form.reciprocity = weights[k];
-        status = gonio_smooth_dense_reciprocity(choice->dense, weights[k], error);
-        if (status == GONIO_OK) {
-            status = try_again(data, watch, choice, &form, choice->trials[choice->chosen].base, &better, error);
+    for (int sweep = 0, before = -1; sweep < SWEEPS && before != *best && status == GONIO_OK; sweep++) {
+        before = *best;
+        for (gonio_auto_axis axis = 0; axis < GONIO_AUTO_AXES && status == GONIO_OK; axis++) {
+            status = go_along(s, axis, (manner){0, s->choice->bases_n, gonio_auto_tuned.gain}, best, error);
         }
-    }
-    const double chosen = choice->trials[choice->chosen].form.reciprocity;
-    if (status == GONIO_OK && chosen != gonio_smooth_dense_form(choice->dense)->reciprocity) {
-        status = gonio_smooth_dense_reciprocity(choice->dense, chosen, error);
     }
     return status;
 }
 
 // What the chosen lobes' shares say beside the spline.
-static gonio_status try_shares(const gonio_dataset *data, gonio_deadline *watch, gonio_auto_choice *choice,
-                               gonio_error *error) {
-    const gonio_auto_trial *chosen = &choice->trials[choice->chosen];
-    const int base = chosen->base;
-    const gonio_lobe_base *lobes = &choice->bases[base].lobes;
+static gonio_status try_shares(search *s, gonio_error *error) {
+    const gonio_auto_trial *chosen = &s->choice->trials[s->choice->chosen];
     gonio_smooth_form form = chosen->form;
-    if (lobes->lobes == 0 || !time_for(watch, choice, &form, 1, choice->longest)) {
-        return GONIO_OK;
-    }
-    bool better = false;
+    const manner how = {chosen->base, chosen->base + 1, chosen->entry};
     form.shares = true;
-    gonio_status status = gonio_smooth_dense_shares(choice->dense, lobes, error);
-    status = status == GONIO_OK ? try_again(data, watch, choice, &form, base, &better, error) : status;
-    return status == GONIO_OK && !better ? gonio_smooth_dense_shares(choice->dense, NULL, error) : status;
+    return s->choice->bases[chosen->base].lobes.lobes > 0 ? score_forms(s, &form, 1, &how, error) : GONIO_OK;
 }
 
-static gonio_status do_round(int round, const gonio_dataset *data, gonio_deadline *watch, gonio_pool *pool,
-                             gonio_auto_choice *choice, gonio_error *error) {
-    form_list forms;
-    forms.n = 0;
-    forms.overrun = false;
-    round_forms(round, data, watch->options, choice, &forms);
-    if (forms.overrun || (round == 0 && forms.n == 0)) {
-        return gonio_fail(error, GONIO_E_FAILED, "round %d of the choice has %s forms to compare", round + 1,
-                          forms.overrun ? "too many" : "no");
+#define STARTS (GONIO_COORDINATES + 1)
+
+// best[n]: each start's best trial. Half vectors with a profile must gain two standard errors of what the residuals
+// tell: the logarithm of their rms is known to sqrt((kurtosis - 1)/(4 n)), which is 1/sqrt(n) at a kurtosis of 5,
+// between a normal's 3 and Laplace's 6.
+static gonio_status begin(search *s, const gonio_smooth_form *forms, int n, int *best, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (int f = 0; f < n && status == GONIO_OK; f++) {
+        const int first = s->choice->trials_n;
+        const double entry = forms[f].profile > 0 ? 2 / sqrt((double)s->all->measured) : 0;
+        const manner how = {0, s->choice->bases_n, entry};
+        status = score_forms(s, &forms[f], 1, &how, error);
+        best[f] = -1;
+        take_best(s, first, &best[f]);
     }
-    return run_round(data, watch, pool, forms.items, forms.n, choice, error);
+    return status;
+}
+
+static gonio_status search_forms(search *s, gonio_error *error) {
+    gonio_smooth_form forms[STARTS];
+    int best[STARTS];
+    const gonio_fit_options *options = s->watch->options;
+    const gonio_auto_choice *choice = s->choice;
+    const int level = options->level != GONIO_LEVEL_AUTO ? options->level : first_level(s->judges);
+    const int n = gonio_auto_starts(&s->space, level, s->all->mirror, forms);
+    // Errors at the samples hardly tell a lattice that is too coarse for what lies between them.
+    s->space.coarsest = limited(options) ? 0 : level;
+    if (n == 0) {
+        return gonio_fail(error, GONIO_E_FAILED, "the choice has no forms to compare");
+    }
+    gonio_status status = gonio_deadline_report(s->watch, 0.1, "comparing coordinates", error);
+    status = status == GONIO_OK ? begin(s, forms, n, best, error) : status;
+    for (int k = 0; k < 2 && status == GONIO_OK; k++) {
+        int next = -1; // the best start that was not followed
+        for (int f = 0; f < n; f++) {
+            if (best[f] >= 0 && (next < 0 || better(&choice->trials[best[f]], &choice->trials[best[next]], options))) {
+                next = f;
+            }
+        }
+        if (next < 0 || choice->trials[best[next]].score.score >
+                            choice->trials[choice->chosen].score.score + 2 * gonio_auto_tuned.close) {
+            break;
+        }
+        status = gonio_deadline_report(s->watch, 0.2 + 0.3 * k, "comparing forms", error);
+        status = status == GONIO_OK ? descend(s, &best[next], error) : status;
+        best[next] = -1;
+    }
+    status = status == GONIO_OK && s->space.profile ? try_shares(s, error) : status;
+    return status;
+}
+
+// ---- on all samples ----
+
+// A part has wider gaps than the whole, so that it wants a stiffer and coarser lattice or a stronger profile: these are
+// looked at once more. What the part scored is moved by what the chosen form scores better at all.
+static gonio_status settle(search *s, gonio_error *error) {
+    gonio_auto_choice *choice = s->choice;
+    const gonio_auto_trial chosen = choice->trials[choice->chosen];
+    const manner how = {chosen.base, chosen.base + 1, chosen.entry}, onward = {chosen.base, chosen.base + 1, 0};
+    const bool part = s->judges != s->all;
+    s->judges = s->all;
+    s->bases = choice->bases;
+    s->from = choice->trials_n;
+    gonio_status status = gonio_deadline_report(s->watch, 0.8, "solving", error);
+    const double start = gonio_clock_s();
+    status = status == GONIO_OK ? score_two(s, &chosen.form, 1, &how, error) : status;
+    choice->longest = fmax(choice->longest, gonio_clock_s() - start);
+    int best = choice->chosen;
+    for (int t = 0; t < s->from && status == GONIO_OK; t++) {
+        choice->trials[t].score.score += choice->trials[best].score.score - chosen.score.score;
+    }
+    static const gonio_auto_axis axes[] = {GONIO_AUTO_PROFILE, GONIO_AUTO_STIFFNESS, GONIO_AUTO_LEVEL};
+    for (size_t k = 0; k < sizeof axes / sizeof *axes && part && status == GONIO_OK; k++) {
+        status = go_along(s, axes[k], onward, &best, error);
+    }
+    return status;
+}
+
+// Some geometries and channels that judge for all, and the bases there. Release both.
+static gonio_status take_part(const search *s, gonio_dataset *part, gonio_smooth_base *bases, gonio_error *error) {
+    const gonio_dataset *data = s->all;
+    const int most = gonio_auto_tuned.channels, channels = data->channels < most ? data->channels : most;
+    const size_t row = 1 + GONIO_LOBES_MAX;
+    int which[GONIO_CHANNELS_MAX];
+    for (int k = 0; k < channels; k++) {
+        which[k] = (2 * k + 1) * data->channels / (2 * channels);
+    }
+    const size_t n = data->measured < gonio_auto_tuned.part ? data->measured : gonio_auto_tuned.part;
+    gonio_dataset thin;
+    gonio_status status = gonio_dataset_thin(data, n, s->watch->options->seed, &thin, error);
+    if (status == GONIO_OK) {
+        status = gonio_dataset_channels(&thin, which, channels, part, error);
+        gonio_dataset_release(&thin);
+    }
+    for (int b = 0; b < s->choice->bases_n && status == GONIO_OK; b++) {
+        const gonio_lobe_base *lobes = &s->choice->bases[b].lobes;
+        gonio_lobe_base own = *lobes;
+        own.strength = lobes->lobes > 0 ? malloc((size_t)channels * row * sizeof(double)) : NULL;
+        for (int k = 0; k < channels && own.strength != NULL; k++) {
+            memcpy(own.strength + (size_t)k * row, lobes->strength + (size_t)which[k] * row, row * sizeof(double));
+        }
+        status = lobes->lobes > 0 && own.strength == NULL
+                     ? gonio_fail(error, GONIO_E_MEMORY, "no memory for lobes")
+                     : gonio_smooth_base_init(&bases[b], part, lobes->lobes > 0 ? &own : NULL, error);
+        free(own.strength);
+    }
+    return status;
 }
 
 gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch, bool lobes, bool terms,
                                gonio_auto_choice *choice, gonio_error *error) {
-    static const char *const what[ROUNDS] = {"comparing coordinates", "comparing stiffness", "comparing levels",
-                                             "comparing lobe widths", "comparing stiffness"};
     *choice = (gonio_auto_choice){.lambdas = malloc((size_t)data->channels * sizeof(double))};
-    gonio_pool *pool = gonio_pool_new(watch->options->threads);
+    gonio_dataset part = {0};
+    gonio_smooth_base bases[GONIO_AUTO_BASES];
+    memset(bases, 0, sizeof bases);
+    search s = {.all = data, .watch = watch, .choice = choice, .space = {watch->options, data->dims, terms}};
+    s.pool = gonio_pool_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     status = status == GONIO_OK ? gonio_deadline_report(watch, 0, "fitting lobes", error) : status;
-    status = status == GONIO_OK ? fit_bases(data, pool, lobes, choice, error) : status;
-    for (int round = 0; round < ROUNDS && status == GONIO_OK; round++) {
-        status = gonio_deadline_report(watch, 0.1 + 0.13 * round, what[round], error);
-        status = status == GONIO_OK ? do_round(round, data, watch, pool, choice, error) : status;
+    status = status == GONIO_OK ? fit_bases(data, s.pool, lobes, choice, error) : status;
+    // A limit of the error is one of all samples.
+    const bool whole = watch->options->max_error > 0 ||
+                       (data->measured <= gonio_auto_tuned.part && data->channels <= gonio_auto_tuned.channels);
+    if (status == GONIO_OK && !whole) {
+        status = take_part(&s, &part, bases, error);
     }
-    if (status == GONIO_OK && terms) {
-        status = gonio_deadline_report(watch, 0.75, "comparing profiles", error);
-        status = status == GONIO_OK ? try_half_vector(data, watch, pool, choice, error) : status;
-        status = status == GONIO_OK ? try_profile(data, watch, choice, error) : status;
+    s.judges = whole ? data : &part;
+    s.bases = whole ? choice->bases : bases;
+    status = status == GONIO_OK ? search_forms(&s, error) : status;
+    status = status == GONIO_OK ? settle(&s, error) : status;
+    for (int b = 0; b < GONIO_AUTO_BASES; b++) {
+        gonio_smooth_base_release(&bases[b]);
     }
-    status = status == GONIO_OK ? gonio_deadline_report(watch, 0.9, "comparing reciprocity", error) : status;
-    status = status == GONIO_OK ? try_reciprocity(data, watch, choice, error) : status;
-    status = status == GONIO_OK && terms ? try_shares(data, watch, choice, error) : status;
-    gonio_pool_free(pool);
+    gonio_dataset_release(&part);
+    gonio_pool_free(s.pool);
     if (status != GONIO_OK) {
         gonio_auto_choice_release(choice);
     }

@@ -8,13 +8,6 @@
 
 #define GONIO_AUTO_BASES (1 + GONIO_LOBE_FAMILIES) // none, and each family's lobes
 
-// Room for the forms of one round: every system at every level that the direct solver has, at most two of anything
-// else.
-#define GONIO_AUTO_LEVELS                                                                                              \
-    (1 + (GONIO_SMOOTH_DENSE_LEVEL_MAX_3D > GONIO_SMOOTH_DENSE_LEVEL_MAX_4D ? GONIO_SMOOTH_DENSE_LEVEL_MAX_3D          \
-                                                                            : GONIO_SMOOTH_DENSE_LEVEL_MAX_4D))
-#define GONIO_AUTO_ROUND_FORMS (GONIO_COORDINATES * GONIO_AUTO_LEVELS)
-
 // One combination that was scored.
 typedef struct gonio_auto_trial {
     gonio_smooth_form form;
@@ -22,7 +15,7 @@ typedef struct gonio_auto_trial {
     gonio_smooth_score score;
     size_t bytes; // of the model
     double ns;    // of one evaluation; 0: not asked for
-    double entry; // what the score had to gain for another form to be taken up so late
+    double entry; // what the score must gain for the way to this form
 } gonio_auto_trial;
 
 typedef struct gonio_auto_choice {
@@ -34,7 +27,6 @@ typedef struct gonio_auto_choice {
     gonio_smooth_dense *dense; // of the chosen form
     double *lambdas;           // [channels]
     double longest;            // s, that forms compared side by side took
-    double entry;              // of the trials to come; 0: that of the chosen one
 } gonio_auto_choice;
 
 // lobes: may the base be lobes? data is borrowed. Release with gonio_auto_choice_release.

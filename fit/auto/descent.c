@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "fit/auto/tuning.h"
 #include "fit/eval_cost.h"
 
 #define TRIAL_ITERATIONS_MIN 12
@@ -77,8 +78,6 @@ gonio_status gonio_descent_set(gonio_descent *s, const gonio_smooth_form *form, 
 
 // An error of 1 % of all values is below any instrument's, as is one of 0.2 % in the middle (fit/smooth/loo.c):
 // once there, the peak counts.
-#define RMS_FLOOR 1e-2
-#define PEAK_WEIGHT 0.75
 
 // Thousands of held-out samples tell the peak's error too, which a single grazing one sets in small sets. (Without the
 // largest error, or at a smaller weight, grazing factors and stiffness are missed on some draws of a smooth lobe.)
@@ -91,9 +90,9 @@ static void add_peak(const gonio_descent *s, gonio_smooth_score *score) {
             squares += s->in->residuals[i] * s->in->residuals[i];
         }
         const double rms = sqrt(squares / (double)held->n);
-        score->score += log((rms + RMS_FLOOR) / (rms + 1e-6)) / (double)c;
+        score->score += log((rms + gonio_auto_tuned.rms_floor) / (rms + 1e-6)) / (double)c;
     }
-    score->score += PEAK_WEIGHT * log(score->rmse / held->transforms[0].scale + 1e-9);
+    score->score += gonio_auto_tuned.peak * log(score->rmse / held->transforms[0].scale + 1e-9);
 }
 
 // Residuals of the points now, on the held-out.
@@ -247,7 +246,6 @@ static gonio_status attempt_form(gonio_descent *s, const gonio_smooth_form *form
 // ---- lambda ----
 
 #define STEP 100.0
-#define WORSE 0.3 // a score worse by that ends a search in its direction; less may be a bump
 
 // By factors of 100 down, up where that was no good, then of 10 about the best.
 static gonio_status search_lambda(gonio_descent *s, gonio_error *error) {
@@ -261,7 +259,7 @@ static gonio_status search_lambda(gonio_descent *s, gonio_error *error) {
                 break;
             }
             status = attempt(s, lambda, true, &better, error);
-            if (s->last > s->score + WORSE) {
+            if (s->last > s->score + gonio_auto_tuned.worse) {
                 break;
             }
         }

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "fit/auto/descent.h"
+#include "fit/auto/tuning.h"
 #include "fit/lobes/fit.h"
 #include "fit/smooth/cg.h"
 #include "fit/smooth/precondition.h"
@@ -70,10 +71,6 @@ static int finest_level(const gonio_dataset *data, const gonio_fit_options *opti
 
 // ---- the choice ----
 
-#define CLOSE 0.5 // in the score, errors up to a fourth larger: level and stiffness may turn the order
-
-#define HOPELESS 2.0 // a worse score than the best by more than that is not made good by stiffness
-
 typedef struct comparison {
     const gonio_dataset *data;
     const gonio_holdout *in;
@@ -101,8 +98,8 @@ static gonio_status try_candidate(const comparison *c, const gonio_smooth_candid
     if (status == GONIO_OK && levels) {
         status = gonio_descent_levels(&s, c->brief, error);
     } else if (status == GONIO_OK) {
-        status =
-            gonio_descent_first(&s, &stands->form, stands->lambda, candidate->lambda > 0 ? CLOSE : HOPELESS, error);
+        status = gonio_descent_first(&s, &stands->form, stands->lambda,
+                                     candidate->lambda > 0 ? gonio_auto_tuned.close : gonio_auto_tuned.hopeless, error);
     }
     *stands = (standing){s.best, s.lambda, s.score};
     gonio_descent_release(&s);
@@ -131,7 +128,8 @@ static bool promising(const gonio_smooth_candidate *candidates, const standing *
         return true;
     }
     const int first = sibling(candidates, before);
-    return stands[before].score < best + 2 * CLOSE && (first < 0 || stands[before].score < stands[first].score);
+    return stands[before].score < best + 2 * gonio_auto_tuned.close &&
+           (first < 0 || stands[before].score < stands[first].score);
 }
 
 static gonio_status compare(const comparison *c, const gonio_smooth_candidate *candidates, int n, standing *stands,
@@ -158,7 +156,7 @@ static gonio_status compare(const comparison *c, const gonio_smooth_candidate *c
     }
     for (int k = 0; k < n && status == GONIO_OK && c->open; k++) {
         status = gonio_deadline_report(c->watch, 0.75 + 0.05 * k / n, "choosing the level", error);
-        if (status == GONIO_OK && stands[k].score < best + CLOSE) {
+        if (status == GONIO_OK && stands[k].score < best + gonio_auto_tuned.close) {
             status = try_candidate(c, &candidates[k], true, &stands[k], error);
         }
     }

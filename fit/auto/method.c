@@ -6,6 +6,7 @@
 
 #include "fit/auto/choose.h"
 #include "fit/auto/iterative.h"
+#include "fit/auto/tuning.h"
 #include "fit/memory.h"
 #include "fit/prior/extend.h"
 #include "fit/prior/report.h"
@@ -148,8 +149,6 @@ static void describe_large(const gonio_iterative_choice *choice, const gonio_dat
     describe_neighbour(choice, data, true, report);
 }
 
-#define THIN 1000 // geometries that tell which form and base suit a large set
-
 static gonio_status choose_on_part(const gonio_dataset *data, const gonio_deadline *watch, bool lobes,
                                    gonio_auto_choice *choice, gonio_error *error) {
     gonio_fit_options part = *watch->options;
@@ -159,7 +158,7 @@ static gonio_status choose_on_part(const gonio_dataset *data, const gonio_deadli
     part.level = GONIO_LEVEL_AUTO;
     part.lambda = -1;
     gonio_dataset thin;
-    gonio_status status = gonio_dataset_thin(data, data->measured < THIN ? data->measured : THIN, part.seed, &thin, error);
+    gonio_status status = gonio_dataset_thin(data, gonio_auto_tuned.part, part.seed, &thin, error);
     if (status == GONIO_OK) {
         status = gonio_auto_choose(&thin, &own, lobes, false, choice, error);
         gonio_dataset_release(&thin);
@@ -167,16 +166,13 @@ static gonio_status choose_on_part(const gonio_dataset *data, const gonio_deadli
     return status;
 }
 
-#define COMPARED 20000 // geometries that tell which candidate suits a larger set; lambda and level are its own
-
-#define SECOND 1.0 // in the score: other coordinates that come so close go on beside the best
-
 // The best trial in other coordinates than the chosen ones; NULL where none is close.
 static const gonio_iterative_trial *second_best(const gonio_iterative_choice *choice) {
     const gonio_iterative_trial *best = NULL;
     for (int t = 0; t < choice->trials_n; t++) {
         const gonio_iterative_trial *trial = &choice->trials[t];
-        if (trial->form.coordinates != choice->form.coordinates && trial->score.score < choice->score.score + SECOND &&
+        if (trial->form.coordinates != choice->form.coordinates &&
+            trial->score.score < choice->score.score + 2 * gonio_auto_tuned.close &&
             (best == NULL || trial->score.score < best->score.score)) {
             best = trial;
         }
@@ -187,7 +183,7 @@ static const gonio_iterative_trial *second_best(const gonio_iterative_choice *ch
 static gonio_status keep_best(const gonio_dataset *data, gonio_deadline *watch, gonio_smooth_candidate *candidates,
                               int *n, gonio_error *error) {
     gonio_dataset part;
-    gonio_status status = gonio_dataset_thin(data, COMPARED, watch->options->seed, &part, error);
+    gonio_status status = gonio_dataset_thin(data, gonio_auto_tuned.compared, watch->options->seed, &part, error);
     if (status != GONIO_OK) {
         return status;
     }
@@ -225,7 +221,7 @@ static gonio_status fit_large(gonio_dataset *data, gonio_prior *prior, const gon
         status = choose_on_part(data, watch, lobes, &small, error);
         n = status == GONIO_OK ? large_candidates(&small, grazing, candidates) : 0;
     }
-    if (status == GONIO_OK && n > 1 && data->n > 2 * COMPARED) {
+    if (status == GONIO_OK && n > 1 && data->n > 2 * gonio_auto_tuned.compared) {
         status = keep_best(data, watch, candidates, &n, error);
     }
     if (status == GONIO_OK) {

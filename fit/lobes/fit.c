@@ -20,6 +20,7 @@
 #define PARAMETERS_MAX (SHAPES + 1 + GONIO_LOBES_MAX)
 #define LOSS_SCALE 0.3      // a residual of 30 % counts in full, larger ones less and less
 #define SAMPLES_MAX 2500    // shapes of seven numbers gain nothing from more
+#define START_SAMPLES 300   // tell which start is the best one
 #define LN_ALPHA_MIN (-6.2) // ln 0.002: a degree's lobe is 0.017 wide
 #define LN_ALPHA_MAX 0.4
 #define LN_STRENGTH 46.0 // strengths may lie e^46 = 1e20 below or above the scale
@@ -147,28 +148,59 @@ static void set_start(const problem *p, size_t start, const level *y, double *x,
     x[2 * p->lobes] = log(y->low);
 }
 
-// Best of all starts; x: the parameters.
-static gonio_status fit_shapes(const problem *p, const double *y, double *x, gonio_error *error) {
-    const int n = 3 * p->lobes + 1;
-    double *work = malloc(work_size(p->n, (size_t)n) * sizeof *work), best = INFINITY;
-    int pivots[PARAMETERS_MAX];
-    if (work == NULL) {
-        return gonio_fail(error, GONIO_E_MEMORY, "no memory to fit lobes to %zu samples", p->n);
+// Every few of the samples, as many as the starts are told apart by; false: no memory. The caller frees both arrays.
+static bool thin(const problem *p, problem *few, gonio_lobe_geometry **geometry, double **target) {
+    const size_t step = 1 + (p->n - 1) / START_SAMPLES;
+    *few = *p;
+    few->n = (p->n + step - 1) / step;
+    *geometry = malloc(few->n * sizeof **geometry);
+    *target = malloc(few->n * sizeof **target);
+    for (size_t i = 0; i < few->n && *geometry != NULL && *target != NULL; i++) {
+        (*geometry)[i] = p->geometry[i * step];
+        (*target)[i] = p->target[i * step];
     }
-    const level levels = levels_of(p->n, y, work);
+    few->geometry = *geometry;
+    few->target = *target;
+    return *geometry != NULL && *target != NULL;
+}
+
+// The best of all starts on some of the samples; x: the parameters. INFINITY: none leads anywhere.
+static double try_starts(const problem *p, const level *levels, double *x, double *work, int *pivots) {
+    const int n = 3 * p->lobes + 1;
+    double best = INFINITY;
     for (size_t start = 0; start < STARTS; start++) {
         double trial[PARAMETERS_MAX];
-        set_start(p, start, &levels, trial, work);
+        set_start(p, start, levels, trial, work);
         const double cost = minimise(p, n, trial, 30 * (n + 1), work, pivots);
         if (cost < best) {
             best = cost;
             memcpy(x, trial, (size_t)n * sizeof *x);
         }
     }
-    if (isfinite(best)) {
+    return best;
+}
+
+// x: the parameters, from the best start on; known: they are near where they began.
+static gonio_status fit_shapes(const problem *p, const double *y, bool known, double *x, gonio_error *error) {
+    const int n = 3 * p->lobes + 1;
+    double *work = malloc(work_size(p->n, (size_t)n) * sizeof *work), *target, best = 0;
+    int pivots[PARAMETERS_MAX];
+    problem few;
+    gonio_lobe_geometry *geometry;
+    const bool memory = thin(p, &few, &geometry, &target) && work != NULL;
+    if (memory && !known) {
+        const level levels = levels_of(p->n, y, work);
+        best = try_starts(&few, &levels, x, work, pivots);
+    }
+    if (memory && isfinite(best)) {
         minimise(p, n, x, 100 * (n + 1), work, pivots);
     }
     free(work);
+    free(target);
+    free(geometry);
+    if (!memory) {
+        return gonio_fail(error, GONIO_E_MEMORY, "no memory to fit lobes to %zu samples", p->n);
+    }
     return isfinite(best) ? GONIO_OK
                           : gonio_fail(error, GONIO_E_CONVERGENCE, "no start of the lobe fit leads to a solution");
 }
@@ -288,8 +320,31 @@ float gonio_lobe_cosine_min(const gonio_dataset *data) {
     return (float)cos(fmin(theta, 1.57)); // 89.95 deg
 }
 
-gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family, int lobes, gonio_lobe_base *base,
-                            gonio_error *error) {
+// Of the mean over channels.
+static void set_targets(problem *p, const workspace *w) {
+    p->highest = p->transform.eps;
+    for (size_t i = 0; i < w->n; i++) {
+        p->highest = fmax(p->highest, w->mean[i]);
+        w->target[i] = gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p->transform, w->mean[i]);
+    }
+}
+
+// The parameters of a base that was fitted before, its strengths in units of `scale`.
+static void set_known(const gonio_lobe_base *near, int channels, double scale, double *x) {
+    double mean[1 + GONIO_LOBES_MAX];
+    gonio_lobe_mean_strengths(near, channels, mean);
+    for (int j = 0; j < near->lobes; j++) {
+        const double ln = fmin(fmax(log(near->alpha[j]), LN_ALPHA_MIN + 1e-6), LN_ALPHA_MAX - 1e-6);
+        x[2 * j] = alpha_start(exp(ln));
+        x[2 * j + 1] = logit(fmin(fmax(near->f0[j], 1e-9), 1 - 1e-9));
+    }
+    for (int j = 0; j <= near->lobes; j++) {
+        x[2 * near->lobes + j] = log(fmax(mean[j] / scale, exp(-LN_STRENGTH / 2)));
+    }
+}
+
+gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family, int lobes, const gonio_lobe_base *near,
+                            gonio_lobe_base *base, gonio_error *error) {
     *base = (gonio_lobe_base){.lobes = lobes, .family = family};
     if (data->kind == GONIO_TRANSFORM_ASINH) {
         return gonio_fail(error, GONIO_E_INPUT, "lobes cannot describe a signed quantity");
@@ -310,14 +365,13 @@ gonio_status gonio_lobe_fit(const gonio_dataset *data, gonio_lobe_family family,
                  .geometry = w.geometry,
                  .target = w.target,
                  .transform = {1, mean_eps(data, w.scale)}};
-    p.highest = p.transform.eps;
-    for (size_t i = 0; i < w.n; i++) {
-        p.highest = fmax(p.highest, w.mean[i]);
-        w.target[i] = gonio_transform_apply(GONIO_TRANSFORM_POSITIVE, &p.transform, w.mean[i]);
-    }
+    set_targets(&p, &w);
     double x[PARAMETERS_MAX];
     base->strength = calloc((size_t)data->channels * (1 + GONIO_LOBES_MAX), sizeof *base->strength);
-    status = base->strength != NULL ? fit_shapes(&p, w.mean, x, error)
+    if (near != NULL) {
+        set_known(near, data->channels, w.scale, x);
+    }
+    status = base->strength != NULL ? fit_shapes(&p, w.mean, near != NULL, x, error)
                                     : gonio_fail(error, GONIO_E_MEMORY, "no memory for lobes");
     if (status == GONIO_OK) {
         fit_strengths(data, &w, &p, x, base);

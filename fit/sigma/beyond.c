@@ -11,16 +11,13 @@
 #include <stdlib.h>
 
 #include "fit/prior/extend.h"
-
-#define LAW_FROM 0.85    // support: below, the prior's spread alone,
-#define LAW_TO 0.985     // above, the law alone,
-#define LAW_SAMPLES 60.0 // where there are as many samples to learn it from
-#define LAW_MOST 2.0     // a factor of e^2 says no more than "unknown"
+#include "fit/sigma/tuning.h"
 
 // How far the law is to be trusted.
 static double trust(double support, size_t samples) {
-    const double s = fmin(fmax((support - LAW_FROM) / (LAW_TO - LAW_FROM), 0), 1);
-    return s * s * (3 - 2 * s) * fmin((double)samples / LAW_SAMPLES, 1);
+    const double s = fmin(
+        fmax((support - gonio_sigma_tuned.law_from) / (gonio_sigma_tuned.law_to - gonio_sigma_tuned.law_from), 0), 1);
+    return s * s * (3 - 2 * s) * fmin((double)samples / gonio_sigma_tuned.law_samples, 1);
 }
 
 // The spread of the samples' targets: what is unknown of a signed quantity.
@@ -49,7 +46,9 @@ static double prior_variance(gonio_prior *prior, const gonio_model *model, const
 static void mix(gonio_prior *prior, const gonio_model *model, const gonio_lobe_spline_parts *parts, double unit,
                 gonio_dataset *probes, double *support) {
     const double unknown = spread_of(&prior->data);
-    const double most = parts->kind == GONIO_TRANSFORM_LINEAR ? INFINITY : LAW_MOST * LAW_MOST * unit;
+    const double most = parts->kind == GONIO_TRANSFORM_LINEAR
+                            ? INFINITY
+                            : gonio_sigma_tuned.law_most * gonio_sigma_tuned.law_most * unit;
     for (size_t i = 0; i < probes->n; i++) {
         const gonio_pair *pair = &probes->pairs[i];
         support[i] = gonio_prior_support(prior, pair);

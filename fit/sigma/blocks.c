@@ -18,10 +18,10 @@
 #include "fit/lobes/fit.h"
 #include "fit/prepare/scatter.h"
 #include "fit/prior/extend.h"
+#include "fit/sigma/tuning.h"
 #include "fit/smooth/matrix.h"
 
 #define PARAMETERS_MAX (1 + 3 * GONIO_LOBES_MAX) // diffuse; each lobe's strength, width and f0
-#define BLOCK_WEIGHT 0.5                         // of a block beside a sample left out alone: blocks overlap
 #define CENTRES 120                              // of blocks of a kind: their residuals are alike beyond that
 #define BLOCK_MAX 400
 
@@ -284,7 +284,7 @@ static gonio_status leave_neighbourhoods(const blocks *b, ranked *order, gonio_e
             for (size_t i = 0; i < size; i++) {
                 b->member[i] = order[i].sample;
             }
-            status = leave_out(b, size, BLOCK_WEIGHT, error);
+            status = leave_out(b, size, gonio_sigma_tuned.block, error);
         }
     }
     return status;
@@ -303,7 +303,7 @@ static gonio_status rest_without(const blocks *b, const bool *keep, double *out,
                                          : gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     if (status == GONIO_OK && lobes->lobes > 0) {
         // Where no start leads anywhere the base stays.
-        if (gonio_lobe_fit(&part, lobes->family, lobes->lobes, &refitted, NULL) == GONIO_OK) {
+        if (gonio_lobe_fit(&part, lobes->family, lobes->lobes, lobes, &refitted, NULL) == GONIO_OK) {
             refitted.cosine_min = lobes->cosine_min;
             gonio_lobe_targets(&refitted, f->data, values);
         }
@@ -359,7 +359,7 @@ static gonio_status predict_members(const blocks *b, size_t size, const double *
             p.residual[k] = residual[k * size + i];
             p.target[k] = rest[k * n + b->member[i]];
         }
-        status = add_record(b, b->member[i], BLOCK_WEIGHT, &p, error);
+        status = add_record(b, b->member[i], gonio_sigma_tuned.block, &p, error);
     }
     return status;
 }
@@ -417,13 +417,15 @@ static gonio_status leave_all(const blocks *b, gonio_error *error) {
     return status;
 }
 
-// Fits of ln error^2 at new directions over simulated materials gave exponents of 0.4 to 0.7 for U and S and of 0.3 to
-// 0.4 for G; left-out samples the same.
 gonio_status gonio_influence_records(const gonio_influence *f, const double *factor, gonio_sigma_records *records,
                                      gonio_error *error) {
     const size_t n = f->n, d = (size_t)f->data->dims;
     const gonio_smooth_form *form = gonio_smooth_dense_form(f->dense);
-    *records = (gonio_sigma_records){.power = {0.6, 0.6, 0.3}, .spread = {0.25, 0.25, 0.25}};
+    *records = (gonio_sigma_records){0};
+    for (int k = 0; k < GONIO_SIGMA_SIGNS; k++) {
+        records->power[k] = gonio_sigma_tuned.power[k];
+        records->spread[k] = gonio_sigma_tuned.spread;
+    }
     blocks b = {.f = f, .factor = factor, .root = gonio_smooth_dense_roots(f->dense), .records = records};
     b.mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(form->coordinates, f->data->dims) : 0;
     b.x = malloc(n * d * sizeof *b.x);

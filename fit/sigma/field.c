@@ -10,14 +10,13 @@
 #include "base/statistics.h"
 #include "fit/prior/places.h"
 #include "fit/sigma/beyond.h"
+#include "fit/sigma/tuning.h"
 #include "fit/smooth/cg.h"
 
 #define SIGMA_LEVEL_3D 4
 #define SIGMA_LEVEL_4D 2
-#define SIGMA_LAMBDA 1e-4 // smooths what one probe says against its neighbours
 #define PROBES 1600
 #define HORIZON 0.01F // the cosine at which lobes are held in any case: they divide by it
-#define HELD_BACK 1.75
 
 // A channel's spread: the standard deviation of a normal with the same median |residual|.
 void gonio_sigma_factors(size_t n, size_t c, const double *residuals, double *factor, double *work) {
@@ -46,7 +45,7 @@ double gonio_sample_noise_variance(const gonio_dataset *data, const double *fact
 // Beyond the samples' angles the lobes are held at the values that they have there (brdf/kind/lobe_spline.h). Nobody
 // knows whether the material follows the lobes instead, or goes twice as far: the mean square of a step uniform from
 // none to twice the lobes' own is 4/3 of its square, but materials of the lobes' own family go just that step, and as
-// the median of a normal error that is 2.2 of its square. HELD_BACK lies between. Added to the variance, mean over
+// the median of a normal error that is 2.2 of its square. What is taken lies between. Added to the variance, mean over
 // channels.
 double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *held, const double *factor,
                              const gonio_pair *pair) {
@@ -63,7 +62,7 @@ double gonio_sigma_held_back(const gonio_dataset *data, const gonio_lobe_base *h
         const double *strength = held->strength + (ptrdiff_t)k * (1 + GONIO_LOBES_MAX);
         const double step = gonio_lobe_base_transformed(&free, strength, units[1], data->kind, &data->transforms[k]) -
                             gonio_lobe_base_transformed(held, strength, units[0], data->kind, &data->transforms[k]);
-        sum += HELD_BACK * step * step / (factor[k] * factor[k]) / data->channels;
+        sum += gonio_sigma_tuned.held_back * step * step / (factor[k] * factor[k]) / data->channels;
     }
     return sum;
 }
@@ -110,7 +109,7 @@ static gonio_status fit_lattice(gonio_smooth_cg *cg, const gonio_dataset *probes
         for (size_t i = 0; i < probes->n; i++) {
             rest[i] = targets[i] - mean;
         }
-        status = gonio_smooth_cg_cascade(cg, rest, 1, SIGMA_LAMBDA, 200, tolerance, points, &unused, error);
+        status = gonio_smooth_cg_cascade(cg, rest, 1, gonio_sigma_tuned.lambda, 200, tolerance, points, &unused, error);
     }
     for (size_t i = 0; i < lattice->count && status == GONIO_OK; i++) {
         lattice->points[i] = (float)(points[i] + mean);

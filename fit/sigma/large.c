@@ -19,6 +19,7 @@
 #include "fit/sigma/field.h"
 #include "fit/sigma/law.h"
 #include "fit/sigma/sigma.h"
+#include "fit/sigma/tuning.h"
 
 #define NEAREST 4
 #define SCATTERED 10    // one of so many is left out
@@ -389,7 +390,9 @@ gonio_status gonio_sigma_large(const gonio_iterative_choice *choice, const gonio
     }
     evidence e;
     // U is a distance here: its exponent is the method's order, and the samples' to tell.
-    gonio_sigma_records records = {.power = {1.5, 0.6, 0.3}, .spread = {1, 0.25, 0.25}};
+    const double *power = gonio_sigma_tuned.power, spread = gonio_sigma_tuned.spread;
+    gonio_sigma_records records = {.power = {gonio_sigma_tuned.gap_power, power[1], power[2]},
+                                   .spread = {1, spread, spread}};
     gonio_sigma_law law;
     gonio_dataset probes = {0};
     double some[8], *work = malloc(data->n * sizeof *work), *factor = malloc(c * sizeof *factor);

@@ -13,23 +13,12 @@
 #include "base/nearest.h"
 #include "base/order_statistic.h"
 #include "base/statistics.h"
+#include "fit/sigma/tuning.h"
 
-#define FREEDOM 5.0
-#define ROUGHNESS_PRIOR 1.5 // standard deviation of u: roughness varies by factors of e over a domain
 #define ROUGHNESS_MAX 6.0
-#define NEIGHBOURS 8      // of the nearest samples reach to one standard deviation of the window,
-#define NEIGHBOURS_MAX 24 // or up to so many where there are more
-#define NEIGHBOURS_PART 25
-#define WINDOW_MIN 0.03     // closer samples lie in the same few cells
 #define NEARNESS_MIN (-4.5) // ln of the weight: farther records count for a hundredth
-#define TILT_SCALE 6.0      // a lobe of alpha 0.15 is as wide as half the range of theta_d then
 #define VARIANCE_MIN 1e-14
 #define POWER_MAX 5.0
-#define CORRECTION_FLOOR 0.01 // of the residuals' median square: a tenth of the typical residual
-#define SLOPES_FLOOR 1e-5     // parameters known to 0.3 %
-// Coordinates, base, level and lambda were chosen on the same samples, which makes left-out residuals a little too
-// good: by 10 % in simulated sets (tests/bench/fit_coverage).
-#define SELECTION 1.21
 
 void gonio_sigma_records_release(gonio_sigma_records *records) {
     free(records->rows);
@@ -40,7 +29,7 @@ void gonio_sigma_place(const gonio_pair *pair, double x[2]) {
     double at[3];
     gonio_coordinates_isotropic(GONIO_HALF_VECTOR, gonio_direction(pair->theta_i, pair->phi_i),
                                 gonio_direction(pair->theta_o, pair->phi_o), at);
-    x[0] = TILT_SCALE * hypot(at[0] - 0.5, at[1] - 0.5);
+    x[0] = gonio_sigma_tuned.tilt * hypot(at[0] - 0.5, at[1] - 0.5);
     x[1] = at[2];
 }
 
@@ -77,7 +66,7 @@ static double unknown_part(const gonio_sigma_law *law, const double *ln, double 
 // Minus the logarithm of the likelihood of a squared residual.
 static double neg_log_likelihood(double square, double variance) {
     const double v = fmax(variance, VARIANCE_MIN);
-    return 0.5 * log(v) + 0.5 * (FREEDOM + 1) * log1p(square / (FREEDOM * v));
+    return 0.5 * log(v) + 0.5 * (gonio_sigma_tuned.freedom + 1) * log1p(square / (gonio_sigma_tuned.freedom * v));
 }
 
 // Minus the logarithm of the posterior. ln: GONIO_SIGMA_SIGNS a record.
@@ -130,8 +119,10 @@ static double distance2(const gonio_sigma_record *row, const double x[2]) {
 
 // The squared distance to the last of the nearest sample other than `but`.
 static double reach2(const gonio_sigma_records *r, const double *x, size_t but) {
-    const size_t share = r->near / NEIGHBOURS_PART, enough = share > NEIGHBOURS ? share : NEIGHBOURS;
-    gonio_nearest nearest = {.wanted = enough < NEIGHBOURS_MAX ? enough : NEIGHBOURS_MAX};
+    const size_t share = r->near / gonio_sigma_tuned.neighbours_part,
+                 enough = share > gonio_sigma_tuned.neighbours ? share : gonio_sigma_tuned.neighbours;
+    gonio_nearest nearest = {.wanted = enough < gonio_sigma_tuned.neighbours_most ? enough
+                                                                                  : gonio_sigma_tuned.neighbours_most};
     for (size_t i = 0; i < r->near; i++) {
         if (r->rows[i].centre != but) {
             gonio_nearest_show(&nearest, distance2(&r->rows[i], x), i);
@@ -143,7 +134,7 @@ static double reach2(const gonio_sigma_records *r, const double *x, size_t but) 
 // Minus the logarithm of the posterior of u, from the neighbours' rows of [k, A, B, e^2].
 static double roughness_neg_log_likelihood(const double *near, size_t n, double u) {
     const double grown = exp(2 * u);
-    double sum = 0.5 * u * u / (ROUGHNESS_PRIOR * ROUGHNESS_PRIOR);
+    double sum = 0.5 * u * u / (gonio_sigma_tuned.roughness * gonio_sigma_tuned.roughness);
     for (size_t i = 0; i < n; i++, near += 4) {
         sum += near[0] * neg_log_likelihood(near[3], near[1] + grown * near[2]);
     }
@@ -171,7 +162,7 @@ static double expected(const double *near, size_t n) {
 // u(x) without what sample `but` says of itself. work: 4 x records.
 static double roughness_at(const gonio_sigma_law *law, const double *x, size_t but, double *work) {
     const gonio_sigma_records *r = law->records;
-    const double window = fmax(reach2(r, x, but), WINDOW_MIN * WINDOW_MIN);
+    const double window = fmax(reach2(r, x, but), gonio_sigma_tuned.window * gonio_sigma_tuned.window);
     size_t n = 0;
     for (size_t i = 0; i < r->n; i++) {
         const gonio_sigma_record *row = &r->rows[i];
@@ -215,8 +206,8 @@ static gonio_sigma_law first_law(const gonio_sigma_records *records, double nois
     for (int k = 0; k < GONIO_SIGMA_SIGNS; k++) {
         const double middle = middle_of(records, k, work);
         law.floor[k] = k == GONIO_SIGMA_UNKNOWN      ? 1e-12 * middle
-                       : k == GONIO_SIGMA_CORRECTION ? CORRECTION_FLOOR * square
-                                                     : SLOPES_FLOOR;
+                       : k == GONIO_SIGMA_CORRECTION ? gonio_sigma_tuned.correction_floor * square
+                                                     : gonio_sigma_tuned.slopes_floor;
         law.unit[k] = middle + law.floor[k];
         law.power[k] = records->power[k];
     }
@@ -257,5 +248,6 @@ double gonio_sigma_law_variance(const gonio_sigma_law *law, const double x[2], d
     double ln[GONIO_SIGMA_SIGNS];
     logarithms(law, signs, ln);
     const double u = roughness_at(law, x, SIZE_MAX, work);
-    return SELECTION * fmax(law->noise * noise + law->growth * law->growth * unknown_part(law, ln, u), VARIANCE_MIN);
+    return gonio_sigma_tuned.selection *
+           fmax(law->noise * noise + law->growth * law->growth * unknown_part(law, ln, u), VARIANCE_MIN);
 }

@@ -2,9 +2,9 @@
 // The direct least-squares solver (fit/smooth/dense.h).
 //
 // Sums over the lattice's modes run in blocks: all products of the last two axes' modes for one choice of the leading
-// axes' modes, which is a rank-k update. Modes of the wrong parity under the mirror are left out, which is
-// what sharing control points means here; modes that change sign when the directions are swapped are summed apart, so
-// that reciprocity is one number.
+// axes' modes, which is a rank-k update. Modes of the wrong parity under the mirror are left out, which is what sharing
+// control points means here; the variance of modes that change sign when the directions are swapped is what reciprocity
+// leaves of it.
 #include "fit/smooth/dense.h"
 
 #include <math.h>
@@ -33,8 +33,6 @@ void gonio_smooth_dense_free(gonio_smooth_dense *dense) {
         free(dense->feature[d]);
     }
     free(dense->root);
-    free(dense->kernel[0]);
-    free(dense->kernel[1]);
     free(dense->vectors);
     free(dense->values);
     free(dense);
@@ -44,16 +42,8 @@ const gonio_smooth_form *gonio_smooth_dense_form(const gonio_smooth_dense *dense
 
 // ---- blocks of modes ----
 
-static bool odd_under(const gonio_smooth_dense *dense, unsigned axes, const size_t *mode) {
-    bool odd = false;
-    for (int d = 0; d < dense->dims; d++) {
-        odd ^= (axes >> d & 1u) != 0 && dense->axis.odd[mode[d]];
-    }
-    return odd;
-}
-
-// Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping.
-void gonio_smooth_modes_block(const gonio_smooth_dense *dense, size_t lead, int swap, gonio_smooth_modes *b) {
+// The columns of a choice of leading modes that have a variance.
+static void fill_block(const gonio_smooth_dense *dense, size_t lead, gonio_smooth_modes *b) {
     const size_t m = dense->m, d = (size_t)dense->dims;
     size_t mode[4];
     b->lead[0] = mode[0] = d == 3 ? lead : lead / m;
@@ -63,45 +53,37 @@ void gonio_smooth_modes_block(const gonio_smooth_dense *dense, size_t lead, int 
         for (size_t q = 0; q < m; q++) {
             mode[d - 2] = p;
             mode[d - 1] = q;
-            if (odd_under(dense, dense->mirror_axes, mode) || odd_under(dense, dense->swap_axes, mode) != (swap == 1)) {
-                continue;
+            const double variance = gonio_smooth_modes_variance(dense, mode);
+            if (variance > 0) {
+                b->last[0][b->count] = (uint16_t)p;
+                b->last[1][b->count] = (uint16_t)q;
+                b->root_prior[b->count++] = sqrt(variance);
             }
-            double penalty = GONIO_SMOOTH_RIDGE;
-            for (size_t k = 0; k < d; k++) {
-                penalty += dense->form.stretch[k] * dense->axis.stiffness[mode[k]];
-            }
-            b->last[0][b->count] = (uint16_t)p;
-            b->last[1][b->count] = (uint16_t)q;
-            b->root_prior[b->count++] = 1 / sqrt(penalty);
         }
     }
 }
 
-size_t gonio_smooth_modes_leads(const gonio_smooth_dense *dense) {
-    return dense->dims == 3 ? dense->m : dense->m * dense->m;
-}
+static size_t leads(const gonio_smooth_dense *dense) { return dense->dims == 3 ? dense->m : dense->m * dense->m; }
 
-// columns[count x points], point fastest: the block's modes at points with the given features, times scale[point].
-void gonio_smooth_modes_columns(const gonio_smooth_dense *dense, const gonio_smooth_modes *b, size_t points,
-                                double *const feature[4], const double *scale, double *columns) {
+// columns[count x n], sample fastest: the block's modes at the samples, times their root weight.
+static void fill_columns(const gonio_smooth_dense *dense, const gonio_smooth_modes *b, double *columns) {
+    const size_t n = dense->n;
     const int d = dense->dims;
-    const double *f0 = feature[0] + b->lead[0] * points, *f1 = d == 4 ? feature[1] + b->lead[1] * points : NULL;
+    double *const *feature = dense->feature;
+    const double *f0 = feature[0] + b->lead[0] * n, *f1 = d == 4 ? feature[1] + b->lead[1] * n : NULL;
     for (size_t k = 0; k < b->count; k++) {
-        const double *p = feature[d - 2] + b->last[0][k] * points, *q = feature[d - 1] + b->last[1][k] * points;
-        double *out = columns + k * points;
-        for (size_t i = 0; i < points; i++) {
-            out[i] = b->root_prior[k] * f0[i] * p[i] * q[i];
+        const double *p = feature[d - 2] + b->last[0][k] * n, *q = feature[d - 1] + b->last[1][k] * n;
+        double *out = columns + k * n;
+        for (size_t i = 0; i < n; i++) {
+            out[i] = b->root_prior[k] * f0[i] * p[i] * q[i] * dense->root[i];
         }
-        for (size_t i = 0; f1 != NULL && i < points; i++) {
+        for (size_t i = 0; f1 != NULL && i < n; i++) {
             out[i] *= f1[i];
         }
-        for (size_t i = 0; scale != NULL && i < points; i++) {
-            out[i] *= scale[i];
-        }
     }
 }
 
-gonio_status gonio_smooth_modes_init(const gonio_smooth_dense *dense, gonio_smooth_modes *b, gonio_error *error) {
+static gonio_status modes_init(const gonio_smooth_dense *dense, gonio_smooth_modes *b, gonio_error *error) {
     const size_t most = dense->m * dense->m;
     *b = (gonio_smooth_modes){.last = {malloc(most * sizeof(uint16_t)), malloc(most * sizeof(uint16_t))},
                               .root_prior = malloc(most * sizeof(double))};
@@ -110,7 +92,7 @@ gonio_status gonio_smooth_modes_init(const gonio_smooth_dense *dense, gonio_smoo
                : gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes", most);
 }
 
-void gonio_smooth_modes_release(gonio_smooth_modes *b) {
+static void modes_release(gonio_smooth_modes *b) {
     free(b->last[0]);
     free(b->last[1]);
     free(b->root_prior);
@@ -118,34 +100,35 @@ void gonio_smooth_modes_release(gonio_smooth_modes *b) {
 
 // ---- building ----
 
-static gonio_status sum_kernels(gonio_smooth_dense *dense, gonio_error *error) {
+static gonio_status sum_modes(gonio_smooth_dense *dense, double *kernel, gonio_error *error) {
     const size_t n = dense->n;
     gonio_smooth_modes b;
-    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
+    gonio_status status = modes_init(dense, &b, error);
     double *columns = malloc(dense->m * dense->m * n * sizeof *columns);
     if (status == GONIO_OK && columns == NULL) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", dense->m * dense->m, n);
     }
-    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
-        for (int swap = 0; swap < 2 && dense->kernel[swap] != NULL; swap++) {
-            gonio_smooth_modes_block(dense, lead, swap, &b);
-            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
-            const gonio_matrix block = gonio_matrix_of(columns, n, b.count);
-            gonio_multiply_lower(1, block, gonio_matrix_transposed(block), 1,
-                                 gonio_matrix_of(dense->kernel[swap], n, n));
-        }
+    for (size_t lead = 0; lead < leads(dense) && status == GONIO_OK; lead++) {
+        fill_block(dense, lead, &b);
+        fill_columns(dense, &b, columns);
+        const gonio_matrix block = gonio_matrix_of(columns, n, b.count);
+        gonio_multiply_lower(1, block, gonio_matrix_transposed(block), lead > 0, gonio_matrix_of(kernel, n, n));
     }
-    gonio_smooth_modes_release(&b);
+    modes_release(&b);
     free(columns);
     return status;
 }
 
+// K: mode by mode n^2/2 products a mode; by splines d m a mode and sample (fit/smooth/covariance.c), which take about
+// three times as long each.
+static gonio_status sum_kernel(gonio_smooth_dense *dense, double *kernel, gonio_error *error) {
+    return dense->n > 6 * (size_t)dense->dims * dense->m
+               ? gonio_smooth_covariance(dense, dense->n, NULL, dense->feature, dense->root, kernel, NULL, error)
+               : sum_modes(dense, kernel, error);
+}
+
 static gonio_status decompose(gonio_smooth_dense *dense, gonio_error *error) {
     const size_t n = dense->n;
-    memcpy(dense->vectors, dense->kernel[0], n * n * sizeof(double));
-    if (dense->kernel[1] != NULL && dense->form.reciprocity < 1) {
-        gonio_add_scaled(n * n, 1 - dense->form.reciprocity, dense->kernel[1], dense->vectors);
-    }
     if (dense->form.profile > 0) {
         gonio_smooth_profile_add(dense->profile, dense->form.profile, dense->vectors);
     }
@@ -165,28 +148,14 @@ static gonio_status decompose(gonio_smooth_dense *dense, gonio_error *error) {
 static gonio_status set_profile(gonio_smooth_dense *dense, const gonio_smooth_form *form, gonio_error *error) {
     const bool possible = dense->dims == 3 && gonio_coordinates_are_half_vector(dense->form.coordinates);
     dense->form.profile = possible ? form->profile : 0;
-    dense->form.profile_level = form->profile_level;
-    memcpy(dense->form.profile_stretch, form->profile_stretch, sizeof form->profile_stretch);
     return dense->form.profile > 0 ? gonio_smooth_profile_set(&dense->profile, dense, error) : GONIO_OK;
 }
 
-gonio_status gonio_smooth_dense_reciprocity(gonio_smooth_dense *dense, double reciprocity, gonio_error *error) {
-    dense->form.reciprocity = dense->swap_axes != 0 ? reciprocity : 0;
-    return decompose(dense, error);
-}
-
-gonio_status gonio_smooth_dense_profile(gonio_smooth_dense *dense, const gonio_smooth_form *form, gonio_error *error) {
-    const gonio_status status = set_profile(dense, form, error);
-    return status == GONIO_OK ? decompose(dense, error) : status;
-}
-
-gonio_status gonio_smooth_dense_shares(gonio_smooth_dense *dense, const gonio_lobe_base *lobes, gonio_error *error) {
+static gonio_status set_shares(gonio_smooth_dense *dense, const gonio_lobe_base *lobes, gonio_error *error) {
     const size_t n = dense->n;
-    free(dense->shares);
-    dense->shares = NULL;
     dense->form.shares = lobes != NULL;
     if (lobes == NULL) {
-        return decompose(dense, error);
+        return GONIO_OK;
     }
     double mean[SHARES], unit[SHARES], share[SHARES];
     dense->shares = malloc(n * SHARES * sizeof *dense->shares);
@@ -203,7 +172,7 @@ gonio_status gonio_smooth_dense_shares(gonio_smooth_dense *dense, const gonio_lo
             dense->shares[j * n + i] = dense->root[i] * share[j];
         }
     }
-    return decompose(dense, error);
+    return GONIO_OK;
 }
 
 static bool allocate(gonio_smooth_dense *dense) {
@@ -213,10 +182,6 @@ static bool allocate(gonio_smooth_dense *dense) {
         all = (dense->feature[d] = malloc(m * n * sizeof(double))) != NULL && all;
     }
     all = (dense->root = malloc(n * sizeof(double))) != NULL && all;
-    all = (dense->kernel[0] = calloc(n * n, sizeof(double))) != NULL && all;
-    if (dense->swap_axes != 0) {
-        all = (dense->kernel[1] = calloc(n * n, sizeof(double))) != NULL && all;
-    }
     all = (dense->vectors = malloc(n * n * sizeof(double))) != NULL && all;
     return (dense->values = malloc(n * sizeof(double))) != NULL && all;
 }
@@ -238,8 +203,8 @@ static gonio_status fill_sample_features(gonio_smooth_dense *dense, gonio_error 
     return GONIO_OK;
 }
 
-gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smooth_form *form, gonio_smooth_dense **out,
-                                    gonio_error *error) {
+gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smooth_form *form,
+                                    const gonio_lobe_base *shares, gonio_smooth_dense **out, gonio_error *error) {
     *out = NULL;
     gonio_smooth_dense *dense = calloc(1, sizeof *dense);
     if (dense == NULL) {
@@ -252,15 +217,17 @@ gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smoot
     dense->m = gonio_bspline_size(form->level);
     dense->mirror_axes = form->mirror ? gonio_coordinates_mirror_axes(form->coordinates, data->dims) : 0;
     dense->swap_axes = gonio_coordinates_swap_axes(form->coordinates, data->dims);
+    dense->form.reciprocity = dense->swap_axes != 0 ? form->reciprocity : 0;
     gonio_status status = allocate(dense)
                               ? GONIO_OK
                               : gonio_fail(error, GONIO_E_MEMORY, "no memory to solve %zu samples (%.3g GB)", data->n,
-                                           3 * 8e-9 * (double)data->n * (double)data->n);
+                                           2 * 8e-9 * (double)data->n * (double)data->n);
     status = status == GONIO_OK ? gonio_smooth_axis_init(&dense->axis, form->level, error) : status;
     status = status == GONIO_OK ? fill_sample_features(dense, error) : status;
-    status = status == GONIO_OK ? sum_kernels(dense, error) : status;
+    status = status == GONIO_OK ? sum_kernel(dense, dense->vectors, error) : status;
     status = status == GONIO_OK ? set_profile(dense, form, error) : status;
-    status = status == GONIO_OK ? gonio_smooth_dense_reciprocity(dense, form->reciprocity, error) : status;
+    status = status == GONIO_OK ? set_shares(dense, shares, error) : status;
+    status = status == GONIO_OK ? decompose(dense, error) : status;
     if (status != GONIO_OK) {
         gonio_smooth_dense_free(dense);
         return status;
@@ -374,27 +341,24 @@ static gonio_status mode_amplitudes(const gonio_smooth_dense *dense, const doubl
                                     gonio_error *error) {
     const size_t n = dense->n, m = dense->m;
     gonio_smooth_modes b;
-    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
+    gonio_status status = modes_init(dense, &b, error);
     double *columns = malloc(m * m * n * sizeof *columns), *part = malloc(m * m * c * sizeof *part);
     if (status == GONIO_OK && (columns == NULL || part == NULL)) {
         status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu modes of %zu samples", m * m, n);
     }
-    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
-        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
-            gonio_smooth_modes_block(dense, lead, swap, &b);
-            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, columns);
-            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
-            gonio_multiply(share, gonio_matrix_transposed(gonio_matrix_of(columns, n, b.count)),
-                           gonio_matrix_of(weights, n, c), 0, gonio_matrix_of(part, b.count, c));
-            for (size_t k = 0; k < b.count; k++) {
-                const size_t at = (lead * m + b.last[0][k]) * m + b.last[1][k];
-                for (size_t j = 0; j < c; j++) {
-                    spectrum[at * c + j] = part[j * b.count + k] * b.root_prior[k];
-                }
+    for (size_t lead = 0; lead < leads(dense) && status == GONIO_OK; lead++) {
+        fill_block(dense, lead, &b);
+        fill_columns(dense, &b, columns);
+        gonio_multiply(1, gonio_matrix_transposed(gonio_matrix_of(columns, n, b.count)), gonio_matrix_of(weights, n, c),
+                       0, gonio_matrix_of(part, b.count, c));
+        for (size_t k = 0; k < b.count; k++) {
+            const size_t at = (lead * m + b.last[0][k]) * m + b.last[1][k];
+            for (size_t j = 0; j < c; j++) {
+                spectrum[at * c + j] = part[j * b.count + k] * b.root_prior[k];
             }
         }
     }
-    gonio_smooth_modes_release(&b);
+    modes_release(&b);
     free(columns);
     free(part);
     return status;

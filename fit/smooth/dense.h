@@ -20,17 +20,12 @@ typedef struct gonio_smooth_dense gonio_smooth_dense;
 #define GONIO_SMOOTH_DENSE_LEVEL_MAX_3D 5
 #define GONIO_SMOOTH_DENSE_LEVEL_MAX_4D 3
 
-// Build and decompose; data is borrowed until the solver is freed. Uses one thread, so that callers can run several at
-// once with the same bits.
-gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smooth_form *form, gonio_smooth_dense **out,
-                                    gonio_error *error);
-// Decompose again with another reciprocity; the sums over the lattice are kept.
-gonio_status gonio_smooth_dense_reciprocity(gonio_smooth_dense *dense, double reciprocity, gonio_error *error);
-// Decompose again with the profile that a form names (isotropic half-vector coordinates; elsewhere there is none).
-gonio_status gonio_smooth_dense_profile(gonio_smooth_dense *dense, const gonio_smooth_form *form, gonio_error *error);
-// Decompose again with the lobes' shares (brdf/kind/lobe_spline.h) as further terms of the fit, each as free a priori
-// as a standard deviation of the spline's unit; NULL: without. Nothing of the lobes is kept.
-gonio_status gonio_smooth_dense_shares(gonio_smooth_dense *dense, const gonio_lobe_base *lobes, gonio_error *error);
+// Build and decompose; data is borrowed until the solver is freed. shares (NULL: none): lobes whose shares
+// (brdf/kind/lobe_spline.h) are further terms of the fit, each as free a priori as a standard deviation of the spline's
+// unit; nothing of the lobes is kept. A profile is for isotropic half-vector coordinates; elsewhere there is none. Uses
+// one thread, so that callers can run several at once with the same bits.
+gonio_status gonio_smooth_dense_new(const gonio_dataset *data, const gonio_smooth_form *form,
+                                    const gonio_lobe_base *shares, gonio_smooth_dense **out, gonio_error *error);
 void gonio_smooth_dense_free(gonio_smooth_dense *dense); // NULL is allowed
 const gonio_smooth_form *gonio_smooth_dense_form(const gonio_smooth_dense *dense);
 

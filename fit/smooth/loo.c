@@ -8,6 +8,7 @@
 
 #include "base/statistics.h"
 #include "fit/lobes/fit.h"
+#include "fit/smooth/tuning.h"
 
 void gonio_smooth_base_release(gonio_smooth_base *base) {
     free(base->lobes.strength);
@@ -82,8 +83,6 @@ gonio_status gonio_smooth_base_init(gonio_smooth_base *base, const gonio_dataset
 
 // Residuals below a millionth of the transform's unit are as good as none; without a floor exact data would score -inf.
 #define RESIDUAL_FLOOR 1e-6
-// A typical error of 0.2 % is below any instrument's: once there, only the worst still counts.
-#define MEDIAN_FLOOR 2e-3
 
 // Only what was measured judges.
 static double channel_score(const gonio_dataset *data, const double *residuals, size_t channel, double *work) {
@@ -95,9 +94,9 @@ static double channel_score(const gonio_dataset *data, const double *residuals, 
     }
     const double rms = log(sqrt(squares / (double)n) + RESIDUAL_FLOOR);
     if (data->kind == GONIO_TRANSFORM_LINEAR) {
-        return 1.5 * rms;
+        return (1 + gonio_smooth_tuned.median) * rms;
     }
-    return rms + 0.5 * log(gonio_upper_median(work, n) + MEDIAN_FLOOR);
+    return rms + gonio_smooth_tuned.median * log(gonio_upper_median(work, n) + gonio_smooth_tuned.median_floor);
 }
 
 static double channel_square_error(const gonio_dataset *data, const double *residuals, size_t channel) {

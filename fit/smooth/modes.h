@@ -12,12 +12,11 @@ struct gonio_smooth_dense {
     size_t n, m; // geometries, modes an axis
     int dims;
     unsigned mirror_axes, swap_axes;
-    gonio_smooth_axis axis; // of every dimension
-    double *feature[4];     // mode-major: feature[d][mode n + i], at the samples
-    double *root;           // [n] sqrt(weight)
-    double *kernel[2];      // n x n, lower triangle: modes even and odd under swapping; [1] NULL where there are none
-    double *vectors;        // n x n, eigenvector j in column j
-    double *values;         // [n]
+    gonio_smooth_axis axis;        // of every dimension
+    double *feature[4];            // mode-major: feature[d][mode n + i], at the samples
+    double *root;                  // [n] sqrt(weight)
+    double *vectors;               // n x n, eigenvector j in column j
+    double *values;                // [n]
     gonio_smooth_profile *profile; // NULL until one is asked for
     double *shares;                // n x (1 + GONIO_LOBES_MAX), sample fastest, times root weight; NULL: none
 };
@@ -30,14 +29,14 @@ typedef struct gonio_smooth_modes {
     double *root_prior; // [count]: 1/sqrt of the mode's penalty
 } gonio_smooth_modes;
 
-gonio_status gonio_smooth_modes_init(const gonio_smooth_dense *dense, gonio_smooth_modes *b, gonio_error *error);
-void gonio_smooth_modes_release(gonio_smooth_modes *b);
-size_t gonio_smooth_modes_leads(const gonio_smooth_dense *dense); // how many choices of leading modes there are
-// Fill the columns of a choice of leading modes that are even (swap 0) or odd (1) under swapping the directions.
-void gonio_smooth_modes_block(const gonio_smooth_dense *dense, size_t lead, int swap, gonio_smooth_modes *b);
-// columns[count x points], point fastest: the block's modes at points with the given features, times scale[point]
-// (NULL: 1).
-void gonio_smooth_modes_columns(const gonio_smooth_dense *dense, const gonio_smooth_modes *b, size_t points,
-                                double *const feature[4], const double *scale, double *columns);
+// A mode's prior variance; 0 where the symmetries leave none. mode: an index an axis.
+double gonio_smooth_modes_variance(const gonio_smooth_dense *dense, const size_t *mode);
+
+// out[n x points], sample fastest: the lattice's prior covariance between samples (times root weight) and points (times
+// scale[point]; NULL: 1). own[points] (NULL: not wanted; then at is not looked at): of the points themselves. at[points
+// x dims], feature: of the points.
+gonio_status gonio_smooth_covariance(const gonio_smooth_dense *dense, size_t points, const double *at,
+                                     double *const feature[4], const double *scale, double *out, double *own,
+                                     gonio_error *error);
 
 #endif

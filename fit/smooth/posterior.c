@@ -12,41 +12,6 @@
 #include "fit/smooth/matrix.h"
 #include "fit/smooth/modes.h"
 
-// cross[n x m], sample fastest: the prior covariance between samples (times root weight) and m points; prior[m]: of the
-// points themselves.
-static gonio_status cross_kernel(const gonio_smooth_dense *dense, size_t points, double *const feature[4],
-                                 double *cross, double *prior, gonio_error *error) {
-    const size_t n = dense->n, m = dense->m;
-    gonio_smooth_modes b;
-    gonio_status status = gonio_smooth_modes_init(dense, &b, error);
-    double *mine = malloc(m * m * n * sizeof *mine), *theirs = malloc(m * m * points * sizeof *theirs);
-    if (status == GONIO_OK && (mine == NULL || theirs == NULL)) {
-        status = gonio_fail(error, GONIO_E_MEMORY, "no memory for the spread at %zu points", points);
-    }
-    memset(cross, 0, n * points * sizeof *cross);
-    memset(prior, 0, points * sizeof *prior);
-    for (size_t lead = 0; lead < gonio_smooth_modes_leads(dense) && status == GONIO_OK; lead++) {
-        for (int swap = 0; swap < (dense->swap_axes != 0 ? 2 : 1); swap++) {
-            const double share = swap == 1 ? 1 - dense->form.reciprocity : 1;
-            gonio_smooth_modes_block(dense, lead, swap, &b);
-            gonio_smooth_modes_columns(dense, &b, n, dense->feature, dense->root, mine);
-            gonio_smooth_modes_columns(dense, &b, points, feature, NULL, theirs);
-            gonio_multiply(share, gonio_matrix_of(mine, n, b.count),
-                           gonio_matrix_transposed(gonio_matrix_of(theirs, points, b.count)), 1,
-                           gonio_matrix_of(cross, n, points));
-            for (size_t k = 0; k < b.count; k++) {
-                for (size_t i = 0; i < points; i++) {
-                    prior[i] += share * theirs[k * points + i] * theirs[k * points + i];
-                }
-            }
-        }
-    }
-    gonio_smooth_modes_release(&b);
-    free(mine);
-    free(theirs);
-    return status;
-}
-
 // out (n x m) = V diag(g) V^T in (n x m), sample fastest; in and out must not overlap, work: n x m.
 static void filtered(const gonio_smooth_dense *dense, const double *gain, size_t m, const double *in, double *work,
                      double *out) {
@@ -75,7 +40,7 @@ gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double l
     for (size_t k = 0; k < d && status == GONIO_OK; k++) {
         gonio_smooth_axis_features(&dense->axis, m, at + k, d, feature[k]);
     }
-    status = status == GONIO_OK ? cross_kernel(dense, m, feature, cross, variance, error) : status;
+    status = status == GONIO_OK ? gonio_smooth_covariance(dense, m, at, feature, NULL, cross, variance, error) : status;
     if (status == GONIO_OK && dense->form.profile > 0) {
         status = gonio_smooth_profile_cross(dense->profile, dense->form.profile, m, at, cross, variance, error);
     }

@@ -43,7 +43,7 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
     gonio_influence f;
     gonio_sigma_records records;
     assert_int_equal(gonio_smooth_base_init(&base, &data, NULL, NULL), GONIO_OK);
-    assert_int_equal(gonio_smooth_dense_new(&data, &form, &dense, NULL), GONIO_OK);
+    assert_int_equal(gonio_smooth_dense_new(&data, &form, NULL, &dense, NULL), GONIO_OK);
     assert_int_equal(gonio_influence_init(&f, dense, &data, &base, lambda, 0.1, NULL, NULL), GONIO_OK);
     assert_int_equal(gonio_influence_records(&f, &factor, &records, NULL), GONIO_OK);
     assert_true(records.near == data.n && records.n > data.n + 50);
@@ -64,7 +64,7 @@ static void test_left_out_blocks_are_what_they_say(void **state) {
         }
     }
     gonio_lattice lattice;
-    assert_int_equal(gonio_smooth_dense_new(&part, &form, &without, NULL), GONIO_OK);
+    assert_int_equal(gonio_smooth_dense_new(&part, &form, NULL, &without, NULL), GONIO_OK);
     assert_int_equal(gonio_smooth_dense_solve(without, rest, 1, &lambda, &lattice, NULL), GONIO_OK);
     gonio_dataset_locate(&data, GONIO_NUSSELT, x);
     for (size_t i = 0; i < size; i++) {
@@ -113,7 +113,7 @@ static void test_added_places_pass_their_errors_on(void **state) {
     const size_t places = data.n - data.measured;
     assert_true(places > 20);
     assert_int_equal(gonio_smooth_base_init(&base, &data, NULL, NULL), GONIO_OK);
-    assert_int_equal(gonio_smooth_dense_new(&data, &form, &dense, NULL), GONIO_OK);
+    assert_int_equal(gonio_smooth_dense_new(&data, &form, NULL, &dense, NULL), GONIO_OK);
     assert_int_equal(gonio_influence_init(&f, dense, &data, &base, lambda, 0.1, &prior, NULL), GONIO_OK);
     gonio_pair pairs[PROBES];
     double at[3 * PROBES], noise[PROBES], signs[GONIO_SIGMA_SIGNS * PROBES], passed[PROBES], plain[PROBES];
