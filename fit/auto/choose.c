@@ -491,7 +491,10 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
     }
     s.judges = whole ? data : &part;
     s.bases = whole ? choice->bases : bases;
+    const double until = watch->until;
+    watch->until = whole ? until : 0.5 * (gonio_clock_s() + until); // the rest is for all samples
     status = status == GONIO_OK ? search_forms(&s, error) : status;
+    watch->until = until;
     status = status == GONIO_OK ? settle(&s, error) : status;
     for (int b = 0; b < GONIO_AUTO_BASES; b++) {
         gonio_smooth_base_release(&bases[b]);

@@ -532,11 +532,15 @@ static double squared_length(const double *weights, size_t n) { return gonio_dot
 
 gonio_status gonio_influence_at(const gonio_influence *f, const double *factor, size_t m, const gonio_pair *pairs,
                                 const double *x, double *noise, double *signs, double *passed, gonio_error *error) {
-    double *weights = malloc(f->n * m * sizeof *weights);
+    double *weights = malloc((f->n + GONIO_SMOOTH_SHARES) * m * sizeof *weights);
     if (weights == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the uncertainty");
     }
-    gonio_status status = gonio_smooth_dense_spread(f->dense, f->lambda, m, x, weights, noise, error);
+    double *shares = weights + f->n * m;
+    if (gonio_smooth_dense_form(f->dense)->shares) {
+        gonio_smooth_shares(&f->base->lobes, f->data->channels, m, pairs, shares);
+    }
+    gonio_status status = gonio_smooth_dense_spread(f->dense, f->lambda, m, x, shares, weights, noise, error);
     for (size_t i = 0; i < m && status == GONIO_OK; i++) {
         double *at = signs + i * GONIO_SIGMA_SIGNS;
         at[GONIO_SIGMA_UNKNOWN] = fmax(noise[i] - squared_length(weights + i * f->n, f->n), 0);

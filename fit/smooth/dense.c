@@ -15,7 +15,7 @@
 #include "fit/smooth/matrix.h"
 #include "fit/smooth/modes.h"
 
-#define SHARES (1 + GONIO_LOBES_MAX)
+#define SHARES GONIO_SMOOTH_SHARES
 #include "fit/prepare/scatter.h"
 
 gonio_smooth_form gonio_smooth_form_default(gonio_coordinates coordinates, int level, bool mirror) {
@@ -151,26 +151,33 @@ static gonio_status set_profile(gonio_smooth_dense *dense, const gonio_smooth_fo
     return dense->form.profile > 0 ? gonio_smooth_profile_set(&dense->profile, dense, error) : GONIO_OK;
 }
 
+void gonio_smooth_shares(const gonio_lobe_base *lobes, int channels, size_t n, const gonio_pair *pairs, double *out) {
+    double mean[SHARES], unit[SHARES], share[SHARES];
+    gonio_lobe_mean_strengths(lobes, channels, mean);
+    for (size_t i = 0; i < n; i++) {
+        const gonio_pair *p = &pairs[i];
+        gonio_lobe_base_units(lobes, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o),
+                              unit);
+        gonio_lobe_shares(lobes, mean, unit, share);
+        for (size_t j = 0; j < SHARES; j++) {
+            out[j * n + i] = share[j];
+        }
+    }
+}
+
 static gonio_status set_shares(gonio_smooth_dense *dense, const gonio_lobe_base *lobes, gonio_error *error) {
     const size_t n = dense->n;
     dense->form.shares = lobes != NULL;
     if (lobes == NULL) {
         return GONIO_OK;
     }
-    double mean[SHARES], unit[SHARES], share[SHARES];
     dense->shares = malloc(n * SHARES * sizeof *dense->shares);
     if (dense->shares == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the lobes' shares at %zu samples", n);
     }
-    gonio_lobe_mean_strengths(lobes, dense->data->channels, mean);
-    for (size_t i = 0; i < n; i++) {
-        const gonio_pair *p = &dense->data->pairs[i];
-        gonio_lobe_base_units(lobes, gonio_direction(p->theta_i, p->phi_i), gonio_direction(p->theta_o, p->phi_o),
-                              unit);
-        gonio_lobe_shares(lobes, mean, unit, share);
-        for (size_t j = 0; j < SHARES; j++) {
-            dense->shares[j * n + i] = dense->root[i] * share[j];
-        }
+    gonio_smooth_shares(lobes, dense->data->channels, n, dense->data->pairs, dense->shares);
+    for (size_t k = 0; k < n * SHARES; k++) {
+        dense->shares[k] *= dense->root[k % n];
     }
     return GONIO_OK;
 }

@@ -45,8 +45,12 @@ gonio_status gonio_smooth_dense_shares_solve(const gonio_smooth_dense *dense, co
                                              const double *lambdas, double **out, gonio_error *error);
 // At m points (at[m x dims]): weights[n x m], sample fastest, of the prediction in the samples' targets times their
 // root weights; variance[m] of the prediction in units of the noise's, what smoothing and gaps leave unknown included.
+// shares: of the base at them (gonio_smooth_shares); not looked at where they are no terms of the fit.
 gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double lambda, size_t m, const double *at,
-                                       double *weights, double *variance, gonio_error *error);
+                                       const double *shares, double *weights, double *variance, gonio_error *error);
+#define GONIO_SMOOTH_SHARES (1 + GONIO_LOBES_MAX)
+// out[n x GONIO_SMOOTH_SHARES], pair fastest: the shares of a base's terms at n pairs.
+void gonio_smooth_shares(const gonio_lobe_base *lobes, int channels, size_t n, const gonio_pair *pairs, double *out);
 // out[n x n] = lambda (K + lambda)^-1: targets times root weights -> the fit's residuals times root weights.
 gonio_status gonio_smooth_dense_influence(const gonio_smooth_dense *dense, double lambda, double *out,
                                           gonio_error *error);

@@ -27,7 +27,7 @@ static void filtered(const gonio_smooth_dense *dense, const double *gain, size_t
 }
 
 gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double lambda, size_t m, const double *at,
-                                       double *weights, double *variance, gonio_error *error) {
+                                       const double *shares, double *weights, double *variance, gonio_error *error) {
     const size_t n = dense->n, d = (size_t)dense->dims;
     double *feature[4] = {NULL, NULL, NULL, NULL};
     double *cross = malloc(n * m * sizeof *cross), *work = malloc((m + 1) * n * sizeof *work);
@@ -43,6 +43,14 @@ gonio_status gonio_smooth_dense_spread(const gonio_smooth_dense *dense, double l
     status = status == GONIO_OK ? gonio_smooth_covariance(dense, m, at, feature, NULL, cross, variance, error) : status;
     if (status == GONIO_OK && dense->form.profile > 0) {
         status = gonio_smooth_profile_cross(dense->profile, dense->form.profile, m, at, cross, variance, error);
+    }
+    if (status == GONIO_OK && dense->shares != NULL) {
+        gonio_multiply(1, gonio_matrix_of(dense->shares, n, GONIO_SMOOTH_SHARES),
+                       gonio_matrix_transposed(gonio_matrix_of(shares, m, GONIO_SMOOTH_SHARES)), 1,
+                       gonio_matrix_of(cross, n, m));
+        for (size_t k = 0; k < m * GONIO_SMOOTH_SHARES; k++) {
+            variance[k % m] += shares[k] * shares[k];
+        }
     }
     if (status == GONIO_OK) {
         double *gain = work + n * m;

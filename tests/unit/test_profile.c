@@ -63,20 +63,22 @@ static double predicted(const gonio_smooth_dense *dense, const set *s, const dou
     const double lambda = LAMBDA;
     const gonio_vec3 wi = gonio_direction(pair->theta_i, pair->phi_i), wo = gonio_direction(pair->theta_o, pair->phi_o);
     gonio_lattice lattice, profile;
-    double *shares, x[3], y[2], sum, more, mean[3], units[3], share[3];
+    double *shares, x[3], y[2], sum, more = 0, mean[3], units[3], share[3];
     assert_int_equal(gonio_smooth_dense_solve(dense, rest, 1, &lambda, &lattice, NULL), GONIO_OK);
     assert_int_equal(gonio_smooth_dense_profile_solve(dense, rest, 1, &lambda, &profile, NULL), GONIO_OK);
     assert_int_equal(gonio_smooth_dense_shares_solve(dense, rest, 1, &lambda, &shares, NULL), GONIO_OK);
     gonio_coordinates_isotropic(GONIO_HALF_VECTOR, wi, wo, x);
     gonio_profile_locate(GONIO_HALF_VECTOR, x, y);
     gonio_lattice_eval(&lattice, x, &sum);
-    gonio_lattice_eval(&profile, y, &more);
+    if (profile.points != NULL) {
+        gonio_lattice_eval(&profile, y, &more);
+    }
     gonio_lobe_mean_strengths(&s->base.lobes, 1, mean);
     gonio_lobe_base_units(&s->base.lobes, wi, wo, units);
     gonio_lobe_shares(&s->base.lobes, mean, units, share);
     assert_near(share[0] + share[1] + share[2], 1, 1e-12);
     sum += more;
-    for (int j = 0; j < 3; j++) {
+    for (int j = 0; j < 3 && shares != NULL; j++) {
         sum += shares[j] * share[j];
     }
     gonio_lattice_release(&lattice);
@@ -110,6 +112,44 @@ static void test_leave_one_out_is_what_it_says(void **state) {
     gonio_smooth_dense_free(dense);
     free(residuals);
     free(rest);
+    tear_down(&s);
+}
+
+// What the weights of the samples make of them elsewhere, which sigma is told from, is what lattice, profile and shares
+// say there; and the variance at a sample is what leaving it out tells.
+static void test_weights_predict_what_the_terms_say(void **state) {
+    (void)state;
+    enum { PLACES = 8 };
+    set s = set_up(SAMPLES);
+    for (size_t i = 0; i < PLACES; i++) {
+        s.data.weights[i] = 1e-3;
+    }
+    for (int terms = 0; terms < 4; terms++) {
+        gonio_smooth_form form = s.form;
+        form.profile = terms & 1 ? form.profile : 0;
+        gonio_smooth_dense *dense = solver(&s.data, &form, terms & 2 ? &s.base.lobes : NULL);
+        double *weights = malloc(s.data.n * PLACES * sizeof *weights), *influence = malloc(s.data.n * s.data.n * 8);
+        double shares[PLACES * GONIO_SMOOTH_SHARES], variance[PLACES], *x = malloc(3 * s.data.n * sizeof *x);
+        gonio_dataset_locate(&s.data, GONIO_HALF_VECTOR, x);
+        gonio_smooth_shares(&s.base.lobes, 1, PLACES, s.data.pairs, shares);
+        assert_int_equal(gonio_smooth_dense_spread(dense, LAMBDA, PLACES, x, shares, weights, variance, NULL),
+                         GONIO_OK);
+        assert_int_equal(gonio_smooth_dense_influence(dense, LAMBDA, influence, NULL), GONIO_OK);
+        for (size_t k = 0; k < PLACES; k++) {
+            double sum = 0;
+            for (size_t i = 0; i < s.data.n; i++) {
+                sum += weights[k * s.data.n + i] * sqrt(s.data.weights[i]) * s.base.rest[i];
+            }
+            assert_near(sum, predicted(dense, &s, s.base.rest, &s.data.pairs[k]), 2e-5);
+            // 1/Q_kk - 1 = w v, v the variance without the sample, whose weight w makes v/(1 + w v) of it.
+            const double w = s.data.weights[k], wv = 1 / influence[k * s.data.n + k] - 1;
+            assert_near(variance[k] / (wv / w / (1 + wv)), 1, 1e-4);
+        }
+        gonio_smooth_dense_free(dense);
+        free(weights);
+        free(influence);
+        free(x);
+    }
     tear_down(&s);
 }
 
@@ -215,6 +255,7 @@ static void test_profiles_do_not_depend_on_the_coordinates(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_leave_one_out_is_what_it_says),
+        cmocka_unit_test(test_weights_predict_what_the_terms_say),
         cmocka_unit_test(test_both_covariances_are_one),
         cmocka_unit_test(test_models_carry_the_terms),
         cmocka_unit_test(test_profiles_do_not_depend_on_the_coordinates),

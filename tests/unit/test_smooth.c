@@ -333,6 +333,22 @@ static void assert_same_values(const gonio_model *a, const gonio_model *b, doubl
     }
 }
 
+// In the opposite order, in a unit 2^70 times as large, by 7 threads.
+static void check_changed(const gonio_samples *samples, const gonio_model *model, gonio_fit_options o) {
+    gonio_samples *changed;
+    assert_int_equal(gonio_samples_new(samples->channels, false, &changed, NULL), GONIO_OK);
+    changed->isotropic = true;
+    for (size_t i = samples->n; i-- > 0;) {
+        const double values[1] = {ldexp(samples->values[i], 70)};
+        assert_int_equal(gonio_samples_add(changed, &samples->pairs[i], values, NULL, NULL, NULL), GONIO_OK);
+    }
+    o.threads = 7;
+    gonio_model *other = fitted(changed, &o);
+    assert_same_values(model, other, ldexp(1, 70));
+    gonio_model_free(other);
+    gonio_samples_free(changed);
+}
+
 // Bit for bit: threads, the order of the samples, and a unit that is a power of two.
 static void check_invariances(const gonio_samples *samples, gonio_fit_options o) {
     gonio_model *model = fitted(samples, &o);
@@ -342,24 +358,27 @@ static void check_invariances(const gonio_samples *samples, gonio_fit_options o)
         assert_same_values(model, other, 1);
         gonio_model_free(other);
     }
-    gonio_samples *changed;
-    assert_int_equal(gonio_samples_new(samples->channels, false, &changed, NULL), GONIO_OK);
-    changed->isotropic = true;
-    for (size_t i = samples->n; i-- > 0;) {
-        const double values[1] = {ldexp(samples->values[i], 70)};
-        assert_int_equal(gonio_samples_add(changed, &samples->pairs[i], values, NULL, NULL, NULL), GONIO_OK);
-    }
-    gonio_model *other = fitted(changed, &o);
-    assert_same_values(model, other, ldexp(1, 70));
-    gonio_model_free(other);
+    check_changed(samples, model, o);
     gonio_model_free(model);
-    gonio_samples_free(changed);
 }
 
 static void test_small_fits_are_invariant(void **state) {
     (void)state;
     gonio_samples *samples = sampled(WARD, 150, 0.01, 6);
     check_invariances(samples, quick("auto"));
+    gonio_samples_free(samples);
+}
+
+// A part of the samples chooses the form.
+static void test_choices_by_a_part_are_invariant(void **state) {
+    (void)state;
+    gonio_samples *samples = sampled(WARD, 520, 0.01, 6);
+    gonio_fit_options o = quick("lsq");
+    o.coordinates = GONIO_NUSSELT;
+    o.level = 1;
+    gonio_model *model = fitted(samples, &o);
+    check_changed(samples, model, o);
+    gonio_model_free(model);
     gonio_samples_free(samples);
 }
 
@@ -656,6 +675,7 @@ int main(void) {
         cmocka_unit_test(test_leave_one_out_is_what_it_says),
         cmocka_unit_test(test_is_linear_in_the_targets),
         cmocka_unit_test(test_small_fits_are_invariant),
+        cmocka_unit_test(test_choices_by_a_part_are_invariant),
         cmocka_unit_test(test_large_fits_are_invariant),
         cmocka_unit_test(test_symmetries_hold_everywhere),
         cmocka_unit_test(test_log_fits_are_never_negative),
