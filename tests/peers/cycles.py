@@ -2,7 +2,7 @@
 """Cycles, Blender's path tracer, as a goniometer and as a camera. Run inside Blender:
 
     blender -b --factory-startup -P cycles.py -- measure MATERIAL DIRECTIONS.csv OUT.csv
-    blender -b --factory-startup -P cycles.py -- picture SCENE.json SPHERE PLATE OUT.exr
+    blender -b --factory-startup -P cycles.py -- picture SCENE.json SPHERE PLATE OUT.pfm
 
 MATERIAL, SPHERE, PLATE: a script that makes `material` (gonio convert --to principled), or a glTF file. A sun has the
 irradiance 1 across its beam and there is no bounce, so that a plane's radiance is f_r cos(theta_i); it is read from
@@ -11,6 +11,7 @@ import csv
 import json
 import math
 import os
+import struct
 import sys
 
 import bpy
@@ -137,8 +138,15 @@ def picture(path, sphere, plate, out):
     eye.location = turned(s["eye"])
     eye.rotation_quaternion = eye.location.to_track_quat("Z", "Y")
     scene.render.film_transparent = False
-    scene.render.filepath = out
+    scene.render.filepath = out + ".exr"
     bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = list(image.pixels)  # red, green, blue, alpha, from the lowest row up, as in a PFM
+    with open(out, "wb") as file:
+        file.write(b"PF\n%d %d\n-1.0\n" % tuple(image.size))
+        for k in range(0, len(pixels), 4):
+            file.write(struct.pack("<3f", *pixels[k : k + 3]))
+    os.remove(scene.render.filepath)
 
 
 arguments = sys.argv[sys.argv.index("--") + 1 :]

@@ -3,6 +3,7 @@
 
 usage: scene.py FOLDER SIZE SPHERE PLATE         models: scene.ini, sphere.obj, plate.obj, sky.pfm, scene.json
        scene.py --radiance FOLDER XML:ARGUMENTS XML:ARGUMENTS     scene.rad; arguments as `gonio convert` tells them
+       scene.py --strip EV OUT.png A.pfm B.pfm ...     pictures beside each other, as 8-bit sRGB
        scene.py --mean SIDE TIMES IN OUT.pfm     pixels of pvalue (-h -H -d), SIDE x TIMES a way, as means
 
 All of the sphere lies behind the plate's plane, so that neither reflects the other and no path has a second bounce."""
@@ -11,6 +12,7 @@ import math
 import os
 import struct
 import sys
+import zlib
 
 EYE, FOV, TOWARD, IRRADIANCE = (0, 0, 6), 32.0, (0.55, 0.55, 0.63), 1.2
 LOW, RISE = (0.30, 0.28, 0.26), (0.05, 0.12, 0.25)
@@ -110,8 +112,31 @@ def mean(side, times, source, out):
     pfm(out, side, side, rows)
 
 
+def code(light):
+    v = min(max(light, 0), 1)
+    return round(255 * (12.92 * v if v <= 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055))
+
+
+def strip(ev, out, *paths):
+    scale, rows = 2 ** float(ev), None
+    for path in paths:
+        with open(path, "rb") as file:
+            file.readline()
+            width, height = (int(n) for n in file.readline().split())
+            order = "<" if float(file.readline()) < 0 else ">"
+            values = struct.unpack(order + "%df" % (3 * width * height), file.read())
+        mine = [bytes(code(scale * v) for v in values[3 * width * j : 3 * width * (j + 1)]) for j in reversed(range(height))]
+        rows = mine if rows is None else [a + b for a, b in zip(rows, mine)]
+    part = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    with open(out, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + part(b"IHDR", struct.pack(">IIBBBBB", len(rows[0]) // 3, len(rows), 8, 2, 0, 0, 0)) +
+                   part(b"IDAT", zlib.compress(b"".join(b"\0" + r for r in rows), 9)) + part(b"IEND", b""))
+
+
 if sys.argv[1] == "--radiance":
     radiance(*sys.argv[2:])
+elif sys.argv[1] == "--strip":
+    strip(*sys.argv[2:])
 elif sys.argv[1] == "--mean":
     mean(*sys.argv[2:])
 else:

@@ -40,6 +40,20 @@ import json
 m = json.load(open('$work/a.gltf'))['materials'][0]
 p = m['pbrMetallicRoughness']
 assert all(0 <= v <= 1 for v in p['baseColorFactor'] + [p['metallicFactor'], p['roughnessFactor']]) and m['extensions']['KHR_materials_ior']['ior'] >= 1"
+# OpenPBR's inputs, their types and bounds, and a tangent that is turned for the wider axis.
+for model in $spec spec:ggx:rho_s=1,alpha_x=0.1,alpha_y=0.3,f0=0.7 spec:ggx:rho_d=0.3,rho_s=1,alpha_x=0.3,alpha_y=0.1,f0=0.04 spec:lambert:rho=0; do
+    exits "OpenPBR of $model" 0 "$GONIO" convert $model "$work/m.mtlx" --no-report
+    check "holds to MaterialX' definition" python3 tests/peers/openpbr.py "$work/m.mtlx"
+done
+sed 's/"specular_roughness"/"roughness"/' "$work/m.mtlx" >"$work/misspelt.mtlx"
+sed 's/name="base_metalness" type="float"/name="base_metalness" type="color3"/' "$work/m.mtlx" >"$work/mistyped.mtlx"
+for bad in misspelt mistyped; do
+    check "what is $bad does not" sh -c "! python3 tests/peers/openpbr.py '$work/$bad.mtlx'"
+done
+# Nodes at the lower edges, through an interpolating reader.
+exits "MERL" 0 "$GONIO" convert spec:ggx:rho_d=0.5,rho_s=1,alpha=0.25,f0=0.04 "$work/m.binary"
+check "half the values are within 1e-4" python3 -c "import json; assert json.load(open('$work/m.binary.report.json'))['read_back']['median'] < 1e-4"
+check "glTF without extensions lists none" sh -c "'$GONIO' convert spec:lambert:rho=0 '$work/black.gltf' --no-report && ! grep -q extensionsUsed '$work/black.gltf'"
 # Bounds of ASAM's schema are truncated: pi/2 and 2 pi themselves are refused by it, and null is what NaN becomes.
 check "OpenMATERIAL keeps to its schema" python3 -c "
 import json, re
