@@ -58,6 +58,37 @@ static void compare(const gonio_model *model, const gonio_sampler *sampler, goni
     }
 }
 
+// Mean variances of the table's and the lobes' estimates, between the table's own incident directions.
+static void compare_all(const gonio_model *model, const gonio_sampler *sampler, double variance[2]) {
+    enum { TILTS = 8 };
+    variance[0] = variance[1] = 0;
+    for (int k = 0; k < TILTS; k++) {
+        compare(model, sampler, gonio_direction(0.05 + 0.19 * k, 2.4 * k), variance);
+    }
+    variance[0] /= TILTS;
+    variance[1] /= TILTS;
+}
+
+// Of twice as many incident tilts, where f_r changes so fast with them that the first table is a poor one.
+static void refine(const gonio_model *model, gonio_sampler_size size, gonio_sampler **sampler, double variance[2]) {
+    double finer_variance[2];
+    gonio_sampler *finer;
+    size.tilts *= 2;
+    if (gonio_sampler_new(model, &size, &finer, NULL) != GONIO_OK) {
+        return;
+    }
+    compare_all(model, finer, finer_variance);
+    if (finer_variance[0] < variance[0]) {
+        gonio_sampler *coarse = *sampler;
+        *sampler = finer;
+        variance[0] = finer_variance[0];
+        finer = coarse;
+    }
+    gonio_sampler_free(finer);
+}
+
+#define POOR 1e-3 // relative variance of one draw; of most models it is a tenth of that and less
+
 gonio_status gonio_model_prepare_sampling(gonio_model *model, gonio_error *error) {
     if (model->sampler != NULL) {
         return GONIO_OK;
@@ -68,9 +99,10 @@ gonio_status gonio_model_prepare_sampling(gonio_model *model, gonio_error *error
     if (status != GONIO_OK) {
         return status;
     }
-    double variance[2] = {0};
-    for (int k = 0; k < 8; k++) { // between the table's own incident directions
-        compare(model, sampler, gonio_direction(0.05 + 0.19 * k, 2.4 * k), variance);
+    double variance[2];
+    compare_all(model, sampler, variance);
+    if (variance[0] > POOR && model->isotropic) { // of others it would take seconds
+        refine(model, size, &sampler, variance);
     }
     if (variance[0] > variance[1] && model->ops->sample != NULL) {
         gonio_sampler_free(sampler);

@@ -18,8 +18,8 @@
 #define MAX_BYTES 30000000
 #define BYTES_A_VALUE 9 // of text, about
 #define DARK 1e-4       // of the largest value: errors are relative to no less
-#define AIM 0.96        // of the bytes that are there, and what is as good
-#define FULL 0.9
+#define AIM 0.93           // of the bytes that are there, and what is as good
+#define FULL 0.82
 #define ROUNDS 12
 #define TOLERANCE_FIRST 0.01
 #define TOLERANCE_LEAST 1e-7

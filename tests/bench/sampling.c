@@ -243,6 +243,17 @@ static void by_incidence(void) {
     }
 }
 
+// The table that is kept, which may be a finer one; the model stays without. NULL: the lobes are.
+static gonio_sampler *kept_of(gonio_model *model) {
+    gonio_error error = {0};
+    if (gonio_model_prepare_sampling(model, &error) != GONIO_OK) {
+        simulate_die(&error);
+    }
+    gonio_sampler *kept = model->sampler;
+    model->sampler = NULL;
+    return kept;
+}
+
 static void compare(const char *name, gonio_model *model, double power) {
     if (only != NULL && strstr(name, only) == NULL) {
         return;
@@ -255,18 +266,17 @@ static void compare(const char *name, gonio_model *model, double power) {
         simulate_die(&error);
     }
     const double seconds = processor_seconds() - begin;
-    fill(model, table, power);
+    gonio_sampler *kept_table = kept_of(model);
+    fill(model, kept_table != NULL ? kept_table : table, power);
     best_lobe(model);
     double v[WAYS], lit[WAYS], evaluation, drawing, own_evaluation, own;
     for (int w = 0; w < WAYS; w++) {
         v[w] = variance(w, false);
         lit[w] = variance(w, true);
     }
-    const double deviate = worst_deviate(model, table, power);
+    const double deviate = worst_deviate(model, kept_table != NULL ? kept_table : table, power);
     costs(model, &own_evaluation, &own);
-    if (gonio_model_prepare_sampling(model, &error) != GONIO_OK) {
-        simulate_die(&error);
-    }
+    model->sampler = kept_table;
     costs(model, &evaluation, &drawing);
     const double kept = model->sampler != NULL ? v[TABLE] : v[OWN];
     const double ratio = fmax(kept, LEAST) / fmax(fmin(v[LOBE], v[CELL]), LEAST);
@@ -276,7 +286,7 @@ static void compare(const char *name, gonio_model *model, double power) {
         "%-44s %8.2g %8.2g %8.2g %8.2g %8.2g %-5s %5.2f | %7.2g %7.2g %7.2g | %5.1f %5.0f %4.0f %4.0f %5.0f %6.2f%s\n",
         name, v[COSINE], v[LOBE], v[CELL], v[OWN], v[TABLE], model->sampler != NULL ? "table" : "lobes", ratio,
         lit[COSINE], lit[LOBE], fmin(lit[TABLE], lit[OWN]), deviate, own, drawing, evaluation, seconds * 1e3,
-        (double)gonio_sampler_bytes(table) / 1e6, fails ? " FAILS" : "");
+        (double)gonio_sampler_bytes(kept_table != NULL ? kept_table : table) / 1e6, fails ? " FAILS" : "");
     fflush(stdout);
     if (only != NULL) {
         by_incidence();

@@ -146,7 +146,7 @@ part_picture_radiance() {
         python3 "$here/scene.py" --radiance "$work/scene" "$work/a.xml:$(arguments "$work/a.xml")" "$work/b.xml:$(arguments "$work/b.xml")"
         oconv -f "$work/scene/scene.rad" >"$work/scene.oct" 2>"$work/log" || { fail "$part: oconv" "$(head -c 300 "$work/log")"; return; }
         rpict -w -ab 1 -aa 0 -ad 256 -as 0 -av 0 0 0 -ss 16 -st 0 -lr 8 -lw 1e-6 -dj 0 -dc 1 -dt 0 -ps 1 -pj 0.9 -vtv -vp 0 0 6 -vd 0 0 -1 -vu 0 1 0 \
-            -vh 32 -vv 32 -x $((4 * SIZE)) -y $((4 * SIZE)) "$work/scene.oct" 2>"$work/log" | pvalue -h -H -d >"$work/pixels"
+            -vh 38 -vv 38 -x $((4 * SIZE)) -y $((4 * SIZE)) "$work/scene.oct" 2>"$work/log" | pvalue -h -H -d >"$work/pixels"
         python3 "$here/scene.py" --mean "$SIZE" 4 "$work/pixels" "$work/radiance-$basis.pfm" || { fail "$part: $basis" "$(head -c 300 "$work/log")"; return; }
         apart "Radiance's sphere and plate ($basis)" "$work/scene/scene.ini" "$work/radiance-$basis.pfm" $most --samples 256
     done

@@ -14,7 +14,7 @@ import struct
 import sys
 import zlib
 
-EYE, FOV, TOWARD, IRRADIANCE = (0, 0, 6), 32.0, (0.55, 0.55, 0.63), 1.2
+EYE, FOV, TOWARD, IRRADIANCE = (0, 0, 6), 38.0, (0.55, 0.55, 0.63), 1.2
 LOW, RISE = (0.30, 0.28, 0.26), (0.05, 0.12, 0.25)
 SPHERE, PLATE, TILT, HALF = (-1.0, 0, 0), (0.95, 0, 0), math.radians(50), 0.95
 
