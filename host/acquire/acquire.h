@@ -65,14 +65,6 @@ size_t gonio_scan_ending(const gonio_scan_options *options, const gonio_pair *re
 bool gonio_scan_reaches(const gonio_rig *rig, const gonio_pair *pose); // by one of its spellings
 // The axes' targets of a pose.
 void gonio_scan_target(const gonio_pair *pose, double target_rad[GONIO_AXES]);
-// What a pose of a plan is thought to take (gonio_pose_seconds): the way, settling, and typical frames, whose exposures
-// grow as the sample darkens: a white one lit from its normal is taken to need ten of the shortest ones.
-#define GONIO_FRAMES_A_POSE 2.5
-typedef struct gonio_pose_costs {
-    const gonio_rig *rig;
-    const gonio_setup *setup;
-} gonio_pose_costs;
-double gonio_scan_pose_s(void *costs, const gonio_pair *from, const gonio_pair *to, double value);
 // The time that moves and settling take, from the stage's limits.
 double gonio_scan_travel_s(const gonio_rig *rig, const gonio_step *steps, size_t n, double settle_s);
 

@@ -34,9 +34,9 @@ static gonio_status check_hands(const gonio_rig_file *rig, const gonio_measure_o
 static gonio_status fixed_steps(const gonio_rig_file *rig, const gonio_measure_options *options,
                                 const gonio_setup *setup, gonio_step **steps, size_t *n, gonio_error *error) {
     gonio_plan *plan;
-    gonio_pose_costs costs = {&rig->rig, setup};
+    gonio_pose_time time = gonio_pose_time_of(&rig->rig, setup);
     gonio_status status =
-        gonio_plan_resolve(options->plan, options->seed, gonio_scan_pose_s, &costs, &plan, NULL, error);
+        gonio_plan_resolve(options->plan, options->seed, gonio_pose_time_s, &time, &plan, NULL, error);
     if (status != GONIO_OK) {
         return status;
     }

@@ -6,8 +6,6 @@
 
 #include "base/statistics.h"
 
-// Typical frames a pose; what bracketing really needs depends on the sample.
-#define FRAMES_A_POSE 2.5
 // A white panel (f_r = 1/pi) fills the range of a usual camera in about ten milliseconds.
 #define LIGHT (0.01 / GONIO_PI)
 #define DARKEST 1e-6 // f_r cos(theta_i), 1/sr, below which no exposure gets longer
@@ -18,7 +16,7 @@ gonio_pose_time gonio_pose_time_of(const gonio_rig *rig, const gonio_setup *setu
                              .read_out_s = setup->camera.read_out_s,
                              .exposure_min_s = setup->camera.exposure_min_s,
                              .exposure_max_s = setup->camera.exposure_max_s,
-                             .frames = FRAMES_A_POSE,
+                             .frames = GONIO_FRAMES_A_POSE,
                              .light = LIGHT};
 }
 
@@ -38,6 +36,10 @@ double gonio_pose_time_dwell_s(const gonio_pose_time *time, const gonio_pair *po
     const double each_s = time->light / seen(pose, value);
     return time->settle_s + time->frames * time->read_out_s +
            fmin(fmax(each_s, time->frames * time->exposure_min_s), time->frames * time->exposure_max_s);
+}
+
+double gonio_pose_time_s(void *time, const gonio_pair *from, const gonio_pair *to, double value) {
+    return (from != NULL ? gonio_pose_time_travel_s(time, from, to) : 0) + gonio_pose_time_dwell_s(time, to, value);
 }
 
 void gonio_pose_time_learn(gonio_pose_time *time, const gonio_step *steps, const double *values, size_t n) {

@@ -8,6 +8,9 @@
 
 #include "host/acquire/acquire.h"
 
+// Typical frames a pose; what bracketing really needs depends on the sample.
+#define GONIO_FRAMES_A_POSE 2.5
+
 typedef struct gonio_pose_time {
     const gonio_rig *rig; // borrowed
     double settle_s, read_out_s, exposure_min_s, exposure_max_s;
@@ -23,5 +26,7 @@ void gonio_pose_time_learn(gonio_pose_time *time, const gonio_step *steps, const
 double gonio_pose_time_travel_s(const gonio_pose_time *time, const gonio_pair *from, const gonio_pair *to);
 // Settling, exposures and read-out where f_r is about `value` (NaN: not known).
 double gonio_pose_time_dwell_s(const gonio_pose_time *time, const gonio_pair *pose, double value);
+// Both (gonio_pose_seconds, whose context is a gonio_pose_time); from NULL: no way.
+double gonio_pose_time_s(void *time, const gonio_pair *from, const gonio_pair *to, double value);
 
 #endif

@@ -203,13 +203,3 @@ double gonio_scan_travel_s(const gonio_rig *rig, const gonio_step *steps, size_t
     }
     return total;
 }
-
-double gonio_scan_pose_s(void *context, const gonio_pair *from, const gonio_pair *to, double value) {
-    const gonio_pose_costs *costs = context;
-    const gonio_camera_info *camera = &costs->setup->camera;
-    const double light = fmax(value, 0) * GONIO_PI * fmax(cos(to->theta_i), 0),
-                 exposure = fmin(fmax(10 * camera->exposure_min_s / fmax(light, 1e-9), camera->exposure_min_s),
-                                 camera->exposure_max_s);
-    return (from != NULL ? travel_s(costs->rig, from, to) : 0) + costs->setup->scan.settle_s +
-           GONIO_FRAMES_A_POSE * (camera->read_out_s + exposure);
-}

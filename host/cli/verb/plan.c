@@ -8,6 +8,7 @@
 #include "base/number.h"
 #include "gonio/needs.h"
 #include "gonio/output.h"
+#include "host/acquire/pose_time.h"
 #include "host/cli/rig_file.h"
 
 static int run(int argc, char **argv);
@@ -95,12 +96,12 @@ static gonio_status plan(const cli_rig_options *options, const char *text, doubl
                          gonio_setup *setup, gonio_step **steps, size_t *n, estimate *e, gonio_error *error) {
     char whole[4200];
     gonio_plan *poses = NULL;
-    gonio_pose_costs costs = {&rig->rig, setup};
     gonio_status status = cli_rig_open(options, rig, error);
     status = status == GONIO_OK ? gonio_setup_of_rig(&rig->rig, &rig->scan, setup, error) : status;
     if (status == GONIO_OK) {
+        gonio_pose_time time = gonio_pose_time_of(&rig->rig, setup);
         complete_text(text, budget_s, whole, sizeof whole);
-        status = gonio_plan_resolve(whole, options->seed, gonio_scan_pose_s, &costs, &poses, &e->pictures, error);
+        status = gonio_plan_resolve(whole, options->seed, gonio_pose_time_s, &time, &poses, &e->pictures, error);
     }
     status = status == GONIO_OK ? fit_budget(rig, setup, poses, budget_s, error) : status;
     status = status == GONIO_OK ? gonio_scan_steps(&rig->rig, &setup->scan, poses, steps, n, error) : status;
