@@ -2,6 +2,7 @@
 #include "fit/library/method.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "base/text.h"
@@ -145,8 +146,14 @@ gonio_status gonio_library_method(const gonio_method *method, const gonio_sample
         status = compare(method, library, samples, options, &prior, report, error);
     }
     if (status == GONIO_OK) {
+        char why[sizeof report->note];
+        snprintf(why, sizeof why, "%s", report->note);
         status = prior ? fit_library(library, samples, options, out, report, error)
                        : method->fit(samples, options, out, report, error);
+        if (!prior) { // a method's note is its own
+            gonio_text_append(why, sizeof why, "%s%s", report->note[0] != 0 ? "; " : "", report->note);
+            snprintf(report->note, sizeof report->note, "%s", why);
+        }
     }
     gonio_library_free(library);
     return status;
