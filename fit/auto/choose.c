@@ -341,7 +341,7 @@ static gonio_status go_along(search *s, gonio_auto_axis axis, manner how, int *b
     return status;
 }
 
-#define SWEEPS 2 // over all axes; a third one moved nothing in tests/bench/regret.c
+#define SWEEPS 2 // over all axes
 
 static gonio_status descend(search *s, int *best, gonio_error *error) {
     gonio_status status = GONIO_OK;
