@@ -21,7 +21,7 @@ typedef struct gonio_sigma_tuning {
     double block;     // weight of a block beside a sample left out alone: blocks overlap
     double power[3], spread; // expected of the exponents of U, S and G, and the standard deviation about that: fits of
                              // ln error^2 at new directions gave 0.4 to 0.7 for U and S and 0.3 to 0.4 for G
-    double gap_power; // of U where it is a squared distance, with a standard deviation of 1
+    double gap_power;        // of U where it is a squared distance, with a standard deviation of 1
     // The step from the law to what physics leaves open (fit/sigma/beyond.c).
     double law_from, law_to; // support: below, the materials' spread alone; above, the law alone,
     double law_samples;      // where there are as many samples to learn it from
