@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/text.h"
 #include "gonio/library.h"
@@ -26,9 +27,9 @@ static gonio_status fit_library(const gonio_library *library, const gonio_sample
         gonio_text_append(report->options, sizeof report->options, "prior of %d models, %d components", facts.models,
                           facts.rank);
         gonio_text_append(report->note, sizeof report->note,
-                          "%sleft out, samples lie %.3g sigmas (rms) from what prior and others tell, up to %.3g are "
+                          "left out, samples lie %.3g sigmas (rms) from what prior and others tell, up to %.3g are "
                           "like the library",
-                          report->note[0] != 0 ? "; " : "", sqrt(own.residual), sqrt(own.limit));
+                          sqrt(own.residual), sqrt(own.limit));
     }
     return status;
 }
@@ -129,10 +130,19 @@ static gonio_status compare(const gonio_method *method, const gonio_library *lib
     return status;
 }
 
+// What was said before the fit, whose own note comes behind it.
+static void prepend(const char *said, gonio_fit_report *report) {
+    char own[sizeof report->note];
+    memcpy(own, report->note, sizeof own);
+    report->note[0] = 0;
+    gonio_text_append(report->note, sizeof report->note, "%s%s%s", said, said[0] != 0 && own[0] != 0 ? "; " : "", own);
+}
+
 gonio_status gonio_library_method(const gonio_method *method, const gonio_samples *samples,
                                   const gonio_fit_options *options, gonio_model **out, gonio_fit_report *report,
                                   gonio_error *error) {
     gonio_library *library;
+    gonio_fit_report said = {0};
     bool prior = true;
     *out = NULL;
     gonio_status status = gonio_library_open(options->prior, &library, error);
@@ -141,9 +151,9 @@ gonio_status gonio_library_method(const gonio_method *method, const gonio_sample
     }
     if (samples->n > GONIO_LIBRARY_SAMPLES_MAX) {
         prior = false;
-        gonio_text_append(report->note, sizeof report->note, "the prior was not used: so many samples need none");
+        gonio_text_append(said.note, sizeof said.note, "the prior was not used: so many samples need none");
     } else if (samples->n >= FEW) {
-        status = compare(method, library, samples, options, &prior, report, error);
+        status = compare(method, library, samples, options, &prior, &said, error);
     }
     if (status == GONIO_OK) {
         char why[sizeof report->note];
@@ -154,6 +164,9 @@ gonio_status gonio_library_method(const gonio_method *method, const gonio_sample
             gonio_text_append(why, sizeof why, "%s%s", report->note[0] != 0 ? "; " : "", report->note);
             snprintf(report->note, sizeof report->note, "%s", why);
         }
+    }
+    if (status == GONIO_OK) {
+        prepend(said.note, report);
     }
     gonio_library_free(library);
     return status;
