@@ -89,8 +89,9 @@ static gonio_status check_folder(gonio_session *session, gonio_error *error) {
                                "changed. `gonio doctor --repair` restores what can be; measure into another folder",
                                (long long)frames);
     }
-    static const char *const own[] = {"session.db-wal", "session.db-journal", "session.db-shm", "model.gonio",
-                                      "response.csv",   "reference.model",    "flat.map"};
+    static const char *const own[] = {"session.db-wal", "session.db-journal", "session.db-shm",
+                                      "model.gonio",    "response.csv",       "reference.model",
+                                      "flat.map",       "library.prior",      "scene.needs"};
     for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
         if (is_there(session, own[i])) {
             return gonio_fail_line(error, GONIO_E_USAGE, session->path, -1,

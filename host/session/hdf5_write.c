@@ -130,8 +130,8 @@ static gonio_status put_model(const h5_file *file, gonio_session *session, gonio
     return status;
 }
 
-const char *const gonio_h5_folder_files[] = {"session.log", "response.csv", "reference.model",
-                                             "flat.map",    "model.gonio",  NULL};
+const char *const gonio_h5_folder_files[] = {"session.log",   "response.csv", "reference.model", "flat.map",
+                                             "library.prior", "scene.needs",  "model.gonio",     NULL};
 
 static gonio_status put_all(const h5_file *file, gonio_session *session, const h5_progress *progress,
                             gonio_error *error) {

@@ -32,7 +32,8 @@ static bool is_frame(const char *name) {
 
 // A file beside the journal under the name it has until it is whole.
 static bool is_temporary(const char *name) {
-    static const char *const finals[] = {"model.gonio.", "response.csv.", "reference.model.", "flat.map."};
+    static const char *const finals[] = {"model.gonio.", "response.csv.",  "reference.model.",
+                                         "flat.map.",    "library.prior.", "scene.needs."};
     if (strncmp(name, SESSION_NEW_JOURNAL, strlen(SESSION_NEW_JOURNAL)) == 0) {
         return true;
     }

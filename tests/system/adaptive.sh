@@ -80,6 +80,12 @@ check "which is noted" grep -q 'note: .*prior' "$work/out"
 head -n 9 "$work/other.csv" >"$work/eight.csv"
 exits "eight are refused" 1 "$GONIO" fit "$work/eight.csv" -o "$work/no.gonio" --prior "$work/prior" --hold-out 0
 says "with words" "not like the library"
+exits "an adaptive measure with it" 0 "$GONIO" measure --sample ward:rho_d=0.25,rho_s=0.15,alpha=0.3 --set $quick --prior "$work/prior" \
+    --plan adaptive:10,first=10 --hold-out 0 "$work/known"
+check "the session keeps it" cmp "$work/prior" "$work/known/library.prior"
+mv "$work/prior" "$work/moved"
+check "and is replayed without the library" tells 0 "1 of 1 were chosen" "$GONIO" replay "$work/known"
+mv "$work/moved" "$work/prior"
 head -c 1000 "$work/prior" >"$work/cut"
 exits "a prior that was cut is no prior" 3 "$GONIO" fit "$work/few_samples.csv" -o "$work/no.gonio" --prior "$work/cut"
 exits "nor is one that is not there" 3 "$GONIO" fit "$work/few_samples.csv" -o "$work/no.gonio" --prior "$work/none"

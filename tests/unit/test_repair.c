@@ -398,9 +398,10 @@ static void test_a_model_makes_way(void **state) {
 
 static void test_a_folder_with_files_of_others(void **state) {
     (void)state;
-    static const char *const names[] = {"model.gonio", "session.db-wal", "flat.map", "response.csv", "reference.model"};
+    static const char *const names[] = {"model.gonio",     "session.db-wal", "flat.map",   "response.csv",
+                                        "reference.model", "library.prior",  "scene.needs"};
     gonio_session *session;
-    for (int i = 0; i < 5; i++) {
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         assert_int_equal(shell("rm -rf %s; mkdir %s; echo mine >%s/%s", path, path, path, names[i]), 0);
         assert_int_equal(gonio_session_create(path, &session, &why), GONIO_E_USAGE);
         assert_int_equal(shell("[ $(cat %s/%s) = mine ]", path, names[i]), 0);
