@@ -221,12 +221,42 @@ static void plans(void **state) {
     assert_int_equal(gonio_library_plan_make("prior:/nowhere/x,N=3", 1, 1, &one, NULL), GONIO_E_INPUT);
 }
 
+// The option of a fit: of twelve samples and more the better of the prior and the method is made, and it is said which.
+static void as_an_option(void **state) {
+    (void)state;
+    gonio_plan *few = few_poses(16, 1);
+    gonio_samples *samples = sampled("ward:rho_d=0.25,rho_s=0.15,alpha=0.27", few);
+    gonio_fit_options options;
+    gonio_fit_report report;
+    gonio_error error = {0};
+    gonio_model *model;
+    assert_int_equal(gonio_library_save(library, path, &error), GONIO_OK);
+    gonio_fit_options_default(&options);
+    options.method = "mba";
+    options.level = 2;
+    options.hold_out = 0;
+    options.threads = 1;
+    snprintf(options.prior, sizeof options.prior, "%s", path);
+    assert_int_equal(gonio_fit(samples, &options, &model, &report, &error), GONIO_OK);
+    assert_non_null(strstr(report.note, "it was used"));
+    assert_non_null(strstr(report.options, "prior of 8 models"));
+    gonio_model_free(model);
+    gonio_samples_free(samples);
+    samples = sampled("phong:rho_d=0.01,rho_s=0.5,n=3", few);
+    assert_int_equal(gonio_fit(samples, &options, &model, &report, &error), GONIO_OK);
+    assert_true(strstr(report.note, "not used") != NULL && strstr(report.options, "prior") == NULL);
+    gonio_model_free(model);
+    gonio_samples_free(samples);
+    gonio_plan_free(few);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(few_samples_are_enough),
         cmocka_unit_test(others_are_refused),
         cmocka_unit_test_setup_teardown(files, set_up, tear_down),
         cmocka_unit_test(plans),
+        cmocka_unit_test_setup_teardown(as_an_option, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, begin, end);
 }
