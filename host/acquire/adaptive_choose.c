@@ -242,6 +242,18 @@ static gonio_status read_asked(gonio_adaptive *a, const gonio_model *model, aske
     return status;
 }
 
+static gonio_status append_chosen(gonio_adaptive *a, const gonio_design_pose *chosen, size_t n, gonio_error *error) {
+    gonio_status status = GONIO_OK;
+    for (size_t i = 0; i < n && status == GONIO_OK; i++) {
+        gonio_adaptive_pose p = plain(GONIO_ADAPTIVE_SIGMA, chosen[i].pose);
+        p.sigma = chosen[i].sigma;
+        p.gain = chosen[i].gain;
+        p.seconds = chosen[i].seconds;
+        status = append(a, &p, error);
+    }
+    return status;
+}
+
 // The poses that the model asks for, behind those of the batch that are there.
 static gonio_status add_wanted(gonio_adaptive *a, const gonio_adaptive_how *how, const gonio_model *model,
                                const asked *of, size_t first, size_t n, const gonio_pair *barred, size_t barred_n,
@@ -275,13 +287,7 @@ static gonio_status add_wanted(gonio_adaptive *a, const gonio_adaptive_how *how,
                                      .barred_n = barred_n};
         status = gonio_design_choose(&design, model, a->samples, taken, taken_n, &how->here, n, chosen, &count, error);
     }
-    for (size_t i = 0; i < count && status == GONIO_OK; i++) {
-        gonio_adaptive_pose p = plain(GONIO_ADAPTIVE_SIGMA, chosen[i].pose);
-        p.sigma = chosen[i].sigma;
-        p.gain = chosen[i].gain;
-        p.seconds = chosen[i].seconds;
-        status = append(a, &p, error);
-    }
+    status = status == GONIO_OK ? append_chosen(a, chosen, count, error) : status;
     free(surprises);
     free(chosen);
     free(taken);
