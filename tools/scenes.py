@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes with microgeometry, made by rule: OBJ meshes with texture coordinates and the INI files that light them.
 
-usage: tools/scenes.py cylinder|bolt|wall|gargoyle FOLDER [SIZE]
+usage: tools/scenes.py ball|cylinder|bolt|wall|gargoyle FOLDER [SIZE]
 
+ball:     a sphere under SIZE suns (1 to 4), smooth; ward.ini and ggx.ini, of which docs/scene-driven.md tells
 cylinder: ridges along the axis, whose two sides are yellow and blue in turn (Wu, Dorsey and Rushmeier 2009, fig. 1); SIZE ridges (96)
 bolt:     a shaft with diamond-shaped bumps under a hexagonal head; SIZE bumps around (24)
 wall:     bricks of uneven height and depth in mortar; SIZE bricks across (12)
@@ -167,8 +168,31 @@ def gargoyle(folder, rows=100, cells=160, colours=5):
               "[light lamp]\ntoward = -0.6/0.5/0.7\nintensity = 3\n[light sky]\nkind = environment\nintensity = 0.3\nvisible = 0\n")
 
 
+# Each light is a sun; with the first one alone, pairs of directions lie on a sheet.
+def ball(folder, lights=1, rows=48):
+    columns = 2 * rows
+    with open(os.path.join(folder, "ball.obj"), "w", encoding="ascii") as out:
+        corners = [(math.sin(math.pi * j / rows) * math.cos(2 * math.pi * i / columns), math.cos(math.pi * j / rows),
+                    math.sin(math.pi * j / rows) * math.sin(2 * math.pi * i / columns))
+                   for j in range(rows + 1) for i in range(columns)]
+        for letters in ("v", "vn"):
+            out.writelines(f"{letters} {x:g} {y:g} {z:g}\n" for x, y, z in corners)
+        for j in range(rows):
+            for i in range(columns):
+                a, b = j * columns + i + 1, j * columns + (i + 1) % columns + 1
+                for face in ((a, b, b + columns), (a, b + columns, a + columns)):
+                    if not (j == 0 and face[1] == b) and not (j == rows - 1 and face[1] != b):
+                        out.write("f " + " ".join(f"{k}//{k}" for k in face) + "\n")
+    suns = [("1/1/1", 3), ("-1/0.5/0.6", 1.5), ("0.2/-1/0.8", 1), ("-0.3/0.9/-0.4", 2)][:lights]
+    for name, model in (("ward", "ward:rho_d=0.3,rho_s=0.2,alpha=0.15"), ("ggx", "ggx:rho_d=0.3,rho_s=0.2,alpha=0.05")):
+        with open(os.path.join(folder, f"{name}.ini"), "w", encoding="ascii") as out:
+            out.write("[image]\nwidth = 256\nheight = 256\nsamples = 16\n[camera front]\neye = 0/0/5\nfov = 26\n"
+                      f"[material paint]\nmodel = {model}\n[mesh ball]\nfile = ball.obj\nmaterial = paint\n" +
+                      "".join(f"[light sun{k}]\ntoward = {toward}\nintensity = {much}\n" for k, (toward, much) in enumerate(suns)))
+
+
 def main():
-    makers = {"cylinder": cylinder, "bolt": bolt, "wall": wall, "gargoyle": gargoyle}
+    makers = {"ball": ball, "cylinder": cylinder, "bolt": bolt, "wall": wall, "gargoyle": gargoyle}
     if len(sys.argv) not in (3, 4) or sys.argv[1] not in makers:
         sys.exit(__doc__)
     os.makedirs(sys.argv[2], exist_ok=True)
