@@ -168,7 +168,7 @@ static void shade_frame(const scene_caster *caster, gonio_vec3 toward_eye, scene
     out->tangent = tangent_of(out->normal, dot(wish, wish) > 0 ? wish : cross(up, out->normal));
 }
 
-bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit) {
+bool gonio_scene_caster_find(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRayHit ray = {.ray = make_ray(origin, direction), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
@@ -192,7 +192,14 @@ bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio
     if (dot(hit->facet, toward_eye) < 0) {
         hit->facet = scaled(hit->facet, -1);
     }
-    shade_frame(caster, toward_eye, hit);
+    return true;
+}
+
+bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit) {
+    if (!gonio_scene_caster_find(caster, origin, direction, hit)) {
+        return false;
+    }
+    shade_frame(caster, scaled(direction, -1), hit);
     return true;
 }
 

@@ -28,6 +28,8 @@ gonio_status gonio_scene_caster_new(const scene_mesh *mesh, scene_caster **out, 
 void gonio_scene_caster_free(scene_caster *caster); // NULL is allowed
 // Both may be called from any number of threads at once.
 bool gonio_scene_caster_hit(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit);
+// The same without normal and tangent.
+bool gonio_scene_caster_find(const scene_caster *caster, gonio_vec3 origin, gonio_vec3 direction, scene_hit *hit);
 // Does anything lie on the way from a point of a surface, which it leaves on either side of the facet?
 bool gonio_scene_caster_blocked(const scene_caster *caster, gonio_vec3 point, gonio_vec3 facet, gonio_vec3 direction,
                                 double distance);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Pictures by a map, by the original and by a normal map, against the original with many paths: how far apart, and how
-// long they take. The interior is where an object covers a pixel and all around it.
+// long a processor takes for them. The interior is where an object covers a pixel and all around it.
 #include "host/cli/cpm_compare.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "base/clock.h"
 
 #define MAP_SAMPLES 4
 #define NORMAL_MAP_SAMPLES 64
@@ -15,7 +17,7 @@ typedef struct contender {
     const char *name;
     gonio_picture *picture;
     double samples; // rays or paths a pixel
-    double seconds;
+    double seconds; // of a processor, all threads together: what else runs is no part of it
     gonio_picture_error apart, interior;
 } contender;
 // The order of the paper's strips, and behind it what the original takes to be as near to the truth as the map is.
@@ -96,21 +98,25 @@ static gonio_status judge(const race *r, contender *c, gonio_error *error) {
 // ---- pictures ----
 
 static gonio_status trace(race *r, int samples, contender *c, gonio_error *error) {
-    gonio_scene_report report = {0};
+    const double started_s = gonio_clock_process_s();
     r->options.samples = samples;
-    const gonio_status status = gonio_scene_render(r->scene, &r->options, &c->picture, &report, error);
+    const gonio_status status = gonio_scene_render(r->scene, &r->options, &c->picture, NULL, error);
     c->samples = samples;
-    c->seconds = report.seconds;
+    c->seconds = gonio_clock_process_s() - started_s;
     return status;
 }
 
 static gonio_status by_map(race *r, gonio_cpm_show show, gonio_picture **picture, gonio_error *error) {
+    const double started_s = gonio_clock_process_s();
     gonio_cpm_render_options how = r->request->how;
     gonio_cpm_render_report report;
     how.show = show;
     r->options.samples = show == GONIO_CPM_COVERAGE ? NORMAL_MAP_SAMPLES : MAP_SAMPLES;
     const gonio_status status = gonio_cpm_render(r->cpm, &r->options, &how, picture, &report, error);
-    r->report = show == GONIO_CPM_LIGHT ? report : r->report;
+    if (show == GONIO_CPM_LIGHT) {
+        r->report = report;
+        r->all[MAP].seconds = gonio_clock_process_s() - started_s;
+    }
     return status;
 }
 
@@ -162,12 +168,13 @@ static gonio_status make_pictures(race *r, gonio_error *error) {
     r->options.seed = r->common->seed;
     status = status == GONIO_OK ? by_map(r, GONIO_CPM_LIGHT, &all[MAP].picture, error) : status;
     all[MAP].samples = MAP_SAMPLES;
-    all[MAP].seconds = r->report.seconds;
     all[NORMAL_MAP].samples = fmin(NORMAL_MAP_SAMPLES, r->request->truth);
     r->options.samples = (int)all[NORMAL_MAP].samples;
-    status = status == GONIO_OK ? gonio_cpm_render_normal_map(r->cpm, &r->options, &all[NORMAL_MAP].picture,
-                                                              &all[NORMAL_MAP].seconds, error)
-                                : status;
+    const double started_s = gonio_clock_process_s();
+    status = status == GONIO_OK
+                 ? gonio_cpm_render_normal_map(r->cpm, &r->options, &all[NORMAL_MAP].picture, NULL, error)
+                 : status;
+    all[NORMAL_MAP].seconds = gonio_clock_process_s() - started_s;
     const double equal = all[TRUTH].samples * all[MAP].seconds / fmax(all[TRUTH].seconds, 1e-9);
     status =
         status == GONIO_OK ? trace(r, (int)fmax(1, fmin(equal, all[TRUTH].samples)), &all[EQUAL_TIME], error) : status;

@@ -92,7 +92,7 @@ typedef struct gonio_cpm_render_report {
 gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *options,
                               const gonio_cpm_render_options *how, gonio_picture **out, gonio_cpm_render_report *report,
                               gonio_error *error);
-// What it competes with: the simplified mesh with the original's normals and materials, options->samples a pixel.
+// What it competes with: the simplified mesh with the original's normals and materials, options->samples a pixel. seconds may be NULL.
 gonio_status gonio_cpm_render_normal_map(const gonio_cpm *cpm, const gonio_scene_options *options, gonio_picture **out,
                                          double *seconds, gonio_error *error);
 

@@ -71,20 +71,42 @@ static uint32_t cell(double at, int resolution) {
     return (uint32_t)fmax(0, fmin(i, resolution - 1));
 }
 
+void gonio_cpm_texture(const scene_mesh *mesh, size_t triangle, double u, double v, double *s, double *t) {
+    *s = *t = 0;
+    for (size_t k = 0; k < 3; k++) {
+        const double weight = k == 0 ? 1 - u - v : k == 1 ? u : v;
+        const float *uv = mesh->uvs + 2 * (size_t)mesh->indices[3 * triangle + k];
+        *s += weight * (double)uv[0];
+        *t += weight * (double)uv[1];
+    }
+}
+
+// *near: a triangle of M_1 close by, such as the last point's.
+static void find_texture(const finding *f, const cpm_point *p, size_t *near, double *s, double *t) {
+    const double u = (double)p->u, v = (double)p->v;
+    if (gonio_cpm_surface_has_file_charts(f->surface)) {
+        gonio_cpm_texture(f->scene->mesh, p->triangle, u, v, s, t);
+        return;
+    }
+    scene_hit hit;
+    cpm_spot spot;
+    gonio_scene_caster_surface(f->scene->caster, p->triangle, u, v, (gonio_vec3){0, 0, 1}, &hit);
+    gonio_cpm_surface_nearest(f->surface, hit.point, *near, &spot);
+    *near = spot.triangle;
+    *s = spot.s;
+    *t = spot.t;
+}
+
 static void find_texels(void *context, size_t item) {
     const finding *f = context;
     size_t near = 0;
     for (size_t k = item * CHUNK; k < f->points->n && k < (item + 1) * CHUNK; k++) {
         cpm_point *p = &f->points->points[k];
-        scene_hit hit;
-        cpm_spot spot;
-        gonio_scene_caster_surface(f->scene->caster, p->triangle, (double)p->u, (double)p->v, (gonio_vec3){0, 0, 1},
-                                   &hit);
-        gonio_cpm_surface_nearest(f->surface, hit.point, near, &spot);
-        near = spot.triangle;
-        p->s = (float)spot.s;
-        p->t = (float)spot.t;
-        p->texel = gonio_cpm_morton(cell(spot.s, f->resolution), cell(spot.t, f->resolution));
+        double at[2];
+        find_texture(f, p, &near, &at[0], &at[1]);
+        p->s = (float)at[0];
+        p->t = (float)at[1];
+        p->texel = gonio_cpm_morton(cell(at[0], f->resolution), cell(at[1], f->resolution));
     }
 }
 

@@ -21,10 +21,13 @@ typedef struct cpm_points {
     double area; // that each stands for
 } cpm_points;
 
-// About n of them, stratified over the surface's area; each belongs to the texel of its nearest place on M_1.
+// About n of them, stratified over the surface's area; each belongs to the texel of its own texture coordinates where
+// those are the charts, else of its nearest place on M_1.
 // resolution: texels a side, a power of two.
 gonio_status gonio_cpm_points_new(const gonio_scene *scene, const cpm_surface *surface, size_t n, int resolution,
                                   int threads, uint64_t seed, cpm_points *points, gonio_error *error);
+// The mesh's own texture coordinates at a place of it.
+void gonio_cpm_texture(const scene_mesh *mesh, size_t triangle, double u, double v, double *s, double *t);
 void gonio_cpm_points_free(cpm_points *points);
 uint32_t gonio_cpm_morton(uint32_t x, uint32_t y);
 

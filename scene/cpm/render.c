@@ -23,6 +23,7 @@
 #define EDGE_TEXELS 4
 #define EDGE_RAYS 16                 // of a pixel at an edge that bring light; how much of it is covered more rays tell
 #define RAYS_MAX ((size_t)256 << 20) // bytes of rays that are kept between the two passes
+#define ALIKE 0.05                   // of the distance: two rays of a pixel end about as far away
 #define GRAZING 0.5                  // cosine below which a pixel's print on the surface grows no further
 
 typedef enum fate { MISSES, MAPPED, ORIGINAL } fate;
@@ -41,6 +42,7 @@ typedef struct frame {
     unsigned char *edges;  // [pixels]: what is known of it
     unsigned char *beside; // [pixels]: an edge is near
     ray *rays;             // pixels x samples; NULL: they are followed twice
+    double (*places)[2];   // of rays in a pixel
     atomic_uchar *marks;   // [texels of all levels]
     float (*light)[3];     // the same
     uint32_t *wanted;      // texels that are marked
@@ -54,7 +56,7 @@ typedef struct frame {
 } frame;
 
 void gonio_cpm_render_options_default(gonio_cpm_render_options *options) {
-    *options = (gonio_cpm_render_options){.bias = -1, .fallback = 4, .edge = 64, .sky = 256, .near = 8};
+    *options = (gonio_cpm_render_options){.fallback = 16, .edge = 64, .sky = 256, .near = 8};
 }
 
 static bool is_stopped(frame *f) {
@@ -114,29 +116,43 @@ static double level_of_lights(const frame *f, const cpm_spot *spot) {
     return most;
 }
 
+// The same places in every pixel: what is filtered already needs no others.
 static gonio_vec3 direction_of(const frame *f, int pixel, int k) {
-    const world_path path = {.index = (uint32_t)k,
-                             .seed = gonio_random(f->options->seed ^ gonio_random((uint64_t)pixel))};
-    double u[2];
-    gonio_world_path_random(&path, 0, u);
-    return gonio_world_camera_ray(&f->camera, pixel % f->options->width + u[0], pixel / f->options->width + u[1]);
+    return gonio_world_camera_ray(&f->camera, pixel % f->options->width + f->places[k][0],
+                                  pixel / f->options->width + f->places[k][1]);
 }
 
-// *near: a triangle of M_1 close by, such as the last ray's.
-static void follow_ray(const frame *f, int pixel, int k, size_t *near, ray *r) {
+// What one ray leaves to the next one.
+typedef struct walk {
+    size_t near; // the triangle of M_1
+    bool known;  // of this pixel: how far away the object is, and its level
+    double distance, level;
+} walk;
+
+// Where the texture coordinates are the mesh's own, a pixel's rays share the level of the first that is about as far
+// away, and only that one looks for its place on M_1.
+static void follow_ray(const frame *f, int pixel, int k, walk *w, ray *r) {
     const gonio_scene *scene = f->cpm->scene;
+    const cpm_surface *surface = f->cpm->store.surface;
     scene_hit hit;
     cpm_spot spot;
+    const bool own = gonio_cpm_surface_has_file_charts(surface);
     const gonio_vec3 direction = direction_of(f, pixel, k);
     *r = (ray){.fate = MISSES};
-    if (!gonio_scene_caster_hit(scene->caster, f->camera.eye, direction, &hit)) {
+    if (!gonio_scene_caster_find(scene->caster, f->camera.eye, direction, &hit)) {
         return;
     }
-    gonio_cpm_surface_nearest(f->cpm->store.surface, hit.point, *near, &spot);
-    *near = spot.triangle;
-    const double level = log2(fmax(print_of(f, &spot, direction, hit.distance), 1e-9)) + f->how->bias;
-    const double bounded = fmin(fmin(level, level_of_lights(f, &spot)), f->levels - 1);
-    *r = (ray){(float)spot.s, (float)spot.t, (float)fmax(bounded, 0), bounded < -0.5 ? ORIGINAL : MAPPED};
+    if (!own || !w->known || !(fabs(hit.distance - w->distance) < ALIKE * hit.distance)) {
+        gonio_cpm_surface_nearest(surface, hit.point, w->near, &spot);
+        const double level = log2(fmax(print_of(f, &spot, direction, hit.distance), 1e-9)) + f->how->bias;
+        *w = (walk){spot.triangle, true, hit.distance, fmin(fmin(level, level_of_lights(f, &spot)), f->levels - 1)};
+    }
+    if (own) {
+        gonio_cpm_texture(scene->mesh, hit.triangle, hit.u, hit.v, &spot.s, &spot.t);
+    }
+    // From the finest level on, ever more of a pixel's rays see the original.
+    const bool original = w->level < -(k % f->samples + 0.5) / f->samples;
+    *r = (ray){(float)spot.s, (float)spot.t, (float)fmax(w->level, 0), original ? ORIGINAL : MAPPED};
 }
 
 // ---- mixing texels ----
@@ -183,15 +199,15 @@ static int all_taps(const frame *f, const ray *r, tap taps[8]) {
     return n;
 }
 
-// Where a ray ends on the map; those that find no texel with points near go to the original. near NULL: it was followed
+// Where a ray ends on the map; those that find no texel with points near go to the original. w NULL: it was followed
 // before.
-static int land(const frame *f, int pixel, int k, size_t *near, ray *r, tap taps[8]) {
-    const bool kept = f->rays != NULL && near == NULL && k < f->samples;
-    size_t any = 0;
+static int land(const frame *f, int pixel, int k, walk *w, ray *r, tap taps[8]) {
+    const bool kept = f->rays != NULL && w == NULL && k < f->samples;
+    walk own = {0};
     if (kept) {
         *r = f->rays[(size_t)pixel * (size_t)f->samples + (size_t)k];
     } else {
-        follow_ray(f, pixel, k, near != NULL ? near : &any, r);
+        follow_ray(f, pixel, k, w != NULL ? w : &own, r);
     }
     const int n = r->fate == MAPPED ? all_taps(f, r, taps) : 0;
     r->fate = r->fate == MAPPED && n == 0 ? ORIGINAL : r->fate;
@@ -214,10 +230,11 @@ static int rays_of(const frame *f, int pixel) {
 }
 
 static void follow_pixel(frame *f, int pixel, size_t *near) {
+    walk w = {.near = *near};
     ray first, r;
     for (int k = 0; k < rays_of(f, pixel); k++) {
         tap taps[8];
-        const int n = land(f, pixel, k, near, &r, taps);
+        const int n = land(f, pixel, k, &w, &r, taps);
         if (f->rays != NULL && k < f->samples) {
             f->rays[(size_t)pixel * (size_t)f->samples + (size_t)k] = r;
         }
@@ -228,6 +245,7 @@ static void follow_pixel(frame *f, int pixel, size_t *near) {
         f->edges[pixel] |=
             (unsigned char)((are_apart(f, &first, &r) ? EDGE : 0) | (r.fate == MISSES ? MISSES_TOO : HITS));
     }
+    *near = w.near;
 }
 
 // A pixel whose few rays all missed, or all hit, beside one where some did the other: the edge may lie within it too.
@@ -340,11 +358,12 @@ static void trace_original(frame *f, int pixel, int k, double rgb[3]) {
     for (int i = 0; i < paths; i++) {
         double u[2], one[3];
         bool hit;
-        path.index = (uint32_t)(i == 0 ? k : rays + k * paths + i);
+        path.index = (uint32_t)(k * paths + i);
         gonio_world_path_random(&path, 0, u);
         gonio_world_path_trace(&path, f->camera.eye,
-                               gonio_world_camera_ray(&f->camera, pixel % width + u[0], pixel / width + u[1]), one,
-                               &hit);
+                               i == 0 ? direction_of(f, pixel, k)
+                                      : gonio_world_camera_ray(&f->camera, pixel % width + u[0], pixel / width + u[1]),
+                               one, &hit);
         met += hit;
         for (int c = 0; c < 3 && hit; c++) {
             total[c] += one[c];
@@ -480,9 +499,15 @@ static gonio_status allocate(frame *f, gonio_error *error) {
         f->beside = calloc(pixels, sizeof *f->beside);
         const size_t rays = pixels * (size_t)f->samples;
         f->rays = rays <= RAYS_MAX / sizeof *f->rays ? calloc(rays, sizeof *f->rays) : NULL;
+        const int places = f->how->edge > f->samples ? f->how->edge : f->samples;
+        f->places = malloc((size_t)places * sizeof *f->places);
+        for (int k = 0; k < places && f->places != NULL; k++) {
+            f->places[k][0] = gonio_sobol((uint32_t)k, 0, f->options->seed);
+            f->places[k][1] = gonio_sobol((uint32_t)k, 1, f->options->seed);
+        }
         f->marks = calloc(texels, sizeof *f->marks);
         f->light = calloc(texels, sizeof *f->light);
-        if (f->edges == NULL || f->beside == NULL || f->marks == NULL || f->light == NULL) {
+        if (f->edges == NULL || f->beside == NULL || f->places == NULL || f->marks == NULL || f->light == NULL) {
             status = gonio_fail(error, GONIO_E_MEMORY, "no memory for %zu pixels and %zu texels", pixels, texels);
         }
     }
@@ -554,6 +579,7 @@ gonio_status gonio_cpm_render(const gonio_cpm *cpm, const gonio_scene_options *o
     free(f.edges);
     free(f.beside);
     free(f.rays);
+    free(f.places);
     free(f.marks);
     free(f.light);
     free(f.wanted);

@@ -15,6 +15,7 @@
 
 #define SHARES 4      // pairs for each direction
 #define HELD_SHARES 2 // of those held out, which are half as many
+#define MARGIN_DB 0.5 // above what is asked for: the pairs held out are few, and the choice ends where it suits them
 #define BATCH_DB 3 // that the points of a batch reach above what is asked for, since more are dropped of them together
 #define AREA_FLOOR 0.02
 #define REPEATS 5
@@ -322,7 +323,7 @@ static bool choose_points(making *m, result *r) {
     const int first = m->options->separate && m->channels == 3 ? 0 : -1, last = first == 0 ? 2 : -1;
     bool good = n != SIZE_MAX;
     for (int channel = first; channel <= last && good; channel++) {
-        good = choose(m, n, true, channel, m->options->snr_db);
+        good = choose(m, n, true, channel, m->options->snr_db + MARGIN_DB);
         if (good) {
             put(m, which, channel, r);
         }

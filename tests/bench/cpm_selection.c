@@ -16,6 +16,7 @@
 #include "scene/cpm/texel.h"
 
 #define HELD_OUT_DB 30
+#define MARGIN_DB 0.5 // as in scene/cpm/texel.c
 #define TEXELS_MAX 32
 #define MOST 400
 #define RIDGES 48
@@ -106,9 +107,9 @@ static void choose(const matrix *m, int way, int texel, figures *all) {
     cpm_matrix matrix = {m[FIT].columns, rows_of(&m[FIT]), held_out ? rows_of(&m[HELD]) : (cpm_rows){0}};
     const double started = gonio_clock_thread_s();
     if (way == GREEDY || way == GREEDY_ALONE) {
-        gonio_cpm_select_greedy(&matrix, HELD_OUT_DB, MOST, &c);
+        gonio_cpm_select_greedy(&matrix, HELD_OUT_DB + MARGIN_DB, MOST, &c);
     } else {
-        gonio_cpm_select_sampled(&matrix, HELD_OUT_DB, MOST, 0.97, 5, 1, &c);
+        gonio_cpm_select_sampled(&matrix, HELD_OUT_DB + MARGIN_DB, MOST, 0.97, 5, 1, &c);
     }
     const cpm_rows paired = rows_of(&m[PAIRED]), independent = rows_of(&m[INDEPENDENT]);
     all[way].values[SECONDS][texel] = gonio_clock_thread_s() - started;

@@ -16,7 +16,7 @@
 #define FRAMES 240
 #define ZOOM 8
 #define RIDGES 96
-#define NEAREST 5.2  // of the eye; the plate is 2 wide
+#define NEAREST 6.5  // of the eye; the plate is 2 wide
 #define EXPOSURE 2.5 // of the codes
 
 enum { BOX, TENT, WAYS };

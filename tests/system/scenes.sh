@@ -44,8 +44,9 @@ exits "no such camera" 3 "$GONIO" render good.ini -o x.png --camera top
 # ---- a characteristic point map ----
 exits "a map" 0 "$GONIO" cpm build good.ini -o map --resolution 1 --points 32 --dense 32 --pairs 64 --faces 4
 exits "a picture by it" 0 "$GONIO" render good.ini --cpm map -o map.png --show levels
-exits "against the original" 0 "$GONIO" cpm compare good.ini --cpm map --truth 8
-grep -q '^equal time' out; ok $? "beside the original in equal time"
+exits "against the original" 0 "$GONIO" cpm compare good.ini --cpm map --truth 8 --strip strip.png
+grep -q 'original, equal time' out && grep -q '^gargoyle ' out; ok $? "beside the original in equal time, and the paper's table"
+[ -s strip.png ]; ok $? "and the strip of pictures"
 exits "no power of two" 1 "$GONIO" cpm build good.ini -o map --resolution 3
 exits "a folder that holds another map" 3 "$GONIO" cpm build good.ini -o map --resolution 2
 says "a folder that holds another map: says so" "another scene, or of other options"

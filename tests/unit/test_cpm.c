@@ -340,7 +340,7 @@ static void pictures(void **state) {
         o.camera = cameras[k];
         assert_int_equal(gonio_scene_render(scene, &o, &truth, NULL, NULL), GONIO_OK);
         o.samples = 4;
-        how.bias = 0;
+        how.bias = 1; // the finest texels are larger than pixels
         assert_int_equal(gonio_cpm_render(cpm, &o, &how, &picture, &report, NULL), GONIO_OK);
         assert_true(report.original <= 8); // slivers at the rim
         assert_true(report.texels > 0);
@@ -350,7 +350,7 @@ static void pictures(void **state) {
             mean[1][i % 3] += (double)picture->rgb[i] / 144;
         }
         for (int c = 0; c < 3; c++) {
-            assert_near(mean[1][c], mean[0][c], 0.03 * mean[0][c]);
+            assert_near(mean[1][c], mean[0][c], 0.06 * mean[0][c]); // which is what 24 dB are
         }
         assert_true((mean[1][0] > mean[1][2]) == (k == 0));
         o.threads = 1;
@@ -405,6 +405,72 @@ static void damage(void **state) {
     gonio_scene_free(scene);
 }
 
+// Meshes that are not as one would wish: each gives a map that tells so, and a picture of finite light.
+static void odd_meshes(void **state) {
+    (void)state;
+    static const char *const corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
+    static const char *const pyramid = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\nf 3 2 1\nf 4 3 1\n";
+    static const char *const uvs = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0.5 0.5\n";
+    static const char *const far_uvs = "vt 0 0\nvt 3 0\nvt 3 3\nvt 0 3\nvt 1.5 1.5\n";
+    static const char *const sides = "f 1/1 2/2 5/5\nf 2/2 3/3 5/5\nf 3/3 4/4 5/5\nf 4/4 1/1 5/5\n";
+    static const char *const half = "f 1/1 2/2 5/5\n";
+    const struct {
+        const char *name, *parts[3];
+        bool own_charts, open, degenerate, empty;
+    } cases[] = {{"without texture coordinates", {corners, pyramid, ""}, true, false, false, false},
+                 {"beyond the unit square", {corners, far_uvs, sides}, true, true, false, false},
+                 {"open, with texture coordinates", {corners, uvs, sides}, false, true, false, false},
+                 {"a face without an area", {corners, pyramid, "f 1 1 2\n"}, true, false, true, false},
+                 {"texels without points", {corners, uvs, half}, false, true, false, true}};
+    put("odd.ini", "[camera c]\neye = 1/2/6\n[mesh odd]\nfile = odd.obj\nsmooth = 0\n[light]\ntoward = 1/1/2\n");
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char text[600];
+        gonio_scene *scene;
+        gonio_cpm *cpm;
+        gonio_cpm_facts facts;
+        gonio_scene_facts whole;
+        gonio_scene_options o;
+        gonio_cpm_render_options how;
+        gonio_picture *picture;
+        snprintf(text, sizeof text, "%s%s%s", cases[k].parts[0], cases[k].parts[1], cases[k].parts[2]);
+        put("odd.obj", text);
+        gonio_cpm_options options = small();
+        options.points = options.dense = 16;
+        options.pairs = 64;
+        options.faces = 4;
+        options.filter = k % 2 == 0 ? GONIO_CPM_BOX : GONIO_CPM_TENT;
+        assert_int_equal(gonio_scene_open("odd.ini", &scene, NULL), GONIO_OK);
+        assert_int_equal(gonio_cpm_build(scene, "odd", &options, &facts, NULL), GONIO_OK);
+        gonio_scene_describe(scene, &whole);
+        if (facts.own_charts != cases[k].own_charts || (facts.open_edges > 0) != cases[k].open ||
+            (whole.degenerate > 0) != cases[k].degenerate || (cases[k].empty && facts.empty == 0)) {
+            fail_msg("%s: told otherwise", cases[k].name);
+        }
+        assert_int_equal(gonio_cpm_open("odd", scene, &cpm, NULL), GONIO_OK);
+        gonio_scene_options_default(scene, &o);
+        gonio_cpm_render_options_default(&how);
+        o.width = o.height = 8;
+        o.samples = 2;
+        double light = 0;
+        for (int way = 0; way < 2; way++) {
+            assert_int_equal(way == 0 ? gonio_cpm_render(cpm, &o, &how, &picture, NULL, NULL)
+                                      : gonio_cpm_render_normal_map(cpm, &o, &picture, NULL, NULL),
+                             GONIO_OK);
+            for (int i = 0; i < 3 * 64; i++) {
+                assert_true(isfinite(picture->rgb[i]));
+                light += (double)picture->rgb[i];
+            }
+            gonio_picture_free(picture);
+        }
+        assert_true(light > 0);
+        gonio_cpm_free(cpm);
+        gonio_scene_free(scene);
+        unlink("odd/map.cpm");
+        unlink("odd/milliseconds");
+        assert_int_equal(rmdir("odd"), 0);
+    }
+}
+
 static char folder[64];
 
 static int enter(void **state) {
@@ -416,8 +482,9 @@ static int enter(void **state) {
 
 static int leave(void **state) {
     (void)state;
-    static const char *const names[] = {"roof.obj",      "roof.ini",         "other.ini",         "map/map.cpm",
-                                        "again/map.cpm", "map/milliseconds", "again/milliseconds"};
+    static const char *const names[] = {"roof.obj",           "roof.ini",      "other.ini",
+                                        "map/map.cpm",        "again/map.cpm", "map/milliseconds",
+                                        "again/milliseconds", "odd.obj",       "odd.ini"};
     for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
         unlink(names[k]);
     }
@@ -436,6 +503,7 @@ int main(void) {
         cmocka_unit_test(build_goes_on),
         cmocka_unit_test(pictures),
         cmocka_unit_test(damage),
+        cmocka_unit_test(odd_meshes),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

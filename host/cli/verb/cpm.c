@@ -133,7 +133,7 @@ static int run(int argc, char **argv) {
         {"cpm", 0, CLI_TEXT, &r.compare.map, NULL, "DIR", "compare: the map"},
         {"truth", 0, CLI_INT, &r.compare.truth, NULL, "N", "... paths a pixel of the original (256)"},
         {"size", 0, CLI_TEXT, &r.size, NULL, "N|WxH", "... pixels (the scene's)"},
-        {"bias", 0, CLI_DOUBLE, &r.compare.how.bias, NULL, "LEVELS", "... coarser texels, below 0 finer (-1)"},
+        {"bias", 0, CLI_DOUBLE, &r.compare.how.bias, NULL, "LEVELS", "... coarser texels, below 0 finer (0)"},
         {"camera", 0, CLI_TEXT, &r.compare.camera, NULL, "NAME", "... which of the scene's cameras (the first)"},
         {"strip", 0, CLI_OUTPUT, &r.compare.strip, NULL, "IMAGE",
          "... all pictures side by side: normal map, truth, map, original in equal time, levels, density"},
