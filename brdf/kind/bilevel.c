@@ -14,6 +14,8 @@
 #include "brdf/locate.h"
 #include "brdf/model_file.h"
 
+#define LEVEL_MAX 9 // of the dense lattices in a file
+
 typedef struct bilevel_model {
     gonio_channels channels;
     gonio_bilevel_parts parts;
@@ -250,21 +252,24 @@ static gonio_status read_sigma(gonio_mapped *mapped, size_t *at, uint32_t told, 
     if (told == 0) {
         return GONIO_OK;
     }
+    if (told > 1 + LEVEL_MAX) {
+        return gonio_mapped_fail(mapped, 0, "an uncertainty of an impossible level", error);
+    }
     const int dims = parts->sparse.dims, level = (int)told - 1;
-    const void *points = told <= 10 ? gonio_mapped_take(mapped, at, diffuse_bytes(dims, level, 2)) : NULL;
+    const void *points = gonio_mapped_take(mapped, at, diffuse_bytes(dims, level, 2));
     parts->sigma = (gonio_lattice){
         dims, level, 2, gonio_bspline_size(level), gonio_lattice_count(dims, level), (void *)(uintptr_t)points};
     return points != NULL ? GONIO_OK
-                          : gonio_mapped_fail(mapped, 0, "an uncertainty of an impossible level, or cut short", error);
+                          : gonio_mapped_fail(mapped, 0, "fewer values of its uncertainty than its level has", error);
 }
 
 static gonio_status read_parts(gonio_mapped *mapped, gonio_bilevel_parts *parts, const gonio_transform **transforms,
                                gonio_error *error) {
     size_t at = 0;
     const description *about = gonio_mapped_take(mapped, &at, sizeof *about);
-    if (about == NULL || (!mapped->isotropic && about->storage < GONIO_STORAGE_HASH) || about->diffuse_level > 9 ||
-        about->specular_level > 9 || about->coordinates >= GONIO_COORDINATES || about->kind > GONIO_TRANSFORM_ASINH ||
-        about->storage >= GONIO_STORAGES) {
+    if (about == NULL || (!mapped->isotropic && about->storage < GONIO_STORAGE_HASH) ||
+        about->diffuse_level > LEVEL_MAX || about->specular_level > 9 || about->coordinates >= GONIO_COORDINATES ||
+        about->kind > GONIO_TRANSFORM_ASINH || about->storage >= GONIO_STORAGES) {
         return gonio_mapped_fail(mapped, 0, "a cbmba model of impossible levels, coordinates or storage", error);
     }
     const size_t c = (size_t)mapped->channels;
