@@ -14,7 +14,8 @@
 // and the BRDF does not. What a model knows of the curvature it can be asked twice: by Helmholtz' reciprocity
 // f_r(wi, wo) = f_r(wo, wi), so the same means with light and camera exchanged come from another place of the fit. Both
 // answers count alike; what they disagree by is the correction's uncertainty. A fit that is reciprocal by construction
-// says the same twice: then its own sigma tells how well it knows the place, and a curvature is known worse.
+// says the same twice, so its own sigma counts too: it tells how well the fit knows the place, and a curvature is known
+// worse.
 //
 // Transmission is looked at in front of the sample, as its model is (gonio_model_half). Its exchange holds for sheets
 // with two like faces alone; for others the answers disagree, and less is corrected.
@@ -89,10 +90,9 @@ static double fine_mean(const probe *p) {
 // invented is worth as much as a tenth of the fit's own sigma; fits that know a place to 1 % lose 0.3 % of their
 // corrections.
 #define CURVATURE_WORSE 10
-#define SAME 1e-6
 
-// What stands for the second answer of a model that gives the same one: nothing, where the model is no fit.
-static double unasked(const probe *p, double bias, double centre) {
+// What a fit's own sigma makes of a bias; 0 where the model is no fit.
+static double unsure(const probe *p, double bias, double centre) {
     const gonio_vec3 origin = {0, 0, 0};
     gonio_vec3 wi = toward(origin, p->g->light), wo = toward(origin, p->g->camera);
     double sigma[GONIO_CHANNELS_MAX];
@@ -109,8 +109,7 @@ static blur_bias mean_over(const probe *p, double centre) {
     exchanged.exchanged = true;
     const double fine = fine_mean(p), higher = fine - ring(p, 0.5, 0);
     const double here = fine - centre, there = fine_mean(&exchanged) - at(&exchanged, 0, 0);
-    const bool same = fabs(here - there) <= SAME * fabs(here);
-    const double doubt = same ? unasked(p, here, centre) : (here - there) / sqrt(2);
+    const double doubt = hypot((here - there) / sqrt(2), unsure(p, here, centre));
     return (blur_bias){(here + there) / 2 / centre, hypot(higher, doubt) / centre};
 }
 

@@ -26,7 +26,7 @@ static inline const char *other_value(const gonio_key *key) {
         return "7/8/9";
     case GONIO_KEY_TEXT:
     case GONIO_KEY_LINE:
-        return "another";
+        return "spec:another"; // names no file, which a session would copy
     case GONIO_KEY_OWN:
         break;
     }

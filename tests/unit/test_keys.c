@@ -53,6 +53,13 @@ static void impossible_texts_are_refused(void **state) {
     for (const gonio_key *key = gonio_fit_keys; key->name != NULL; key++) {
         static const char *const never[] = {
             "", " ", "x", "nan", "inf", "1 2", "1x", "auto,auto", "99999999999999999999999"};
+        if (key->kind == GONIO_KEY_TEXT) { // any text that fits
+            char long_text[2 * sizeof(gonio_fit_options)];
+            memset(long_text, 'x', sizeof long_text - 1);
+            long_text[sizeof long_text - 1] = 0;
+            refused(key, long_text);
+            continue;
+        }
         for (size_t k = 0; k < sizeof never / sizeof *never; k++) {
             // A real number has room for the last one.
             if (key->kind != GONIO_KEY_REAL || k + 1 < sizeof never / sizeof *never) {
