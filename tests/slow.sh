@@ -32,7 +32,7 @@ suite vm "the device tests in a virtual machine" env LIMIT=900 $make test-vm
 suite packages "the Debian packages in a fresh system" timeout -k 60 2400 $make test-packages
 # Renderers and validators, as far as mirrors have them: minutes to fetch, then eight at most.
 timeout -k 30 600 env LIMIT=280 $make deps-peers
-suite peers "independent programs read our files" timeout -k 30 480 $make test-peers
+suite peers "independent programs read our files" timeout -k 30 1200 $make test-peers
 skipped=$(cat "$logs"/slow-*.tap | grep -c '^ok .*# SKIP')
 passed=$(cat "$logs"/slow-*.tap | grep '^ok ' | grep -vc '# SKIP')
 failed=$(cat "$logs"/slow-*.tap | grep -c '^not ok ')
