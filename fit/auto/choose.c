@@ -478,7 +478,10 @@ gonio_status gonio_auto_choose(const gonio_dataset *data, gonio_deadline *watch,
     gonio_dataset part = {0};
     gonio_smooth_base bases[GONIO_AUTO_BASES];
     memset(bases, 0, sizeof bases);
-    search s = {.all = data, .watch = watch, .choice = choice, .space = {watch->options, data->dims, terms}};
+    search s = {.all = data,
+                .watch = watch,
+                .choice = choice,
+                .space = {.options = watch->options, .dims = data->dims, .profile = terms}};
     s.pool = gonio_pool_new(watch->options->threads);
     gonio_status status = choice->lambdas != NULL ? GONIO_OK : gonio_fail(error, GONIO_E_MEMORY, "no memory to choose");
     status = status == GONIO_OK ? gonio_deadline_report(watch, 0, "fitting lobes", error) : status;
