@@ -21,8 +21,8 @@ typedef struct filling {
 static gonio_status fill_chunk(void *context, size_t chunk, gonio_error *error) {
     const filling *f = context;
     const library_posterior *p = f->posterior;
-    const gonio_grid *grid = &p->library->grid;
-    const size_t channels = (size_t)p->channels, rank = (size_t)p->library->rank;
+    const gonio_grid *grid = &p->learnt->grid;
+    const size_t channels = (size_t)p->channels, rank = (size_t)p->learnt->rank;
     double *work = malloc((p->n + rank + channels) * sizeof *work);
     if (work == NULL) {
         return gonio_fail(error, GONIO_E_MEMORY, "no memory for the prior's fit");
@@ -32,7 +32,7 @@ static gonio_status fill_chunk(void *context, size_t chunk, gonio_error *error) 
         library_place place;
         bool real;
         const gonio_pair pair = gonio_library_node(grid, node, &real);
-        gonio_library_place(p->library, &pair, components, &place);
+        gonio_library_place(p->learnt, &pair, components, &place);
         gonio_library_predict(p, &place, z, &variance, work);
         const double sigma = f->inflation * sqrt(variance);
         for (size_t c = 0; c < channels; c++) {

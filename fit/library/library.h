@@ -58,7 +58,7 @@ double gonio_library_slope(const library_place *place, double f);
 
 // The process given samples of one or several channels: weights, and what leaves each out.
 typedef struct library_posterior {
-    const gonio_library *library;
+    const gonio_library *learnt;
     size_t n;
     int channels;
     library_place *places; // [n]

@@ -36,7 +36,7 @@ static gonio_status fit_library(const gonio_library *library, const gonio_sample
 
 typedef struct comparison {
     const gonio_method *method;
-    const gonio_library *library;
+    const gonio_library *learnt;
     const gonio_samples *samples;
     const gonio_fit_options *options;
     int *fold;
@@ -49,7 +49,7 @@ static gonio_status predict(const comparison *c, bool prior, const gonio_samples
     const size_t channels = (size_t)c->samples->channels;
     gonio_model *model = NULL;
     gonio_fit_report unused = {0};
-    const gonio_status status = prior ? fit_library(c->library, rest, c->options, &model, &unused, error)
+    const gonio_status status = prior ? fit_library(c->learnt, rest, c->options, &model, &unused, error)
                                       : c->method->fit(rest, c->options, &model, &unused, error);
     for (size_t i = 0; i < c->samples->n && status == GONIO_OK; i++) {
         if (c->fold[i] == fold) {
@@ -113,7 +113,7 @@ static gonio_status compare(const gonio_method *method, const gonio_library *lib
     const size_t count = samples->n * (size_t)samples->channels;
     double *predicted = calloc(2 * count + 1, sizeof *predicted);
     comparison c = {.method = method,
-                    .library = library,
+                    .learnt = library,
                     .samples = samples,
                     .options = options,
                     .fold = malloc((samples->n + 1) * sizeof *c.fold),

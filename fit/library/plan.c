@@ -21,7 +21,7 @@
 #define POSES_MAX 1000
 
 typedef struct planning {
-    const gonio_library *library;
+    const gonio_library *learnt;
     size_t n;
     library_place *places;
     double *components, *covariance, *column, *gain;
@@ -44,7 +44,7 @@ static gonio_pair candidate(size_t i, double theta_max, uint64_t seed) {
 static void fill_row(void *context, size_t i) {
     const planning *p = context;
     for (size_t j = 0; j < p->n; j++) {
-        p->covariance[i * p->n + j] = gonio_library_covariance(p->library, &p->places[i], &p->places[j]);
+        p->covariance[i * p->n + j] = gonio_library_covariance(p->learnt, &p->places[i], &p->places[j]);
     }
 }
 
@@ -133,7 +133,7 @@ gonio_status gonio_library_plan(const gonio_library *library, size_t n, double t
     if (n < 1 || n > POSES_MAX) {
         return gonio_fail(error, GONIO_E_USAGE, "a prior's plan of %zu poses; expected 1 to %d", n, POSES_MAX);
     }
-    planning p = {.library = library,
+    planning p = {.learnt = library,
                   .n = m,
                   .places = malloc(m * sizeof *p.places),
                   .components = malloc(m * rank * sizeof *p.components),

@@ -115,12 +115,11 @@ static double noise_of(const gonio_samples *samples, const library_place *place,
 static void fill(const gonio_samples *samples, library_posterior *p) {
     const size_t n = p->n, c = (size_t)p->channels;
     for (size_t i = 0; i < n; i++) {
-        gonio_library_place(p->library, &samples->pairs[i], p->components + i * (size_t)p->library->rank,
-                            &p->places[i]);
+        gonio_library_place(p->learnt, &samples->pairs[i], p->components + i * (size_t)p->learnt->rank, &p->places[i]);
     }
     for (size_t j = 0; j < n; j++) {
         for (size_t i = j; i < n; i++) {
-            p->factor[j * n + i] = gonio_library_covariance(p->library, &p->places[i], &p->places[j]);
+            p->factor[j * n + i] = gonio_library_covariance(p->learnt, &p->places[i], &p->places[j]);
         }
         p->factor[j * n + j] += noise_of(samples, &p->places[j], j);
         for (size_t k = 0; k < c; k++) {
@@ -159,7 +158,7 @@ static gonio_status leave_out(const gonio_samples *samples, library_posterior *p
 gonio_status gonio_library_condition(const gonio_library *library, const gonio_samples *samples, library_posterior *p,
                                      gonio_error *error) {
     const size_t n = samples->n, c = (size_t)samples->channels;
-    *p = (library_posterior){.library = library,
+    *p = (library_posterior){.learnt = library,
                              .n = n,
                              .channels = samples->channels,
                              .places = malloc((n + 1) * sizeof(library_place)),
@@ -187,7 +186,7 @@ gonio_status gonio_library_condition(const gonio_library *library, const gonio_s
 void gonio_library_predict(const library_posterior *p, const library_place *at, double *z, double *variance,
                            double *work) {
     for (size_t i = 0; i < p->n; i++) {
-        work[i] = gonio_library_covariance(p->library, &p->places[i], at);
+        work[i] = gonio_library_covariance(p->learnt, &p->places[i], at);
     }
     for (int k = 0; k < p->channels; k++) {
         z[k] = at->mean + gonio_dot(p->n, work, p->weights + (size_t)k * p->n);
@@ -197,5 +196,5 @@ void gonio_library_predict(const library_posterior *p, const library_place *at, 
         work[j] /= column[j];
         gonio_add_scaled(p->n - j - 1, -work[j], column + j + 1, work + j + 1);
     }
-    *variance = fmax(gonio_library_covariance(p->library, at, at) - gonio_dot(p->n, work, work), 0);
+    *variance = fmax(gonio_library_covariance(p->learnt, at, at) - gonio_dot(p->n, work, work), 0);
 }

@@ -56,7 +56,7 @@ static gonio_samples *corrected(const sim_scan *scan, const gonio_samples *sampl
 
 // 80 samples leave a fit free to bend. Near the pole, where all azimuths meet, its curvature over a disc of 0.3 deg was
 // worth up to 2.6 %, of samples that are right to 0.05 %; the BRDF itself asks for 0.09 % at most. No sample comes to
-// lie further than three times its stated sigma from where the truth's own curvature takes it (2.24 is the most), and
+// lie further than 2.5 times its stated sigma from where the truth's own curvature takes it (2.24 is the most), and
 // so it stays within 4 of the truth (of 320 normal draws 1 in 49 tests, but the seed is fixed: this pins down that
 // sigma carries the bias and not the chance).
 static void test_few_samples_stay_as_measured(void **state) {
@@ -77,7 +77,7 @@ static void test_few_samples_stay_as_measured(void **state) {
             const double sigma = gonio_samples_sigma(after, i, 0), apart = after->values[i] - best->values[i];
             double truth;
             gonio_model_eval_pair(gonio_sim_truth(scan.sim), &samples->pairs[i], &truth);
-            if (!(fabs(apart) <= 3 * sigma && fabs(after->values[i] - truth) <= 4 * sigma)) {
+            if (!(fabs(apart) <= 2.5 * sigma && fabs(after->values[i] - truth) <= 4 * sigma)) {
                 fail_msg("%s, theta_i %.2f deg: %.3f %% apart, off by %.3f %%, sigma %.3f %%", methods[m],
                          gonio_degrees(samples->pairs[i].theta_i), 100 * apart / truth,
                          100 * (after->values[i] / truth - 1), 100 * sigma / truth);

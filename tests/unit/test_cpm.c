@@ -350,7 +350,7 @@ static void pictures(void **state) {
             mean[1][i % 3] += (double)picture->rgb[i] / 144;
         }
         for (int c = 0; c < 3; c++) {
-            assert_near(mean[1][c], mean[0][c], 0.06 * mean[0][c]); // which is what 24 dB are
+            assert_near(mean[1][c], mean[0][c], 0.04 * mean[0][c]); // 24 dB are 6 %, and 3.2 % is the most
         }
         assert_true((mean[1][0] > mean[1][2]) == (k == 0));
         o.threads = 1;
