@@ -22,14 +22,19 @@ typedef struct table_model {
     const float *spread; // NULL: no uncertainty
 } table_model;
 
-static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
-    const table_model *m = (const table_model *)model;
-    const size_t channels = (size_t)model->channels;
+// The transformed values of all channels at the place x of the pair, which is told too.
+static void look_up(const table_model *m, gonio_vec3 wi, gonio_vec3 wo, double x[4], double *sums) {
     size_t nodes[GONIO_GRID_POINTS_MAX];
-    double weights[GONIO_GRID_POINTS_MAX], x[4], sums[channels];
+    double weights[GONIO_GRID_POINTS_MAX];
     gonio_grid_locate(&m->base.grid, wi, wo, x);
     const int n = gonio_grid_points(&m->base.grid, m->degree, x, nodes, weights);
-    gonio_grid_sum(m->points, channels, n, nodes, weights, sums);
+    gonio_grid_sum(m->points, (size_t)m->base.channels.head.channels, n, nodes, weights, sums);
+}
+
+static void eval(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double *values) {
+    const table_model *m = (const table_model *)model;
+    double x[4], sums[model->channels];
+    look_up(m, wi, wo, x, sums);
     gonio_grid_invert(&m->base, sums, values);
 }
 
@@ -50,9 +55,7 @@ static void sigma(const gonio_model *model, gonio_vec3 wi, gonio_vec3 wo, double
     const size_t channels = (size_t)model->channels;
     size_t nodes[GONIO_GRID_POINTS_MAX];
     double weights[GONIO_GRID_POINTS_MAX], x[4], sums[channels];
-    gonio_grid_locate(&m->base.grid, wi, wo, x);
-    const int n = gonio_grid_points(&m->base.grid, m->degree, x, nodes, weights);
-    gonio_grid_sum(m->points, channels, n, nodes, weights, sums);
+    look_up(m, wi, wo, x, sums);
     const int corners = gonio_grid_points(&m->base.grid, GONIO_GRID_LINEAR, x, nodes, weights);
     gonio_grid_sum(m->spread, channels, corners, nodes, weights, out);
     for (size_t c = 0; c < channels; c++) {
